@@ -1,0 +1,44 @@
+# Every target sets up its own .venv from uv.lock; the machine needs python3 (3.11 or newer) and make.
+
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/ready
+
+export UV_PROJECT_ENVIRONMENT := .venv
+export UV_PYTHON_DOWNLOADS := never
+export UV_SYSTEM_CERTS := 1
+
+.PHONY: demo test test-slow lint bench clean
+
+demo: $(READY)
+	@mkdir -p runs/demo
+	$(BIN)/twin run sads --controller quaternion_pd --duration 60 --rrd runs/demo/sads.rrd
+	$(BIN)/twin compare models/dfki_pendulum/logs/sysid --report runs/demo/pendulum.html
+
+test: $(READY)
+	$(BIN)/pytest
+
+test-slow: $(READY)
+	$(BIN)/pytest -m slow
+
+lint: $(READY)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/pyright
+
+bench: $(READY)
+	$(BIN)/python -m benchmarks
+
+clean:
+	rm -rf .venv .pytest_cache .ruff_cache build dist runs
+
+$(READY): pyproject.toml uv.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "$(PYTHON) is missing or older than 3.11: install Python 3.11 or newer," \
+	    "or name one: make PYTHON=python3.12" >&2; exit 1; }
+	@test -x $(BIN)/pip || $(PYTHON) -m venv --clear .venv || { \
+	  echo "$(PYTHON) cannot make a virtual environment:" \
+	    "install its venv module (on Debian: apt-get install python3-venv)" >&2; exit 1; }
+	$(BIN)/pip install --quiet "uv>=0.13,<0.14"
+	$(BIN)/uv sync --quiet --frozen
+	@touch $@

@@ -1,0 +1,219 @@
+"""TOML tables that know where each value stands, so that an error can name file and line.
+
+`Table` hands out values by type and range and remembers which keys were asked for; `close`
+refuses the rest, so that a misspelt key is an error and never a silently ignored setting.
+"""
+
+import math
+import re
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import FileError, UnknownName
+
+_REQUIRED: Any = object()
+
+
+class Table:
+    """One table of a TOML file."""
+
+    def __init__(
+        self,
+        path: Path,
+        data: dict[str, Any],
+        lines: Sequence[str],
+        name: str = "",
+        first_line: int = 0,
+        error: type[FileError] = FileError,
+    ) -> None:
+        self.path = path
+        self.name = name
+        self._data = data
+        self._lines = lines
+        self._first_line = first_line
+        self._error = error
+        self._asked: set[str] = set()
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """All keys of the table, asked for or not."""
+        return tuple(self._data)
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._data
+
+    def fail(self, key: str, problem: str, remedy: str) -> FileError:
+        """The error to raise about `key`, with its line."""
+        full = f"{self.name}.{key}" if self.name else key
+        return self._error(self.path, f"{full} {problem}", remedy, line=self.line(key))
+
+    def line(self, key: str) -> int | None:
+        """The line (from 1) on which `key` of this table is set; the table's own without it."""
+        pattern = re.compile(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=")
+        header = re.compile(rf"\s*\[+\s*{re.escape(self.name)}\.{re.escape(key)}[\].]")
+        for number, text in enumerate(self._lines[self._first_line :], self._first_line + 1):
+            if pattern.match(text) or header.match(text):
+                return number
+            if number > self._first_line + 1 and text.lstrip().startswith("[") and self.name:
+                break
+        return self._first_line or None
+
+    def number(
+        self,
+        key: str,
+        default: Any = _REQUIRED,
+        *,
+        low: float = -math.inf,
+        high: float = math.inf,
+        unit: str = "",
+    ) -> float:
+        """A finite number in [low, high]; `unit` is for the error's sentence only."""
+        value = self._get(key, default)
+        if value is default and default is not _REQUIRED:
+            return value
+        if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+            raise self.fail(key, f"is {value!r}", f"give a number{_in(unit)}")
+        if not low <= value <= high:
+            raise self.fail(key, f"is {value:g}{_unit(unit)}", _range(low, high, unit))
+        return float(value)
+
+    def numbers(
+        self,
+        key: str,
+        size: int | None,
+        default: Any = _REQUIRED,
+        *,
+        low: float = -math.inf,
+        high: float = math.inf,
+        unit: str = "",
+    ) -> NDArray[np.float64]:
+        """A list of `size` finite numbers (any length when None); one number stands for all."""
+        value = self._get(key, default)
+        if value is default and default is not _REQUIRED:
+            return value
+        if isinstance(value, int | float) and not isinstance(value, bool) and size is not None:
+            value = [value] * size
+        entries = cast(list[object], value) if isinstance(value, list) else []
+        numeric = bool(entries) and all(
+            isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x)
+            for x in entries
+        )
+        if not numeric or (size is not None and len(entries) != size):
+            count = "a list of" if size is None else f"{size}"
+            raise self.fail(key, f"is {value!r}", f"give {count} numbers{_in(unit)}")
+        array = np.array(entries, dtype=np.float64)
+        outside = array[(array < low) | (array > high)]
+        if outside.size:
+            raise self.fail(key, f"holds {outside[0]:g}{_unit(unit)}", _range(low, high, unit))
+        return array
+
+    def text(self, key: str, default: Any = _REQUIRED, *, among: Sequence[str] = ()) -> str:
+        """A string, one of `among` where that is given."""
+        value = self._get(key, default)
+        if value is default and default is not _REQUIRED:
+            return value
+        if not isinstance(value, str):
+            raise self.fail(key, f"is {value!r}", "give a text in quotes")
+        if among and value not in among:
+            raise self.fail(key, f"is {value!r}", "use one of " + ", ".join(map(repr, among)))
+        return value
+
+    def texts(self, key: str, default: Any = _REQUIRED) -> tuple[str, ...]:
+        """A list of strings."""
+        value = self._get(key, default)
+        if value is default and default is not _REQUIRED:
+            return value
+        if not isinstance(value, list) or not all(
+            isinstance(x, str) for x in cast(list[object], value)
+        ):
+            raise self.fail(key, f"is {value!r}", "give a list of texts in quotes")
+        return tuple(cast(list[str], value))
+
+    def table(self, key: str, *, required: bool = True) -> "Table":
+        """The table [key]; an empty one when it is absent and not required."""
+        value = self._get(key, _REQUIRED if required else {})
+        if not isinstance(value, dict):
+            raise self.fail(key, f"is {value!r}", f"make it a table: [{self._child(key)}]")
+        return self._table(key, cast(dict[str, Any], value), occurrence=0)
+
+    def tables(self, key: str) -> "list[Table]":
+        """The array of tables [[key]]; empty when absent."""
+        value = self._get(key, [])
+        if not isinstance(value, list) or not all(
+            isinstance(x, dict) for x in cast(list[object], value)
+        ):
+            raise self.fail(key, f"is {value!r}", f"make it tables: [[{self._child(key)}]]")
+        rows = cast(list[dict[str, Any]], value)
+        return [self._table(key, row, occurrence=i) for i, row in enumerate(rows)]
+
+    def raw(self, key: str, default: Any = None) -> Any:
+        """The value as TOML gives it, for free-form notes."""
+        return self._get(key, default)
+
+    def close(self) -> None:
+        """Raise on the first key nobody asked for."""
+        for key in self._data:
+            if key not in self._asked:
+                hint = str(UnknownName("key", key, self._asked)).split("(", 1)[1].rstrip(")")
+                raise self.fail(key, "is no key we know", f"{hint}, or remove it")
+
+    def _get(self, key: str, default: Any) -> Any:
+        self._asked.add(key)
+        if key in self._data:
+            return self._data[key]
+        if default is _REQUIRED:
+            raise self.fail(key, "is missing", "add it")
+        return default
+
+    def _child(self, key: str) -> str:
+        return f"{self.name}.{key}" if self.name else key
+
+    def _table(self, key: str, data: dict[str, Any], occurrence: int) -> "Table":
+        name = self._child(key)
+        header = re.compile(rf"\s*\[+\s*{re.escape(name)}\s*\]")
+        found = [i for i, text in enumerate(self._lines, 1) if header.match(text)]
+        first = found[occurrence] if occurrence < len(found) else self.line(key) or 0
+        return Table(self.path, data, self._lines, name, max(first - 1, 0), self._error)
+
+
+def read_toml(path: Path, error: type[FileError] = FileError) -> Table:
+    """Read a TOML file.
+
+    Raises:
+        FileError (or the given subclass): the file is missing, not UTF-8, or not TOML.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise error(path, "there is no such file", "check the path") from None
+    except UnicodeDecodeError:
+        raise error(path, "is not UTF-8 text", "save it as UTF-8") from None
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        line = re.search(r"at line (\d+)", str(problem))
+        raise error(
+            path, str(problem), "mend the TOML", line=int(line[1]) if line else None
+        ) from None
+    return Table(path, data, text.splitlines(), error=error)
+
+
+def _unit(unit: str) -> str:
+    return f" {unit}" if unit else ""
+
+
+def _in(unit: str) -> str:
+    return f" in {unit}" if unit else ""
+
+
+def _range(low: float, high: float, unit: str) -> str:
+    if math.isinf(high):
+        return f"it must be at least {low:g}{_unit(unit)}"
+    if math.isinf(low):
+        return f"it must be at most {high:g}{_unit(unit)}"
+    return f"it must lie between {low:g} and {high:g}{_unit(unit)}"

@@ -1,0 +1,63 @@
+"""Our exceptions: the constructor writes the sentence (what, which value, what would do).
+
+Every error a user can cause is a `TwinError`; the command line prints it without a traceback.
+"""
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class TwinError(Exception):
+    """Base of everything we raise on purpose."""
+
+
+class UnknownName(TwinError, LookupError):
+    """A name that is not among those known; says which one was probably meant."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        names = sorted(known)
+        close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+        if close:
+            hint = "did you mean " + ", ".join(repr(match) for match in close) + "?"
+        else:
+            hint = "known: " + (", ".join(names) or "none")
+        super().__init__(f"no {kind} named {name!r} ({hint})")
+        self.kind = kind
+        self.name = name
+
+
+class FileError(TwinError, ValueError):
+    """Something in a user's file is wrong: where it stands, what it is, what would do."""
+
+    def __init__(
+        self, path: str | Path, problem: str, remedy: str, *, line: int | None = None
+    ) -> None:
+        where = f"{path}:{line}" if line is not None else f"{path}"
+        super().__init__(f"{where}: {problem}; {remedy}")
+        self.path = Path(path)
+        self.line = line
+
+
+class PlatformError(FileError):
+    """A platform folder that contradicts itself or physics."""
+
+
+class LogError(FileError):
+    """A measured log that cannot be read as it stands."""
+
+
+class RecordingError(FileError):
+    """A recording that cannot be written or read."""
+
+
+class ControllerError(TwinError, ValueError):
+    """A control law that does not keep the contract of `twin.controller`."""
+
+
+class CommandError(TwinError, ValueError):
+    """A command that the machine cannot take: unknown channel, wrong shape, not finite."""
+
+
+class UsageError(TwinError, ValueError):
+    """A call or a command line whose parts do not fit together; exit code 2."""

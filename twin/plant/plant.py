@@ -1,0 +1,48 @@
+"""The one interface between the loop and a machine, be it simulated, replayed or real."""
+
+import abc
+from types import TracebackType
+from typing import Self
+
+from twin.platform import Platform
+from twin.signals import Command, Reading, Samples
+
+
+class Plant(abc.ABC):
+    """Simulated, replayed or real. The loop cannot tell which."""
+
+    platform: Platform
+    n: int
+    """Runs in the batch; 1 on hardware."""
+    stopped: dict[int, str]
+    """Runs that have ended early, with the reason: row -> sentence."""
+
+    @abc.abstractmethod
+    def read(self, until: float) -> Reading:
+        """All samples that arrived by `until` [s].
+
+        A simulated plant advances to it under the held command; a real one waits for nothing.
+        """
+
+    @abc.abstractmethod
+    def write(self, command: Command) -> Command:
+        """Apply from now on; return what is really applied, after limits.
+
+        Raises:
+            CommandError: a channel the machine lacks, a wrong shape, or a value that is not finite.
+        """
+
+    def truth(self) -> dict[str, Samples]:
+        """A simulation's true states at the last `read`, as `truth_*` streams; else nothing."""
+        return {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the machine safe and release it."""

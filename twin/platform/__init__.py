@@ -1,0 +1,9 @@
+"""What a machine is: its parts, and the TOML and MJCF pair that states them."""
+
+from twin.platform.load import load_platform as load_platform
+from twin.platform.load import variants_of as variants_of
+from twin.platform.parts import Base as Base
+from twin.platform.parts import Platform as Platform
+from twin.platform.parts import Sensor as Sensor
+from twin.platform.parts import Stage as Stage
+from twin.platform.parts import Wheel as Wheel

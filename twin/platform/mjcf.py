@@ -1,0 +1,31 @@
+"""The MJCF as its file has it: nothing set, nothing changed."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import PlatformError
+
+
+def load_mjcf(path: Path) -> mujoco.MjModel:
+    """Compile the file.
+
+    Raises:
+        PlatformError: MuJoCo refuses it.
+    """
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as problem:
+        text = " ".join(str(problem).split())
+        raise PlatformError(path, f"MuJoCo refuses it: {text}", "mend the MJCF") from None
+
+
+def joint_axes(path: Path) -> Mapping[str, NDArray[np.float64]]:
+    """Axis of every joint at qpos0, by name, in room axes, which are the body's there."""
+    model = load_mjcf(path)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return {model.joint(i).name: data.xaxis[i].copy() for i in range(model.njnt)}

@@ -1,0 +1,158 @@
+"""What travels round the loop: Reading, Estimate, Target, Command; and the streams' units.
+
+Every array has the batch axis n first: a single run is n = 1. SI and radians throughout; frames
+and signs as in docs/design.md, section 4.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import UnknownName
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_XYZ = ("x", "y", "z")
+_WXYZ = ("w", "x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Stream:
+    """What a stream's columns are."""
+
+    unit: str
+    columns: tuple[str, ...] = ()
+    """Column names; empty: one column a part (wheel, stage, joint axis, thruster), by its name."""
+    frame: str = ""
+
+
+STREAMS: dict[str, Stream] = {
+    "gyro": Stream("rad/s", _XYZ, "body"),
+    "attitude": Stream("1", _WXYZ, "world from body"),
+    "inclinometer": Stream("rad", ("roll", "pitch")),
+    "accelerometer": Stream("m/s^2", _XYZ, "body"),
+    "magnetometer": Stream("T", _XYZ, "body"),
+    "position": Stream("m", _XYZ, "world"),
+    "velocity": Stream("m/s", _XYZ, "world"),
+    "wheel_speed": Stream("rad/s"),
+    "gimbal_angle": Stream("rad"),
+    "gimbal_rate": Stream("rad/s"),
+    "stage_position": Stream("m"),
+    "joint_angle": Stream("rad"),
+    "joint_rate": Stream("rad/s"),
+    "magnetic_field": Stream("T", _XYZ, "world"),
+    "air_pressure": Stream("Pa", ("value",)),
+    "floating": Stream("1", ("value",)),
+    "gas_pressure": Stream("Pa", ("value",)),
+    "temperature": Stream("K", ("value",)),
+    "battery_voltage": Stream("V", ("value",)),
+    "command_wheel_torque": Stream("N m"),
+    "command_wheel_speed": Stream("rad/s"),
+    "command_stage_position": Stream("m"),
+    "command_dipole": Stream("A m^2", _XYZ, "body"),
+    "command_gimbal_rate": Stream("rad/s"),
+    "command_thruster": Stream("N"),
+    "command_joint_torque": Stream("N m"),
+    "command_wheel_duty": Stream("1"),
+    "truth_attitude": Stream("1", _WXYZ, "world from body"),
+    "truth_rate": Stream("rad/s", _XYZ, "body"),
+    "truth_wheel_speed": Stream("rad/s"),
+    "truth_stage_position": Stream("m"),
+    "truth_joint_angle": Stream("rad"),
+    "truth_joint_rate": Stream("rad/s"),
+    "truth_center_of_mass_offset": Stream("kg m", _XYZ, "body"),
+    "truth_inertia": Stream("kg m^2", ("xx", "yy", "zz", "xy", "xz", "yz"), "body"),
+    "estimate_attitude": Stream("1", _WXYZ, "world from body"),
+    "estimate_rate": Stream("rad/s", _XYZ, "body"),
+    "estimate_gyro_bias": Stream("rad/s", _XYZ, "body"),
+    "reference_attitude": Stream("1", _WXYZ, "world from body"),
+    "reference_rate": Stream("rad/s", _XYZ, "body"),
+}
+"""The canonical streams (docs/design.md 4.2). `wanted_*` has the unit of its `command_*`."""
+
+
+def stream_named(name: str) -> Stream:
+    """The canonical stream of that name.
+
+    Raises:
+        UnknownName: no such stream.
+    """
+    key = "command_" + name.removeprefix("wanted_") if name.startswith("wanted_") else name
+    if key not in STREAMS:
+        raise UnknownName("stream", name, STREAMS)
+    return STREAMS[key]
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """All samples of one stream that arrived between two ticks."""
+
+    value: Array
+    """Shape (n, m, k)."""
+    time: Array
+    """When each value was true, host seconds, shape (n, m)."""
+    valid: Mask
+    """False: this run lost the sample (dropout, stopped run), shape (n, m)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Every sample that arrived since the last tick, stream by stream.
+
+    A stream without a new sample is absent. Several samples stand in the order of their times.
+    """
+
+    time: float
+    """The tick [s]."""
+    streams: Mapping[str, Samples]
+
+
+@dataclass(slots=True)
+class Estimate:
+    """What is believed about the machine at a tick.
+
+    Parts the machine does not have are arrays of width zero.
+    """
+
+    time: float
+    attitude: Array
+    """(n, 4), world from body."""
+    rate_body: Array
+    """(n, 3) [rad/s]."""
+    wheel_speed: Array
+    """(n, wheels) [rad/s]."""
+    stage_position: Array
+    """(n, stages) [m]."""
+    joint_angle: Array
+    """(n, base-joint axes of a hinge) [rad]; width zero on a ball joint."""
+    joint_rate: Array
+    """(n, base-joint axes of a hinge) [rad/s]."""
+    gyro_bias: Array
+    """(n, 3) [rad/s]."""
+    valid: Mask
+    """(n,): False until the run has been seen at all."""
+    covariance: Array | None = None
+    """(n, 6, 6) of attitude error [rad, body] and gyro bias [rad/s], where there is one."""
+
+    def at(self, time: float) -> "Estimate":
+        """The same estimate, stamped `time`."""
+        return replace(self, time=time)
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Where the reference wants the body to be; shapes broadcast against (n, ...)."""
+
+    attitude: Array
+    """(4,) or (n, 4), world from body."""
+    rate_body: Array = field(default_factory=lambda: np.zeros(3))
+    """(3,) or (n, 3) [rad/s], in the target's own body frame."""
+    acceleration_body: Array = field(default_factory=lambda: np.zeros(3))
+    """(3,) or (n, 3) [rad/s^2], in the target's own body frame."""
+
+
+Command = dict[str, Array]
+"""Command stream (`command_wheel_torque`, ...) -> (n, k); what is absent keeps its last value."""
