@@ -1,0 +1,47 @@
+"""`twin controllers`: the control laws that are shipped, and their gains."""
+
+import dataclasses
+import inspect
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Controllers:
+    """The control laws that are shipped: what each does, and its gains."""
+
+    json: bool = False
+    """Print one JSON document instead of text."""
+
+    def run(self) -> int:
+        """Print them; the exit code."""
+        from twin.cli.output import print_json
+        from twin.library import controller_names
+
+        laws = [_facts(name) for name in controller_names()]
+        if self.json:
+            print_json(laws)
+        else:
+            print("\n\n".join(_text(law) for law in laws))
+        return 0
+
+
+def _facts(name: str) -> dict[str, Any]:
+    from twin.controller import load_controller
+
+    law = load_controller(name)
+    gains = [
+        {
+            "name": field.name,
+            "value": getattr(law, field.name),
+            "unit": field.metadata.get("unit", ""),
+        }
+        for field in dataclasses.fields(law)
+    ]
+    summary = (inspect.getdoc(type(law)) or "").partition("\n")[0]
+    return {"name": name, "summary": summary, "gains": gains}
+
+
+def _text(law: dict[str, Any]) -> str:
+    rows = [f"  {gain['name']:<24} {gain['value']} {gain['unit']}" for gain in law["gains"]]
+    return "\n".join([f"{law['name']}: {law['summary']}", *rows])

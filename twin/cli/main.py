@@ -1,0 +1,106 @@
+"""`twin VERB ...`: finds the verb, reads its command line, turns errors into sentences.
+
+The help of `twin` itself comes from the table below, so that it needs neither the verbs nor the
+command-line library. Exit codes: 0 done, 1 failed, 2 wrong use; 130 after Ctrl-C.
+"""
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import Protocol
+
+from twin.errors import TwinError, UnknownName, UsageError
+
+VERBS: dict[str, tuple[str, str, str]] = {
+    "run": ("twin.cli.run", "Run", "fly a platform under a control law and record it"),
+    "compare": ("twin.cli.compare", "Compare", "what the model gets wrong about a log"),
+    "check": ("twin.cli.check", "Check", "hold a platform's or a control law's files to account"),
+    "export": ("twin.cli.export", "Export", "a log as a folder of CSV, Parquet or MAT files"),
+    "view": ("twin.cli.view", "View", "open a recording in the Rerun viewer"),
+    "platforms": ("twin.cli.platforms", "Platforms", "the machines that are shipped"),
+    "controllers": ("twin.cli.controllers", "Controllers", "the control laws that are shipped"),
+}
+"""Module, class and summary of each verb."""
+
+FAILED = 1
+WRONG_USE = 2
+INTERRUPTED = 130
+BROKEN_PIPE = 141
+"""As the shell counts a program that SIGPIPE ended."""
+
+
+class Verb(Protocol):
+    """A dataclass whose fields are the verb's arguments."""
+
+    def run(self) -> int:
+        """Do it; the exit code."""
+        ...
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line `argv` (default: the process's own); the exit code."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        code = _dispatch(words)
+        sys.stdout.flush()
+    except (UsageError, UnknownName) as error:
+        print(f"twin: {error}", file=sys.stderr)
+        return WRONG_USE
+    except TwinError as error:
+        print(f"twin: {error}", file=sys.stderr)
+        return FAILED
+    except KeyboardInterrupt:
+        print("twin: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        # The interpreter flushes once more at exit; let it do so into nothing.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    return code
+
+
+def _dispatch(words: list[str]) -> int:
+    if not words:
+        print(_help(), file=sys.stderr)
+        return WRONG_USE
+    name, *rest = words
+    if name in ("-h", "--help"):
+        print(_help())
+        return 0
+    if name == "--version":
+        from twin import __version__
+
+        print(f"twin {__version__}")
+        return 0
+    if name not in VERBS:
+        raise UnknownName("verb", name, VERBS)
+    return _run(name, rest)
+
+
+def _run(name: str, words: list[str]) -> int:
+    import tyro
+
+    module, class_name, _ = VERBS[name]
+    arguments: type[Verb] = getattr(importlib.import_module(module), class_name)
+    try:
+        verb = tyro.cli(
+            arguments,
+            args=words,
+            prog=f"twin {name}",
+            config=(tyro.conf.FlagCreatePairsOff,),
+        )
+    except SystemExit as stop:  # help was printed, or the arguments do not parse
+        return stop.code if isinstance(stop.code, int) else WRONG_USE
+    return verb.run()
+
+
+def _help() -> str:
+    width = max(map(len, VERBS))
+    verbs = "\n".join(f"  {name:<{width}}  {summary}" for name, (_, _, summary) in VERBS.items())
+    return (
+        "usage: twin VERB [ARGUMENTS]\n\n"
+        "The digital twin of an air-bearing spacecraft simulator.\n\n"
+        f"verbs:\n{verbs}\n\n"
+        "`twin VERB --help` tells a verb's arguments; `twin --version` tells the version."
+    )
