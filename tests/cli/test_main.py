@@ -1,0 +1,169 @@
+"""What `twin` itself promises: help at once, clear sentences, exit codes that scripts can trust."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+
+import pytest
+
+from twin import errors
+from twin.cli import main as cli
+from twin.cli.output import print_json
+
+HEAVY = ("matplotlib", "mujoco", "numpy", "pyarrow", "rerun", "scipy", "tyro")
+
+
+def twin(*words: str, **options: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "twin", *words], capture_output=True, text=True, **options
+    )
+
+
+def modules_after(*words: str) -> set[str]:
+    code = (
+        "import sys; from twin.cli.main import main\n"
+        f"code = main({list(words)!r})\n"
+        "print(code, *sys.modules, file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    code_and_modules = done.stderr.split()
+    assert code_and_modules[0] == "0"
+    return set(code_and_modules[1:])
+
+
+@pytest.fixture
+def verb(monkeypatch: pytest.MonkeyPatch) -> Callable[[BaseException | int], None]:
+    """Replace what any verb does by an exit code or an exception."""
+
+    def replace(outcome: BaseException | int) -> None:
+        def run(name: str, words: list[str]) -> int:
+            if isinstance(outcome, int):
+                return outcome
+            raise outcome
+
+        monkeypatch.setattr(cli, "_run", run)
+
+    return replace
+
+
+def test_help_names_every_verb():
+    done = twin("--help")
+    assert done.returncode == 0
+    assert all(f"  {name} " in done.stdout for name in cli.VERBS)
+
+
+def test_help_of_twin_imports_nothing_heavy():
+    assert modules_after("--help").isdisjoint(HEAVY)
+
+
+@pytest.mark.parametrize("name", cli.VERBS)
+def test_help_of_a_verb_imports_only_the_command_line_library(name: str):
+    assert modules_after(name, "--help").isdisjoint(set(HEAVY) - {"tyro"})
+
+
+def test_version_is_the_distributions():
+    from importlib.metadata import version
+
+    assert twin("--version").stdout == f"twin {version('airbearing-twin')}\n"
+
+
+def test_no_verb_is_wrong_use_and_shows_the_help():
+    done = twin()
+    assert done.returncode == 2
+    assert "usage: twin VERB" in done.stderr
+    assert done.stdout == ""
+
+
+def test_unknown_verb_is_wrong_use_and_asks_which_one_was_meant():
+    done = twin("platform")
+    assert done.returncode == 2
+    assert "no verb named 'platform' (did you mean 'platforms'?)" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_unknown_argument_is_wrong_use_and_asks_which_one_was_meant():
+    done = twin("platforms", "--jsno")
+    assert done.returncode == 2
+    assert "--json" in done.stderr
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("outcome", "code", "sentence"),
+    [
+        (errors.TwinError("the air is off"), 1, "twin: the air is off\n"),
+        (errors.UsageError("--a and --b exclude each other"), 2, "twin: --a and --b exclude"),
+        (errors.UnknownName("platform", "sasd", ["sads"]), 2, "did you mean 'sads'?"),
+        (errors.RecordingError("a.rrd", "is empty", "record again"), 1, "a.rrd: is empty"),
+        (KeyboardInterrupt(), 130, "twin: interrupted\n"),
+        (3, 3, ""),
+    ],
+)
+def test_an_error_is_one_sentence_and_an_exit_code(
+    verb: Callable[[BaseException | int], None],
+    capsys: pytest.CaptureFixture[str],
+    outcome: BaseException | int,
+    code: int,
+    sentence: str,
+):
+    verb(outcome)
+    assert cli.main(["run"]) == code
+    printed = capsys.readouterr()
+    assert sentence in printed.err
+    assert printed.err.count("\n") == (1 if sentence else 0)
+    assert printed.out == ""
+
+
+def test_a_bug_of_ours_is_not_dressed_up_as_the_users_mistake(
+    verb: Callable[[BaseException | int], None],
+):
+    verb(ZeroDivisionError())
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["run"])
+
+
+def test_a_reader_that_leaves_early_is_no_error():
+    command = f"{sys.executable} -m twin --help | true; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+    assert done.stderr == ""
+    assert done.returncode in (0, cli.BROKEN_PIPE), "141 if `true` was gone before the help came"
+
+
+def test_a_closed_pipe_stays_quiet():
+    read_end, write_end = os.pipe()
+    os.close(read_end)
+    with os.fdopen(write_end, "wb") as closed:
+        done = subprocess.run(
+            [sys.executable, "-m", "twin", "--help"], stdout=closed, stderr=subprocess.PIPE
+        )
+    assert done.returncode == cli.BROKEN_PIPE
+    assert done.stderr == b""
+
+
+def test_platforms_as_json_is_one_document_with_names():
+    done = twin("platforms", "--json", check=True)
+    names = [platform["name"] for platform in json.loads(done.stdout)]
+    assert names == sorted(names)
+    assert "sads" in names
+
+
+def test_controllers_as_json_is_one_document_with_names_and_gains():
+    laws = json.loads(twin("controllers", "--json", check=True).stdout)
+    assert "quaternion_pd" in [law["name"] for law in laws]
+    assert all(law["summary"] and law["gains"] for law in laws)
+
+
+@pytest.mark.parametrize("name", ["platforms", "controllers"])
+def test_a_list_as_text_names_what_the_json_names(name: str):
+    documents = json.loads(twin(name, "--json", check=True).stdout)
+    text = twin(name, check=True).stdout
+    assert all(f"{document['name']}: " in text for document in documents)
+
+
+def test_json_has_null_for_what_is_not_known(capsys: pytest.CaptureFixture[str]):
+    import numpy as np
+
+    print_json({"a": np.array([1.0, np.nan]), "b": (np.float64(np.inf), np.int64(3), None)})
+    assert json.loads(capsys.readouterr().out) == {"a": [1.0, None], "b": [None, 3, None]}

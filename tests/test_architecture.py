@@ -1,0 +1,118 @@
+"""The house stands: a floor rests only on those below it, and no file needs itself."""
+
+import ast
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+TWIN = Path(__file__).parents[1] / "twin"
+
+FLOORS = (
+    "errors",
+    "rotation",
+    "config",
+    "library",
+    "units",
+    "signals",
+    "recording",
+    "platform",
+    "model",
+    "budget",
+    "plant",
+    "reference",
+    "controller",
+    "estimators",
+    "clock",
+    "loop",
+    "metrics",
+    "scene",
+    "stream",
+    "blueprint",
+    "predict",
+    "report",
+    "cli",
+)
+"""Modules and folders of twin/, lowest first; docs/design.md, section 3, says what each is for."""
+
+FILES = sorted(TWIN.rglob("*.py"))
+PUBLIC_DOORS = {"__init__", "__main__"}
+
+
+def module_of(file: Path) -> str:
+    parts = file.relative_to(TWIN.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_of(file) for file in FILES}
+
+
+def imported_by(file: Path) -> set[str]:
+    """Modules of ours that a file imports, at its top or anywhere below."""
+    found = set[str]()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{file}: line {node.lineno} imports relative to itself"
+            source = node.module or ""
+            for alias in node.names:
+                name = f"{source}.{alias.name}"
+                found.add(name if name in MODULES else source)
+    return {name for name in found if name.split(".")[0] == "twin"}
+
+
+def floor_of(module: str) -> str:
+    return module.split(".")[1] if "." in module else ""
+
+
+def test_every_module_has_its_floor():
+    floors = {floor_of(module_of(file)) for file in FILES} - {"", "__main__"}
+    assert floors == set(FLOORS), "tell the table here and docs/design.md about it"
+
+
+def test_the_design_lists_the_floors_in_the_same_order():
+    text = (TWIN.parent / "docs" / "design.md").read_text(encoding="utf-8")
+    house = text.split("## 3.")[1].split("```")[1]
+    built = [line for line in house.splitlines() if "planned" not in line]
+    entries = [name.strip(" ,") for line in built for name in line[:22].split()]
+    named = [name.rstrip("/").removesuffix(".py") for name in entries]
+    assert [name for name in named if name in FLOORS] == list(FLOORS)
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(TWIN)))
+def test_a_module_imports_only_from_the_floors_below(file: Path):
+    floor = floor_of(module_of(file))
+    if file.parent == TWIN and file.stem in PUBLIC_DOORS:
+        return
+    below = {"", *FLOORS[: FLOORS.index(floor) + 1]}
+    above = sorted(name for name in imported_by(file) if floor_of(name) not in below)
+    assert not above, f"{floor} stands below {', '.join(above)}"
+
+
+def test_no_module_imports_itself_by_a_detour():
+    graph = {module_of(file): imported_by(file) - {"twin"} for file in FILES}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
+@pytest.mark.parametrize(
+    "file", [file for file in FILES if file.name == "__init__.py"], ids=module_of
+)
+def test_an_init_file_only_re_exports(file: Path):
+    if file.parent == TWIN:
+        return
+    docstring, *rest = ast.parse(file.read_text(encoding="utf-8")).body
+    assert isinstance(docstring, ast.Expr)
+    assert all(isinstance(node, ast.ImportFrom) for node in rest)
+    names = [alias for node in rest for alias in getattr(node, "names", [])]
+    assert all(alias.asname == alias.name for alias in names), "write `import X as X`"
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(TWIN)))
+def test_a_module_says_what_it_is_for_and_stays_short(file: Path):
+    text = file.read_text(encoding="utf-8")
+    assert ast.get_docstring(ast.parse(text)), "its first lines say what it is for"
+    assert text.count("\n") <= 400, "split it: one idea a file"
