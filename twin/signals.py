@@ -61,6 +61,7 @@ STREAMS: dict[str, Stream] = {
     "truth_rate": Stream("rad/s", _XYZ, "body"),
     "truth_wheel_speed": Stream("rad/s"),
     "truth_stage_position": Stream("m"),
+    "truth_stage_speed": Stream("m/s"),
     "truth_joint_angle": Stream("rad"),
     "truth_joint_rate": Stream("rad/s"),
     "truth_center_of_mass_offset": Stream("kg m", _XYZ, "body"),

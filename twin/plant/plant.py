@@ -28,8 +28,12 @@ class Plant(abc.ABC):
     def write(self, command: Command) -> Command:
         """Apply from now on; return what is really applied, after limits.
 
+        A channel that is absent keeps its last command. A run whose command is not finite is
+        stopped, with the reason in `stopped`.
+
         Raises:
-            CommandError: a channel the machine lacks, a wrong shape, or a value that is not finite.
+            UnknownName: a channel the machine lacks.
+            CommandError: an array of the wrong shape.
         """
 
     def truth(self) -> dict[str, Samples]:
@@ -45,4 +49,7 @@ class Plant(abc.ABC):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self.close()
+
+    def close(self) -> None:  # noqa: B027  (a simulated plant has nothing to release)
         """Leave the machine safe and release it."""

@@ -1,0 +1,155 @@
+"""The one loop: read, estimate, control, write, record.
+
+It cannot tell whether the plant is simulated, replayed, emulated or real, nor how many runs the
+batch holds.
+"""
+
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import Enum
+from types import FrameType
+from typing import Protocol
+
+import numpy as np
+
+from twin.clock import Clock, Timing
+from twin.controller import AnyController
+from twin.estimators.estimator import Estimator
+from twin.plant.plant import Plant
+from twin.reference import Reference
+from twin.signals import Command, Estimate, Reading, Samples, Target
+
+
+class Ended(Enum):
+    """How a run came to its end; the value is the word that goes into JSON."""
+
+    done = "done"
+    """The whole duration."""
+    degraded = "degraded"
+    """The whole duration, but some runs of the batch were stopped."""
+    safe_stop = "safe_stop"
+    """Asked to stop (Ctrl-C)."""
+    failed = "failed"
+    """No run is left."""
+
+
+class Observer(Protocol):
+    """Sees every tick: a recorder, a flight recorder, metrics. It must not change what it sees."""
+
+    def collect(
+        self,
+        reading: Reading,
+        estimate: Estimate,
+        target: Target,
+        wanted: Command,
+        applied: Command,
+        truth: dict[str, Samples],
+    ) -> None:
+        """One tick. `truth` is empty on hardware."""
+        ...
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a loop ended."""
+
+    ended: Ended
+    reason: str
+    """A sentence; empty when all went to its end."""
+    duration: float
+    """Time of the last tick [s]."""
+    stopped: dict[int, str]
+    """Runs that ended early: row -> reason."""
+    timing: Timing
+
+
+def fly(
+    plant: Plant,
+    estimator: Estimator,
+    controller: AnyController,
+    reference: Reference,
+    clock: Clock,
+    *,
+    duration: float,
+    observers: Sequence[Observer] = (),
+) -> Outcome:
+    """Run the loop for `duration` [s]; the caller owns plant and observers and closes them.
+
+    Ctrl-C ends it after the tick in hand, so that no row is half written; a second one interrupts.
+    """
+    platform, n = plant.platform, plant.n
+    estimate = estimator.init(platform, n)
+    state = controller.init(platform, n)
+    targets = _Ahead(reference, platform.tick)
+    now, reason, ended = 0.0, "", Ended.done
+    with _stop_request() as stop_requested:
+        for now in clock.ticks(platform.tick, duration):
+            reading = plant.read(now)
+            clock.lap("read")
+            estimate = estimator.update(estimate, reading)
+            clock.lap("estimate")
+            target = targets.at(now)
+            wanted, state = controller.update(state, estimate, target, now)
+            clock.lap("control")
+            applied = plant.write(wanted)
+            clock.lap("write")
+            if observers:
+                truth = plant.truth()
+                for observer in observers:
+                    observer.collect(reading, estimate, target, wanted, applied, truth)
+                clock.lap("record")
+            if len(plant.stopped) == n:
+                ended = Ended.failed
+                reason = next(iter(plant.stopped.values()))
+                break
+            if stop_requested.is_set():
+                ended, reason = Ended.safe_stop, f"stopped by the operator at {now:.2f} s"
+                break
+    if ended is Ended.done and plant.stopped:
+        ended = Ended.degraded
+        reason = f"{len(plant.stopped)} of {n} runs were stopped"
+    return Outcome(ended, reason, now, dict(plant.stopped), clock.timing)
+
+
+class _Ahead:
+    """Targets computed for many ticks at once: a reference costs more than the rest of a tick."""
+
+    _TICKS = 512
+
+    def __init__(self, reference: Reference, tick: float) -> None:
+        self._reference = reference
+        self._tick = tick
+        self._first = 0
+        self._block: Target | None = None
+
+    def at(self, time: float) -> Target:
+        number = round(time / self._tick)
+        if self._block is None or not 0 <= number - self._first < self._TICKS:
+            self._first = number
+            self._block = self._reference.at((number + np.arange(self._TICKS)) * self._tick)
+        row, block = number - self._first, self._block
+        return Target(block.attitude[row], block.rate_body[row], block.acceleration_body[row])
+
+
+@contextmanager
+def _stop_request() -> Iterator[threading.Event]:
+    """An event that Ctrl-C sets; signals belong to the main thread, elsewhere it stays unset."""
+    requested = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield requested
+        return
+
+    def request(number: int, frame: FrameType | None) -> None:
+        del number, frame
+        if requested.is_set():
+            raise KeyboardInterrupt
+        requested.set()
+
+    previous = signal.signal(signal.SIGINT, request)
+    try:
+        yield requested
+    finally:
+        signal.signal(signal.SIGINT, previous)

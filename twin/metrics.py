@@ -1,0 +1,82 @@
+"""Figures of merit of a run, gathered while it flies; one row a run of the batch."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.platform import Platform
+from twin.rotation import conjugate, multiply, tilt
+from twin.signals import Command, Estimate, Reading, Samples, Target
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Metrics:
+    """Observer of a loop: how well the reference was followed, and what it took.
+
+    Errors are of the true attitude where the plant knows it, else of the estimated one.
+    """
+
+    platform: Platform
+    settle: float = 30.0
+    """Tracking counts from here on [s]."""
+
+    def __post_init__(self) -> None:
+        self._squares: Array | float = 0.0
+        self._counted = 0
+        self._worst: Array | float = 0.0
+        self._tilt: Array | float = 0.0
+        self._momentum: Array | float = 0.0
+        self._saturated: Array | None = None
+        self._inertia = np.array([wheel.inertia for wheel in self.platform.wheels])
+        self._limit = np.array([wheel.momentum_limit for wheel in self.platform.wheels])
+
+    def collect(
+        self,
+        reading: Reading,
+        estimate: Estimate,
+        target: Target,
+        wanted: Command,
+        applied: Command,
+        truth: dict[str, Samples],
+    ) -> None:
+        """One tick."""
+        del wanted, applied
+        if self.platform.base.kind == "ball":
+            seen = truth.get("truth_attitude")
+            attitude = estimate.attitude if seen is None else seen.value[:, -1]
+            self._tilt = np.maximum(self._tilt, tilt(attitude))
+            if reading.time >= self.settle:
+                error = multiply(conjugate(target.attitude), attitude)
+                sine = np.minimum(np.sqrt((error[:, 1:] ** 2).sum(axis=1)), 1.0)
+                angle = 2.0 * np.arcsin(sine)
+                self._squares = self._squares + angle**2
+                self._worst = np.maximum(self._worst, angle)
+                self._counted += 1
+        if self.platform.wheels:
+            spin = truth.get("truth_wheel_speed")
+            speed = estimate.wheel_speed if spin is None else spin.value[:, -1]
+            momentum = np.abs(speed) * self._inertia
+            self._momentum = np.maximum(self._momentum, momentum)
+            full = (momentum >= 0.999 * self._limit).any(axis=1)
+            if self._saturated is None:
+                self._saturated = np.full(len(full), np.nan)
+            self._saturated = np.where(
+                full & np.isnan(self._saturated), reading.time, self._saturated
+            )
+
+    def rows(self) -> dict[str, Any]:
+        """Each metric, (n,) or (n, wheels), by name with its SI unit; absent: not applicable."""
+        found: dict[str, Any] = {}
+        if self._counted:
+            found["tracking_error_rms_rad"] = np.sqrt(self._squares / self._counted)
+            found["tracking_error_max_rad"] = self._worst
+        if self.platform.base.kind == "ball":
+            found["tilt_max_rad"] = self._tilt
+        if self._saturated is not None:
+            found["wheel_momentum_max_N_m_s"] = self._momentum
+            found["wheel_saturated_at_s"] = self._saturated
+        return found

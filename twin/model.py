@@ -1,0 +1,232 @@
+"""Platform -> MjModel: the only place that compiles.
+
+The MJCF is taken as it is; then the options that this kind of machine needs are set (RK4, the
+platform's step and gravity, no automatic reset), stages become prescribed joints, and the bus is
+given the inertial that makes the whole machine's mass properties those that platform.toml states.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import PlatformError
+from twin.platform import Platform
+from twin.platform.mjcf import load_mjcf
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+PRESCRIBED_ARMATURE = 1e13
+"""Joint armature [kg or kg m^2] of a prescribed joint: what pushes back on it moves it by parts in
+10^13, so the acceleration fed in through qfrc_applied is the acceleration it has. At 1e11 the push
+of gravity alone moves 2e-10 of the momentum about the vertical."""
+
+STAGE_GROUP = 1
+"""Actuator group of the stages' position servos: they serve MuJoCo's viewer, not the simulation."""
+
+
+@dataclass(frozen=True)
+class MassProperties:
+    """Of everything that floats, about the CR, in body axes."""
+
+    mass: float
+    """[kg]."""
+    inertia: Array
+    """(3, 3) [kg m^2], wheels locked, stages at 0."""
+    center_of_mass_offset: Array
+    """(3,) m r from CR to CM [kg m]."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A compiled platform and where its parts stand in MuJoCo's arrays."""
+
+    platform: Platform
+    model: mujoco.MjModel
+    base_body: int
+    base_qpos: slice
+    base_dof: slice
+    wheel_dof: Index
+    wheel_actuator: Index
+    stage_qpos: Index
+    stage_dof: Index
+    stage_home: Array
+    """(stages, 3) centre of mass of each sliding mass at position 0, from the CR, body axes [m]."""
+    joint_actuator: int | None
+
+    @property
+    def stage_inertia(self) -> Array:
+        """(stages,) force per acceleration of each prescribed joint [kg]."""
+        masses = np.array([stage.mass for stage in self.platform.stages])
+        return self.model.dof_armature[self.stage_dof] + masses
+
+
+def compile_model(platform: Platform) -> Machine:
+    """Compile a platform.
+
+    Raises:
+        PlatformError: MuJoCo refuses the MJCF, a named part is missing, or the stated mass
+            properties leave no physical bus.
+    """
+    model = load_mjcf(platform.model_path)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    model.opt.timestep = platform.step
+    model.opt.gravity[:] = (0.0, 0.0, -platform.gravity)
+    model.opt.magnetic[:] = platform.magnetic_field
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    model.opt.disableactuator |= 1 << STAGE_GROUP
+
+    base_joint = _named(platform, model, mujoco.mjtObj.mjOBJ_JOINT, platform.base.joint)
+    base_body = _named(platform, model, mujoco.mjtObj.mjOBJ_BODY, platform.base.body)
+    width = {"ball": (4, 3), "hinge": (1, 1)}[platform.base.kind]
+    qpos, dof = int(model.jnt_qposadr[base_joint]), int(model.jnt_dofadr[base_joint])
+    wheels = [
+        _named(platform, model, mujoco.mjtObj.mjOBJ_JOINT, wheel.name)
+        for wheel in platform.wheels
+    ]
+    stages = [
+        _named(platform, model, mujoco.mjtObj.mjOBJ_JOINT, stage.name)
+        for stage in platform.stages
+    ]
+    motors = [
+        _named(platform, model, mujoco.mjtObj.mjOBJ_ACTUATOR, wheel.name)
+        for wheel in platform.wheels
+    ]
+    motor = platform.base.actuator
+    joint_actuator = (
+        None
+        if motor is None
+        else _named(platform, model, mujoco.mjtObj.mjOBJ_ACTUATOR, motor)
+    )
+    stage_dof = np.array(model.jnt_dofadr[stages], dtype=np.intp)
+    model.dof_armature[stage_dof] = PRESCRIBED_ARMATURE
+
+    stated = MassProperties(
+        platform.mass, platform.inertia, platform.center_of_mass_offset
+    )
+    try:
+        set_mass_properties(model, base_body, stated)
+    except ValueError as problem:
+        raise PlatformError(
+            platform.folder / "platform.toml",
+            f"mass_properties of {platform.name} cannot be met: {problem}",
+            "check mass, inertia and center_of_mass_offset against the parts in the MJCF",
+        ) from None
+    stage_bodies = model.jnt_bodyid[stages]
+    return Machine(
+        platform=platform,
+        model=model,
+        base_body=base_body,
+        base_qpos=slice(qpos, qpos + width[0]),
+        base_dof=slice(dof, dof + width[1]),
+        wheel_dof=np.array(model.jnt_dofadr[wheels], dtype=np.intp),
+        wheel_actuator=np.array(motors, dtype=np.intp),
+        stage_qpos=np.array(model.jnt_qposadr[stages], dtype=np.intp),
+        stage_dof=stage_dof,
+        stage_home=_centers(model, base_body)[stage_bodies],
+        joint_actuator=joint_actuator,
+    )
+
+
+def mass_properties(model: mujoco.MjModel, base_body: int) -> MassProperties:
+    """Measure what floats on `base_body` in a compiled model, at qpos0.
+
+    Bodies are summed with the parallel-axis theorem about the base joint's anchor (the CR).
+    """
+    mass = model.body_mass[_floating(model, base_body)]
+    centers, tensors = _rigid_parts(model, base_body)
+    inertia = np.sum(tensors + _parallel_axis(mass, centers), axis=0)
+    return MassProperties(float(mass.sum()), inertia, mass @ centers)
+
+
+def set_mass_properties(
+    model: mujoco.MjModel, base_body: int, wanted: MassProperties
+) -> None:
+    """Give `base_body` the inertial that makes the whole equal to `wanted`; the rest stays.
+
+    Raises:
+        ValueError: what would be left for the body has no positive mass or moment of inertia.
+    """
+    others = _floating(model, base_body) != base_body
+    mass = model.body_mass[_floating(model, base_body)][others]
+    centers, tensors = _rigid_parts(model, base_body)
+    centers, tensors = centers[others], tensors[others]
+
+    body_mass = wanted.mass - mass.sum()
+    if body_mass <= 0.0:
+        raise ValueError(
+            f"the other parts already weigh {mass.sum():g} kg of {wanted.mass:g} kg"
+        )
+    center = (wanted.center_of_mass_offset - mass @ centers) / body_mass
+    about_anchor = wanted.inertia - np.sum(
+        tensors + _parallel_axis(mass, centers), axis=0
+    )
+    about_center = about_anchor - _parallel_axis(np.array([body_mass]), center[None])[0]
+    moments, axes = np.linalg.eigh(about_center)
+    if moments[0] <= 0.0 or moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
+        raise ValueError(
+            f"the bus would need principal moments {moments.round(6).tolist()} kg m^2, "
+            "which no rigid body has"
+        )
+    if np.linalg.det(axes) < 0.0:
+        axes = axes * np.array([1.0, 1.0, -1.0])
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    to_body = data.xmat[base_body].reshape(3, 3).T
+    anchor_in_body = model.jnt_pos[model.body_jntadr[base_body]]
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, (to_body @ axes).ravel())
+    model.body_mass[base_body] = body_mass
+    model.body_ipos[base_body] = anchor_in_body + to_body @ center
+    model.body_iquat[base_body] = quat
+    model.body_inertia[base_body] = moments
+    mujoco.mj_setConst(model, data)
+
+
+def _floating(model: mujoco.MjModel, base_body: int) -> Index:
+    """Ids of the base body and everything it carries."""
+    carried = {base_body}
+    for body in range(base_body + 1, model.nbody):
+        if int(model.body_parentid[body]) in carried:
+            carried.add(body)
+    return np.array(sorted(carried), dtype=np.intp)
+
+
+def _rigid_parts(model: mujoco.MjModel, base_body: int) -> tuple[Array, Array]:
+    """Centres of mass from the CR (b, 3) and inertia about them (b, 3, 3), room axes at qpos0."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    bodies = _floating(model, base_body)
+    frames = data.ximat[bodies].reshape(-1, 3, 3)
+    tensors = np.einsum("bij,bj,bkj->bik", frames, model.body_inertia[bodies], frames)
+    return _centers(model, base_body)[bodies], tensors
+
+
+def _centers(model: mujoco.MjModel, base_body: int) -> Array:
+    """Centres of mass of all bodies from the base joint's anchor, room axes at qpos0."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return data.xipos - data.xanchor[model.body_jntadr[base_body]]
+
+
+def _parallel_axis(mass: Array, centers: Array) -> Array:
+    """m (|r|^2 I - r r^T), shape (b, 3, 3)."""
+    squared = np.einsum("bi,bi->b", centers, centers)
+    outer = np.einsum("bi,bj->bij", centers, centers)
+    return mass[:, None, None] * (squared[:, None, None] * np.eye(3) - outer)
+
+
+def _named(
+    platform: Platform, model: mujoco.MjModel, kind: mujoco.mjtObj, name: str
+) -> int:
+    found = mujoco.mj_name2id(model, kind, name)
+    if found < 0:
+        noun = kind.name.removeprefix("mjOBJ_").lower()
+        raise PlatformError(
+            platform.model_path,
+            f"has no {noun} named {name!r}, which platform.toml refers to",
+            "name it so in the MJCF, or change platform.toml",
+        )
+    return found

@@ -1,0 +1,71 @@
+"""A log played as if it were hardware: its samples arrive when they did, its commands stand."""
+
+import numpy as np
+
+from twin.errors import UsageError
+from twin.plant.limits import Limits
+from twin.plant.plant import Plant
+from twin.platform import Platform
+from twin.recording import Recording
+from twin.signals import Command, Reading, Samples
+
+_EPS = 1e-9
+
+
+class ReplayedPlant(Plant):
+    """One run, the log's. What is written changes nothing: applied is what the log says was."""
+
+    def __init__(self, platform: Platform, recording: Recording) -> None:
+        """Play `recording`; its first row is at tick 0.
+
+        Raises:
+            UsageError: no measured stream that the platform knows is in it.
+        """
+        self.platform = platform
+        self.n = 1
+        self.stopped = {}
+        self._start = recording.start
+        measured = recording.without_truth()
+        self._measured = {
+            name: measured[name]
+            for name in measured
+            if name in ("gyro", "attitude", "inclinometer", "accelerometer", "magnetometer")
+            or name in platform.sensors
+        }
+        if not self._measured:
+            raise UsageError(
+                f"nothing to replay: the log holds {', '.join(recording) or 'no stream'}, "
+                f"{platform.name} measures {', '.join(platform.sensors)}"
+            )
+        self._commands = {name: recording[name] for name in platform.commands if name in recording}
+        self._limits = Limits(platform)
+        self._now = 0.0
+        self._given = dict.fromkeys(self._measured, 0)
+
+    @property
+    def duration(self) -> float:
+        """Time of the last sample after the first [s]."""
+        return max(float(s.time[-1]) for s in self._measured.values() if len(s)) - self._start
+
+    def read(self, until: float) -> Reading:
+        self._now = until
+        streams: dict[str, Samples] = {}
+        for name, series in self._measured.items():
+            first = self._given[name]
+            last = int(np.searchsorted(series.time, self._start + until + _EPS, side="right"))
+            if last > first:
+                self._given[name] = last
+                time = (series.time[first:last] - self._start)[None]
+                value = series.value[None, first:last]
+                streams[name] = Samples(value, time, np.ones(time.shape, dtype=np.bool_))
+        return Reading(until, streams)
+
+    def write(self, command: Command) -> Command:
+        self._limits.check(command, self.n)
+        now = np.array([self._start + self._now])
+        return {
+            name: self._commands[name].held_at(now)
+            if name in self._commands
+            else np.zeros((1, width))
+            for name, width in self.platform.commands.items()
+        }

@@ -1,0 +1,149 @@
+"""Simulated sensors: each stream on its own clock, with the faults that platform.toml states.
+
+A stream whose period is no multiple of the physics step is sampled at the next step and stamped so.
+Latency delays the arrival, never the stamp: a sample's time is when its value was true. Noise comes
+from one Philox generator a run and stream, so neither another run nor another stream changes it.
+"""
+
+import zlib
+from collections import deque
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.platform import Sensor
+from twin.rotation import from_rotation_vector, multiply
+from twin.signals import Samples
+
+Array = NDArray[np.float64]
+
+_EPS = 1e-9
+_DRAWN_AHEAD = 256
+"""Samples whose noise is drawn at once: large enough that a call a run costs little a tick."""
+
+
+class SimulatedSensor:
+    """One stream of n runs: truth at every physics step in, samples that arrived out."""
+
+    def __init__(self, sensor: Sensor, runs: Sequence[int], seed: int, step: float) -> None:
+        self.sensor = sensor
+        self._step = step
+        self._period = 1.0 / (sensor.rate * step)
+        whole = round(self._period)
+        self._whole_period = whole if abs(self._period - whole) < _EPS * whole else 0
+        key = zlib.crc32(sensor.stream.encode())
+        self._generators = [
+            np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, run, key])))
+            for run in runs
+        ]
+        self._noise = _Ahead(self._draw_noise)
+        self._uniform = _Ahead(self._draw_uniform)
+        self._noisy = bool(sensor.noise.any())
+        bias = np.stack([g.standard_normal(len(sensor.bias)) for g in self._generators])
+        self._bias = (bias * sensor.bias)[:, None, :] if sensor.bias.any() else None
+        self._late: deque[Samples] = deque()
+        self._all_valid: dict[int, NDArray[np.bool_]] = {}
+
+    def picks(self, done: int, steps: int) -> slice | NDArray[np.intp]:
+        """Which of the `steps` physics steps after step number `done` are sampled, from 0."""
+        if self._whole_period:
+            period = self._whole_period
+            return slice((-(done + 1)) % period, steps, period)
+        first = int(np.floor(done / self._period + _EPS)) + 1
+        last = int(np.floor((done + steps) / self._period + _EPS))
+        instants = np.ceil(np.arange(first, last + 1) * self._period - _EPS).astype(np.intp)
+        return instants - done - 1
+
+    def measure(self, truth: Array, time: Array, valid: NDArray[np.bool_] | None) -> None:
+        """Take samples of `truth` (n, m, k), true at `time` (m,); `valid` (n,) masks runs."""
+        n, m = truth.shape[:2]
+        if m == 0:
+            return
+        value = self._disturbed(truth)
+        stamps = np.empty((n, m))
+        stamps[:] = time
+        self._late.append(Samples(value, stamps, self._kept(n, m, valid)))
+
+    def arrived(self, until: float) -> Samples | None:
+        """What has arrived by `until` [s] and was not given out before; None if nothing."""
+        if not self._late:
+            return None
+        if not self.sensor.latency and len(self._late) == 1:
+            return self._late.popleft()
+        blocks = list(self._late)
+        self._late.clear()
+        value = np.concatenate([block.value for block in blocks], axis=1)
+        time = np.concatenate([block.time for block in blocks], axis=1)
+        valid = np.concatenate([block.valid for block in blocks], axis=1)
+        count = int(np.searchsorted(time[0] + self.sensor.latency, until + _EPS, side="right"))
+        if count < time.shape[1]:
+            self._late.append(Samples(value[:, count:], time[:, count:], valid[:, count:]))
+        if count == 0:
+            return None
+        return Samples(value[:, :count], time[:, :count], valid[:, :count])
+
+    def _disturbed(self, truth: Array) -> Array:
+        sensor, error = self.sensor, self._error(truth.shape[1])
+        if error is None:
+            value = truth.copy()
+        elif sensor.stream == "attitude":
+            value = multiply(truth, from_rotation_vector(error))
+        else:
+            value = truth + error
+        if sensor.resolution:
+            value = np.round(value / sensor.resolution) * sensor.resolution
+        if np.isfinite(sensor.range):
+            value = np.clip(value, -sensor.range, sensor.range)
+        return value
+
+    def _error(self, m: int) -> Array | None:
+        """Bias plus noise of the next m samples; None where there is neither."""
+        if not self._noisy:
+            return self._bias
+        noise = self._noise.take(m)
+        return noise if self._bias is None else noise + self._bias
+
+    def _kept(self, n: int, m: int, valid: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+        if not self.sensor.dropout and valid is None:
+            if m not in self._all_valid:
+                self._all_valid[m] = np.ones((n, m), dtype=np.bool_)
+                self._all_valid[m].flags.writeable = False
+            return self._all_valid[m]
+        kept = np.ones((n, m), dtype=np.bool_)
+        if valid is not None:
+            kept &= valid[:, None]
+        if self.sensor.dropout:
+            kept &= self._uniform.take(m)[:, :, 0] >= self.sensor.dropout
+        return kept
+
+    def _draw_noise(self, count: int) -> Array:
+        width = len(self.sensor.noise)
+        block = np.empty((len(self._generators), count, width))
+        for row, generator in zip(block, self._generators, strict=True):
+            generator.standard_normal(out=row)
+        block *= self.sensor.noise
+        return block
+
+    def _draw_uniform(self, count: int) -> Array:
+        return np.stack([generator.random((count, 1)) for generator in self._generators])
+
+
+class _Ahead:
+    """Random numbers drawn in blocks, handed out a few at a time along axis 1."""
+
+    def __init__(self, draw: Callable[[int], Array]) -> None:
+        self._draw = draw
+        self._block = np.empty((0, 0, 0))
+        self._used = 0
+
+    def take(self, count: int) -> Array:
+        start, stop = self._used, self._used + count
+        if stop <= self._block.shape[1]:
+            self._used = stop
+            return self._block[:, start:stop]
+        left = self._block[:, start:]
+        fresh = self._draw(max(_DRAWN_AHEAD, count))
+        short = count - left.shape[1]
+        self._block, self._used = fresh, short
+        return np.concatenate([left, fresh[:, :short]], axis=1) if left.size else fresh[:, :short]

@@ -1,0 +1,97 @@
+"""A simulation's true states, as streams: what the sensors see before any fault."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.model import Machine
+from twin.signals import Samples
+
+Array = NDArray[np.float64]
+Columns = slice | NDArray[np.intp]
+
+
+class Truth:
+    """Reads streams out of MuJoCo's states (..., nq + nv)."""
+
+    def __init__(self, machine: Machine) -> None:
+        nq = machine.model.nq
+        base_dof = slice(nq + machine.base_dof.start, nq + machine.base_dof.stop)
+        ball = machine.platform.base.kind == "ball"
+        self._columns: dict[str, Columns] = {
+            "wheel_speed": _tight(nq + machine.wheel_dof),
+            "stage_position": _tight(machine.stage_qpos),
+            "stage_speed": _tight(nq + machine.stage_dof),
+        }
+        if ball:
+            self._columns |= {"attitude": machine.base_qpos, "gyro": base_dof}
+        else:
+            self._columns |= {"joint_angle": machine.base_qpos, "joint_rate": base_dof}
+        self._names = {
+            ("truth_rate" if stream == "gyro" else f"truth_{stream}"): columns
+            for stream, columns in self._columns.items()
+            if not isinstance(columns, np.ndarray) or columns.size
+        }
+        self._mass_moment, self._inertia = _mass_laws(machine)
+
+    def measured(self, stream: str, states: Array) -> Array:
+        """What a perfect sensor of that stream would show, (n, m, k)."""
+        return states[..., self._columns[stream]]
+
+    def at(
+        self, time: float, qpos: Array, qvel: Array, valid: NDArray[np.bool_]
+    ) -> dict[str, Samples]:
+        """All `truth_*` streams at one instant; one sample each."""
+        states = np.concatenate([qpos, qvel], axis=1)
+        stamp = np.full((len(states), 1), time)
+        mask = valid[:, None].copy()
+        streams = {
+            name: Samples(states[:, None, columns], stamp, mask)
+            for name, columns in self._names.items()
+        }
+        stages = states[:, self._columns["stage_position"]]
+        offset, inertia = self._mass_moment(stages), self._inertia(stages)
+        streams["truth_center_of_mass_offset"] = Samples(offset[:, None], stamp, mask)
+        streams["truth_inertia"] = Samples(inertia[:, None], stamp, mask)
+        return streams
+
+
+def _tight(index: NDArray[np.intp]) -> Columns:
+    """A slice where the columns are neighbours: a view instead of a copy."""
+    if index.size and (np.diff(index) == 1).all():
+        return slice(int(index[0]), int(index[-1]) + 1)
+    return index
+
+
+def _mass_laws(machine: Machine) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+    """m r (n, 3) and J as xx yy zz xy xz yz (n, 6) as functions of stage positions (n, s)."""
+    platform = machine.platform
+    mass = np.array([stage.mass for stage in platform.stages])
+    axis = np.array([stage.axis for stage in platform.stages]).reshape(-1, 3)
+    home = machine.stage_home
+    moment = mass[:, None] * axis
+    linear = np.einsum("s,sij->sij", mass, 2.0 * _spread(home, axis))
+    square = np.einsum("s,sij->sij", mass, _spread(axis, axis))
+
+    def offset(position: Array) -> Array:
+        return platform.center_of_mass_offset + np.einsum("ns,si->ni", position, moment)
+
+    def inertia(position: Array) -> Array:
+        change = np.einsum("ns,si->ni", position, _six(linear))
+        return _six(platform.inertia) + change + np.einsum("ns,si->ni", position**2, _six(square))
+
+    return offset, inertia
+
+
+def _spread(a: Array, b: Array) -> Array:
+    """(a . b) I - (a b^T + b a^T) / 2, the polar form of the parallel-axis term, (s, 3, 3)."""
+    outer = np.einsum("si,sj->sij", a, b)
+    dot = np.einsum("si,si->s", a, b)
+    return dot[:, None, None] * np.eye(3) - 0.5 * (outer + outer.transpose(0, 2, 1))
+
+
+def _six(tensor: Array) -> Array:
+    """xx yy zz xy xz yz of symmetric tensors (..., 3, 3)."""
+    rows, columns = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
+    return tensor[..., rows, columns]
