@@ -4,6 +4,7 @@
 refuses the rest, so that a misspelt key is an error and never a silently ignored setting.
 """
 
+import difflib
 import math
 import re
 import tomllib
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from twin.errors import FileError, UnknownName
 
 _REQUIRED: Any = object()
+_HEADER = re.compile(r"\s*\[+[^\[\],=]+\]+\s*(#.*)?$")
 
 
 class Table:
@@ -54,14 +56,16 @@ class Table:
 
     def line(self, key: str) -> int | None:
         """The line (from 1) on which `key` of this table is set; the table's own without it."""
-        pattern = re.compile(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=")
-        header = re.compile(rf"\s*\[+\s*{re.escape(self.name)}\.{re.escape(key)}[\].]")
-        for number, text in enumerate(self._lines[self._first_line :], self._first_line + 1):
-            if pattern.match(text) or header.match(text):
+        full = re.escape(f"{self.name}.{key}" if self.name else key)
+        header = re.compile(rf"\s*\[+\s*{full}\s*[\].]")
+        assignment = re.compile(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=")
+        first = self._first_line + 1
+        own = True
+        for number, text in enumerate(self._lines[self._first_line :], first):
+            own = own and (not _HEADER.match(text) or (bool(self.name) and number == first))
+            if header.match(text) or (own and assignment.match(text)):
                 return number
-            if number > self._first_line + 1 and text.lstrip().startswith("[") and self.name:
-                break
-        return self._first_line or None
+        return first if self.name else None
 
     def number(
         self,
@@ -167,6 +171,9 @@ class Table:
         if key in self._data:
             return self._data[key]
         if default is _REQUIRED:
+            unknown = [other for other in self._data if other not in self._asked]
+            for close in difflib.get_close_matches(key, unknown, n=1, cutoff=0.8):
+                raise self.fail(close, "is no key we know", f"is it meant to be {key!r}?")
             raise self.fail(key, "is missing", "add it")
         return default
 

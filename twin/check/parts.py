@@ -1,0 +1,204 @@
+"""Do the MJCF's joints and actuators bear the names, types and limits that platform.toml gives?"""
+
+import mujoco
+import numpy as np
+
+from twin.check.finding import Finding, choose, compare, judge
+from twin.model import STAGE_GROUP
+from twin.platform import Platform, Stage
+
+_TYPES = {"ball": "ball", "hinge": "hinge", "wheel": "hinge", "stage": "slide"}
+
+
+def check_joints(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
+    """Every joint that platform.toml names: is it there, of the right type, on the bus?"""
+    roles = {
+        platform.base.joint: _TYPES[platform.base.kind],
+        **{wheel.name: _TYPES["wheel"] for wheel in platform.wheels},
+        **{stage.name: _TYPES["stage"] for stage in platform.stages},
+    }
+    return [_joint(platform, model, name, kind) for name, kind in roles.items()]
+
+
+def check_parts(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
+    """Strange joints, axes, travel, motors and their ranges, given that the joints are right."""
+    findings = [
+        _nothing_else_moves(platform, model),
+        _axes(platform),
+        _body_frame(platform, model),
+        *(_travel(model, stage) for stage in platform.stages),
+        *(_motor(model, wheel.name, wheel.name, wheel.torque_limit) for wheel in platform.wheels),
+    ]
+    base = platform.base
+    if base.actuator is not None:
+        findings.append(_motor(model, base.actuator, base.joint, base.torque_limit))
+    return [*findings, _nothing_else_drives(platform, model)]
+
+
+def _joint(platform: Platform, model: mujoco.MjModel, name: str, kind: str) -> Finding:
+    row = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+    if row < 0:
+        known = choose([model.joint(i).name for i in range(model.njnt)])
+        return judge(
+            f"joint {name}", False, kind, None, "", f"the MJCF has no joint {name!r}, only {known}"
+        )
+    found = mujoco.mjtJoint(model.jnt_type[row]).name.removeprefix("mjJNT_").lower()
+    if found != kind:
+        return judge(
+            f"joint {name}",
+            False,
+            kind,
+            found,
+            "",
+            f"joint {name!r} of the MJCF is a {found} joint; it must be a {kind} joint",
+        )
+    body, bus = int(model.jnt_bodyid[row]), platform.base.body
+    if name == platform.base.joint:
+        return judge(
+            f"joint {name}",
+            model.body(body).name == bus,
+            f"{kind} on {bus}",
+            f"{kind} on {model.body(body).name}",
+            "",
+            f"joint {name!r} of the MJCF carries another body than {bus!r}; change base.body",
+        )
+    carrier = _carriers(model, body)
+    return judge(
+        f"joint {name}",
+        bus in carrier,
+        f"{kind} on {bus}",
+        f"{kind} on {carrier[0]}",
+        "",
+        f"joint {name!r} of the MJCF does not hang on {bus!r}; put its body inside it",
+    )
+
+
+def _carriers(model: mujoco.MjModel, body: int) -> list[str]:
+    names: list[str] = []
+    while body > 0:
+        body = int(model.body_parentid[body])
+        names.append(model.body(body).name)
+    return names
+
+
+def _nothing_else_moves(platform: Platform, model: mujoco.MjModel) -> Finding:
+    known = {part.name for part in (*platform.wheels, *platform.stages)} | {platform.base.joint}
+    strange = [
+        model.joint(i).name or f"unnamed on {model.body(model.jnt_bodyid[i]).name}"
+        for i in range(model.njnt)
+        if model.joint(i).name not in known
+    ]
+    return judge(
+        "nothing else moves",
+        not strange,
+        "none",
+        choose(strange),
+        "",
+        f"platform.toml does not know these joints of the MJCF: {choose(strange)}; "
+        "state them as wheels or stages, or take them out",
+    )
+
+
+def _axes(platform: Platform) -> Finding:
+    """MuJoCo scales axes to length 1 in silence, so the file itself is looked at."""
+    spec = mujoco.MjSpec.from_file(str(platform.model_path))
+    lengths = {joint.name: float(np.linalg.norm(joint.axis)) for joint in spec.joints}
+    wrong = {name: length for name, length in lengths.items() if abs(length - 1.0) > 1e-9}
+    worst = max(lengths.values(), key=lambda length: abs(length - 1.0))
+    listed = ", ".join(f"{name!r} {length:g}" for name, length in wrong.items())
+    return judge(
+        "length of joint axes",
+        not wrong,
+        1.0,
+        worst,
+        "",
+        f"these joint axes of the MJCF are no unit vectors: {listed}; scale them to length 1, "
+        "or a mistyped component goes unseen",
+    )
+
+
+def _body_frame(platform: Platform, model: mujoco.MjModel) -> Finding:
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    bus, joint = model.body(platform.base.body).id, model.joint(platform.base.joint).id
+    turn = data.xmat[bus] - np.eye(3).ravel()
+    offset = data.xanchor[joint] - data.xpos[bus]
+    return compare(
+        f"{platform.base.body} frame off CR, off level",
+        [0.0, 0.0],
+        [float(np.max(np.abs(offset))), float(np.max(np.abs(turn)))],
+        "m, 1",
+        f"the frame of body {platform.base.body!r} must have its origin at the base joint and "
+        "stand parallel to the room's at qpos0",
+    )
+
+
+def _travel(model: mujoco.MjModel, stage: Stage) -> Finding:
+    joint = model.joint(stage.name).id
+    return compare(
+        f"{stage.name} travel",
+        stage.travel,
+        model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf),
+        "m",
+        f"joint {stage.name!r} of the MJCF has another range; give both the real travel",
+    )
+
+
+def _motor(model: mujoco.MjModel, name: str, joint: str, limit: float) -> Finding:
+    check = f"{name} torque range"
+    row = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
+    if row < 0:
+        return judge(check, False, limit, None, "N m", f"the MJCF has no actuator named {name!r}")
+    plain = (
+        model.actuator_trntype[row] == mujoco.mjtTrn.mjTRN_JOINT
+        and model.actuator_trnid[row, 0] == model.joint(joint).id
+        and model.actuator_dyntype[row] == mujoco.mjtDyn.mjDYN_NONE
+        and model.actuator_gaintype[row] == mujoco.mjtGain.mjGAIN_FIXED
+        and model.actuator_biastype[row] == mujoco.mjtBias.mjBIAS_NONE
+        and model.actuator_gainprm[row, 0] * model.actuator_gear[row, 0] == 1.0
+        and model.actuator_group[row] != STAGE_GROUP
+    )
+    if not plain:
+        return judge(
+            check,
+            False,
+            f"motor on {joint}",
+            "another actuator",
+            "",
+            f'actuator {name!r} of the MJCF must be <motor joint="{joint}"> of gear 1, '
+            f"not in group {STAGE_GROUP}",
+        )
+    found = model.actuator_ctrlrange[row] if model.actuator_ctrllimited[row] else (-np.inf, np.inf)
+    if np.isinf(limit) and not np.all(np.isfinite(found)):
+        return Finding(check, True, None, "unlimited", "")
+    return compare(
+        check,
+        [-limit, limit],
+        found,
+        "N m",
+        f"actuator {name!r} of the MJCF has another ctrlrange than the torque limit",
+    )
+
+
+def _nothing_else_drives(platform: Platform, model: mujoco.MjModel) -> Finding:
+    motors = {wheel.name for wheel in platform.wheels} | {platform.base.actuator}
+    stages = {model.joint(stage.name).id for stage in platform.stages}
+    strange = [
+        model.actuator(i).name or f"unnamed actuator {i}"
+        for i in range(model.nu)
+        if model.actuator(i).name not in motors
+        and not (
+            model.actuator_group[i] == STAGE_GROUP
+            and model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT
+            and int(model.actuator_trnid[i, 0]) in stages
+        )
+    ]
+    return judge(
+        "nothing else drives",
+        not strange,
+        "none",
+        choose(strange),
+        "",
+        f"platform.toml does not know these actuators of the MJCF: {choose(strange)}; take them "
+        f"out (the servos that move stages in the viewer belong in group {STAGE_GROUP})",
+    )

@@ -1,0 +1,71 @@
+"""Hold platform.toml and its MJCF against each other."""
+
+import mujoco
+
+from twin.check.finding import Finding, compare, judge
+from twin.check.masses import check_masses, check_whole
+from twin.check.motion import check_step, check_tilt_stop
+from twin.check.parts import check_joints, check_parts
+from twin.errors import PlatformError
+from twin.model import compile_model, mass_properties
+from twin.platform import Platform, load_platform, variants_of
+from twin.platform.mjcf import load_mjcf
+
+
+def check_platform(platform: Platform) -> list[Finding]:
+    """Every check of the platform's folder, its variants too; the wrong ones have `ok` False.
+
+    The MJCF is first taken as its file has it, against the base values of platform.toml; then
+    each variant is compiled as a simulation would have it.
+    """
+    base = load_platform(platform.folder)
+    model = load_mjcf(base.model_path)
+    joints = check_joints(base, model)
+    findings = [*_options(base, model), *joints]
+    if not all(finding.ok for finding in joints):
+        return findings  # the rest would only repeat it
+    findings += check_parts(base, model)
+    findings += check_masses(base, model)
+    findings += check_tilt_stop(base, model)
+    findings += _compiled(base)
+    for variant in variants_of(base.folder):
+        findings += _compiled(load_platform(f"{base.folder}:{variant}"))
+    return findings
+
+
+def _options(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
+    """The viewer runs the file's own options: they should be those of a simulation."""
+    integrator = mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_")
+    return [
+        judge(
+            "integrator",
+            integrator == "RK4",
+            "RK4",
+            integrator,
+            "",
+            'the viewer would be wrong by degrees; set <option integrator="RK4">',
+        ),
+        compare(
+            "step",
+            platform.step,
+            model.opt.timestep,
+            "s",
+            "<option timestep> is not simulation.step; the viewer would run at another step",
+        ),
+        compare(
+            "gravity",
+            [0.0, 0.0, -platform.gravity],
+            model.opt.gravity,
+            "m/s^2",
+            "<option gravity> is not environment.gravity, straight down",
+        ),
+    ]
+
+
+def _compiled(platform: Platform) -> list[Finding]:
+    try:
+        machine = compile_model(platform)
+    except PlatformError as problem:
+        return [Finding(f"{platform.name}: can be compiled", False, "yes", "no", "", str(problem))]
+    found = mass_properties(machine.model, machine.base_body)
+    return [*check_whole(platform, found, platform.name), *check_step(platform)]
