@@ -1,4 +1,4 @@
-"""`twin check PATH`: a platform's two files held against each other, as a table."""
+"""`twin check PATH`: a platform's two files, or a control law, held to account in a table."""
 
 import dataclasses
 import os
@@ -16,37 +16,30 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Check:
-    """Hold platform.toml and its MJCF against each other; exit code 1 when something is wrong.
+    """Hold a platform or a control law to account; exit code 1 when something is wrong.
 
-    Compares names, types, axes and limits, the mass budget, inertia and mass moment about the
-    centre of rotation as MuJoCo compiles them, the tilt stop, and the default step's error.
+    A platform: platform.toml and its MJCF against each other, in names, types, axes and limits,
+    the mass budget, inertia and mass moment about the centre of rotation as MuJoCo compiles them,
+    the tilt stop, and the default step's error. A control law: the promises of a `Controller`.
     """
 
-    platform: tyro.conf.Positional[str]
-    """A shipped platform (see `twin platforms`) or a folder with a platform.toml."""
+    path: tyro.conf.Positional[str]
+    """A shipped platform or law by name, a folder with a platform.toml, or a law's .py file."""
     picture: Annotated[Path | None, tyro.conf.arg(metavar="OUT.png")] = None
-    """Draw the machine into this PNG file, too."""
+    """Draw the platform into this PNG file, too."""
     json: bool = False
     """Print one JSON document instead of a table."""
 
     def run(self) -> int:
         """Print the findings; 0 when all is well."""
-        if sys.platform == "linux" and "DISPLAY" not in os.environ:
-            os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it when it is imported
-        from twin.check import check_platform
-        from twin.check.picture import draw
         from twin.cli.output import print_json
-        from twin.errors import PlatformError
-        from twin.platform import load_platform
+        from twin.errors import UsageError
+        from twin.library import controller_names
 
-        try:
-            platform = load_platform(self.platform)
-            findings = check_platform(platform)
-            title = f"{platform.name}: {platform.title}"
-            if self.picture is not None:
-                draw(platform, self.picture)
-        except PlatformError as problem:
-            findings, title = [_unreadable(problem)], self.platform
+        law = self.path.endswith(".py") or self.path in controller_names()
+        if law and self.picture is not None:
+            raise UsageError("--picture draws platforms, not control laws")
+        title, findings = _law(self.path) if law else _platform(self.path, self.picture)
         if self.json:
             print_json([dataclasses.asdict(finding) for finding in findings])
         else:
@@ -54,10 +47,36 @@ class Check:
         return 0 if all(finding.ok for finding in findings) else 1
 
 
-def _unreadable(problem: Exception) -> "Finding":
-    from twin.check import Finding
+def _platform(name: str, picture: Path | None) -> "tuple[str, list[Finding]]":
+    if sys.platform == "linux" and "DISPLAY" not in os.environ:
+        os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it when it is imported
+    from twin.check import Finding, check_platform
+    from twin.check.picture import draw
+    from twin.errors import PlatformError
+    from twin.platform import load_platform
 
-    return Finding("files can be read", False, "yes", "no", "", str(problem))
+    try:
+        platform = load_platform(name)
+        findings = check_platform(platform)
+        if picture is not None:
+            draw(platform, picture)
+    except PlatformError as problem:
+        return name, [Finding("can be read", False, "yes", "no", "", str(problem))]
+    return f"{platform.name}: {platform.title}", findings
+
+
+def _law(name: str) -> "tuple[str, list[Finding]]":
+    from twin.check import Finding
+    from twin.controller import check_controller
+    from twin.errors import ControllerError
+
+    try:
+        broken = check_controller(name)
+    except ControllerError as problem:
+        return name, [Finding("can be loaded", False, "yes", "no", "", str(problem))]
+    check = "keeps the contract"
+    kept = [Finding(check, True, "yes", "yes")]
+    return name, [Finding(check, False, "yes", "no", "", said) for said in broken] or kept
 
 
 def _table(title: str, findings: "list[Finding]") -> str:
@@ -74,7 +93,8 @@ def _table(title: str, findings: "list[Finding]") -> str:
         )
         lines.append(f"         {finding.sentence}")
     wrong = sum(not finding.ok for finding in findings)
-    lines.append(f"{len(findings)} checks, {f'{wrong} WRONG' if wrong else 'all ok'}")
+    plural = "s" if len(findings) > 1 else ""
+    lines.append(f"{len(findings)} check{plural}, {f'{wrong} WRONG' if wrong else 'all ok'}")
     return "\n".join(lines)
 
 
