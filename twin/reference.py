@@ -1,0 +1,210 @@
+"""Where the body should be: hold, slew or multisine, and the short text that names one.
+
+`hold:0,5,0`, `slew:0,0,90@1` and `multisine:5` are what a command line takes, in degrees; see
+`parse_reference`.
+"""
+
+import abc
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import UsageError
+from twin.rotation import from_euler_zyx, from_rotation_vector, to_rotation_vector
+from twin.signals import Target
+
+Array = NDArray[np.float64]
+
+GRAMMAR = "hold, hold:ROLL,PITCH,YAW, slew:ROLL,PITCH,YAW[@RATE] or multisine[:AMPLITUDE]"
+"""Angles in degrees, rates in degrees per second."""
+
+
+class Reference(abc.ABC):
+    """A motion to follow; rate and acceleration are the exact derivatives of the attitude."""
+
+    @abc.abstractmethod
+    def at(self, time: float | Array) -> Target:
+        """The target at `time` [s]; an array of times (...) gives attitude (..., 4), rate (..., 3).
+
+        Before 0 it is what it is at 0.
+        """
+
+
+@dataclass(frozen=True)
+class Hold(Reference):
+    """One attitude, for ever: intrinsic z-y'-x'' angles."""
+
+    roll: float = 0.0
+    """[rad]."""
+    pitch: float = 0.0
+    """[rad]."""
+    yaw: float = 0.0
+    """[rad]."""
+
+    @cached_property
+    def attitude(self) -> Array:
+        """(4,)."""
+        return from_euler_zyx(np.array(self.yaw), np.array(self.pitch), np.array(self.roll))
+
+    def at(self, time: float | Array) -> Target:
+        """The attitude, at rest."""
+        many = np.shape(time)
+        rest = np.zeros((*many, 3))
+        return Target(np.broadcast_to(self.attitude, (*many, 4)), rest, rest)
+
+
+@dataclass(frozen=True)
+class Slew(Reference):
+    """From level to an attitude along the eigenaxis, rest to rest, then hold.
+
+    The angle follows s(u) = 10 u^3 - 15 u^4 + 6 u^5 of the total, u = t / duration: the quintic
+    whose rate and acceleration vanish at both ends. The duration is what keeps the rate below
+    `rate`: 15/8 angle / rate.
+    """
+
+    roll: float
+    """[rad]."""
+    pitch: float
+    """[rad]."""
+    yaw: float
+    """[rad]."""
+    rate: float = math.radians(1.0)
+    """Highest rate on the way [rad/s]."""
+
+    @cached_property
+    def rotation_vector(self) -> Array:
+        """(3,) from level to the end [rad]."""
+        return to_rotation_vector(Hold(self.roll, self.pitch, self.yaw).attitude)
+
+    @cached_property
+    def duration(self) -> float:
+        """[s]; 1 s where there is nowhere to go."""
+        return 1.875 * float(np.linalg.norm(self.rotation_vector)) / self.rate or 1.0
+
+    def at(self, time: float | Array) -> Target:
+        """On the way, or there. The axis is fixed, so the derivatives are those of the angle."""
+        share, rate, acceleration = _quintic(time, self.duration)
+        return Target(
+            from_rotation_vector(share[..., None] * self.rotation_vector),
+            rate[..., None] * self.rotation_vector,
+            acceleration[..., None] * self.rotation_vector,
+        )
+
+
+@dataclass(frozen=True)
+class Multisine(Reference):
+    """Roll, pitch and yaw swing together, three tones each, never beyond `amplitude`.
+
+    angle_i(t) = amplitude s(t / ramp) sum_k a_k sin(2 pi f_ik t + p_ik), sum_k a_k = 1
+
+    The frequencies are `base_frequency` times square roots of square-free numbers: no two have a
+    rational ratio, so the motion never repeats, and each axis can be told from the others. The
+    quintic ramp s lets it start level, at rest, without a step in rate or acceleration.
+    At 5 deg and 10 mHz no axis exceeds 0.8 deg/s and 0.17 deg/s^2: below 0.2 N m s in a
+    body of 12 kg m^2, which leaves a small wheel's momentum to what gravity puts in.
+    """
+
+    amplitude: float = math.radians(5.0)
+    """Largest roll, pitch and yaw [rad]."""
+    base_frequency: float = 0.01
+    """[Hz]."""
+    ramp: float = 20.0
+    """Until the full amplitude [s]."""
+
+    def at(self, time: float | Array) -> Target:
+        """Attitude of the three Euler angles and its derivatives."""
+        share, share_1, share_2 = (s[..., None] for s in _quintic(time, self.ramp))
+        omega = 2.0 * np.pi * self.base_frequency * _TONES
+        phase = omega * np.maximum(time, 0.0)[..., None, None] + _PHASES
+        sine, cosine = _WEIGHTS * np.sin(phase), _WEIGHTS * np.cos(phase)
+        wave = np.sum(sine, axis=-1)
+        wave_1 = np.sum(omega * cosine, axis=-1)
+        wave_2 = -np.sum(omega**2 * sine, axis=-1)
+        return _target(
+            self.amplitude * share * wave,
+            self.amplitude * (share_1 * wave + share * wave_1),
+            self.amplitude * (share_2 * wave + 2.0 * share_1 * wave_1 + share * wave_2),
+        )
+
+
+_TONES = np.sqrt([[1.0, 5.0, 10.0], [2.0, 6.0, 11.0], [3.0, 7.0, 13.0]])
+_WEIGHTS = np.array([0.5, 0.3, 0.2])
+# Quadratic phases (Schroeder 1970) keep the tones' peaks apart.
+_PHASES = np.pi * np.arange(9.0).reshape(3, 3) ** 2 / 9.0
+
+
+def parse_reference(text: str) -> Reference:
+    """The reference that a command line names; see `GRAMMAR`.
+
+    Raises:
+        UsageError: it names none; says what would.
+    """
+    kind, _, rest = text.partition(":")
+    if text == "hold":
+        return Hold()
+    if kind == "hold":
+        return Hold(*_angles(text, rest, count=3))
+    if text == "multisine":
+        return Multisine()
+    if kind == "multisine":
+        (amplitude,) = _angles(text, rest, count=1)
+        if not 0.0 <= amplitude < np.pi / 2.0:
+            raise UsageError(f"reference {text!r}: the amplitude must lie between 0 and 90 deg")
+        return Multisine(amplitude)
+    if kind == "slew":
+        attitude, at, rate = rest.partition("@")
+        angles = _angles(text, attitude, count=3)
+        if not at:
+            return Slew(*angles)
+        (limit,) = _angles(text, rate, count=1)
+        if limit <= 0.0:
+            raise UsageError(f"reference {text!r}: the rate must be above 0 deg/s")
+        return Slew(*angles, rate=limit)
+    raise UsageError(f"no reference named {text!r}; use {GRAMMAR}, in degrees")
+
+
+def _angles(text: str, numbers: str, count: int) -> list[float]:
+    try:
+        angles = [math.radians(float(number)) for number in numbers.split(",")]
+    except ValueError:
+        angles = []
+    if len(angles) != count or not all(map(math.isfinite, angles)):
+        wanted = "one number" if count == 1 else f"{count} numbers with commas between"
+        raise UsageError(
+            f"reference {text!r}: {numbers!r} should be {wanted}; use {GRAMMAR}, in degrees"
+        )
+    return angles
+
+
+def _quintic(time: float | Array, duration: float) -> tuple[Array, Array, Array]:
+    """Smooth step from 0 to 1 within `duration`, and its first two derivatives in time."""
+    u = np.clip(np.asarray(time) / duration, 0.0, 1.0)
+    left = 1.0 - u
+    step = u**3 * (10.0 + u * (6.0 * u - 15.0))
+    return step, 30.0 * (u * left) ** 2 / duration, 60.0 * u * left * (left - u) / duration**2
+
+
+def _target(angle: Array, rate: Array, acceleration: Array) -> Target:
+    """Of (roll, pitch, yaw) and their derivatives, shape (..., 3)."""
+    roll, pitch, yaw = angle[..., 0], angle[..., 1], angle[..., 2]
+    roll_1, pitch_1, yaw_1 = rate[..., 0], rate[..., 1], rate[..., 2]
+    roll_2, pitch_2, yaw_2 = acceleration[..., 0], acceleration[..., 1], acceleration[..., 2]
+    sr, cr, sp, cp = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
+    # Across the roll axis a turn about y' and z'' shows as (across, along), turned by roll.
+    along, along_1 = yaw_1 * cp, yaw_2 * cp - yaw_1 * pitch_1 * sp
+    rate_y, rate_z = pitch_1 * cr + along * sr, along * cr - pitch_1 * sr
+    return Target(
+        from_euler_zyx(yaw, pitch, roll),
+        np.stack([roll_1 - yaw_1 * sp, rate_y, rate_z], axis=-1),
+        np.stack(
+            [
+                roll_2 - yaw_2 * sp - yaw_1 * pitch_1 * cp,
+                pitch_2 * cr + along_1 * sr + roll_1 * rate_z,
+                along_1 * cr - pitch_2 * sr - roll_1 * rate_y,
+            ],
+            axis=-1,
+        ),
+    )
