@@ -1,7 +1,7 @@
-"""What a control law is, how one is loaded by name or path, and a check that any author can run."""
+"""What a control law is: a frozen dataclass of gains with `init` and `update`."""
 
 import abc
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from twin.platform import Platform
 from twin.signals import Command, Estimate, Target
@@ -16,6 +16,9 @@ class Controller(abc.ABC, Generic[State]):
     or a thousand, live or replayed. Every array has the batch axis first. Fields carry their unit:
     `proportional: float = field(default=5.0, metadata={"unit": "N m"})`, with a docstring below.
     """
+
+    reference: ClassVar[str] = "hold"
+    """What it follows unless told otherwise; see `twin.reference.parse_reference`."""
 
     @abc.abstractmethod
     def init(self, platform: Platform, n: int) -> State:

@@ -1,0 +1,199 @@
+"""A check that any author can run on a control law: does it keep the contract of `Controller`?
+
+Every complaint says what is most likely wrong. A law that passes may still control badly: the
+check knows nothing about the machine beyond the commands it takes.
+"""
+
+import copy
+import dataclasses
+import pickle
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any, cast
+
+import numpy as np
+
+from twin.controller.controller import AnyController
+from twin.controller.load import load_controller
+from twin.controller.trial import Broken, estimates, fly, rows_of, start, targets, update
+from twin.errors import UnknownName
+from twin.platform import Platform, load_platform
+from twin.signals import Command
+
+
+def check_controller(
+    controller: AnyController | str | Path, platform: Platform | None = None
+) -> list[str]:
+    """Check a law, or the law of that name or file, on a platform (`sads` unless given).
+
+    Returns:
+        One sentence for each promise that the law breaks; empty when it keeps them all.
+
+    Raises:
+        UnknownName: no such law.
+        ControllerError: the file holds no law that can be loaded.
+    """
+    law = load_controller(str(controller)) if isinstance(controller, str | Path) else controller
+    platform = platform or load_platform("sads")
+    findings = list(_declared(law))
+    try:
+        for promise in (_answers, _repeatable, _rows_apart, _vectorised):
+            broken = list(promise(law, platform))
+            if broken:  # those after it take it for granted
+                return findings + broken
+    except Broken as problem:
+        findings.append(str(problem))
+    return findings
+
+
+def _declared(law: AnyController) -> Iterator[str]:
+    """A frozen dataclass, each gain with its unit."""
+    name = type(law).__name__
+    if not dataclasses.is_dataclass(law):
+        yield f"{name} is no dataclass: put @dataclass(frozen=True) above it"
+        return
+    if not cast(Any, law).__dataclass_params__.frozen:
+        yield f"{name} can change while it flies: make it @dataclass(frozen=True)"
+    for field in dataclasses.fields(law):
+        if isinstance(getattr(law, field.name), float) and "unit" not in field.metadata:
+            yield (
+                f"gain {field.name} has no unit: declare it as "
+                'field(default=..., metadata={"unit": "N m"}), "1" if it has none'
+            )
+
+
+def _answers(law: AnyController, platform: Platform) -> Iterator[str]:
+    """It starts, and answers with commands that the machine takes, for one run and for many."""
+    for n in (1, 256):
+        for command in fly(law, platform, estimates(platform, n)):
+            wrong = [f"{problem} (n = {n})" for problem in _refused(platform, command, n)]
+            if wrong:
+                yield from wrong
+                return
+
+
+def _refused(platform: Platform, command: Command, n: int) -> Iterator[str]:
+    for name, value in command.items():
+        if name not in platform.commands:
+            yield str(UnknownName(f"command of {platform.name}", name, platform.commands))
+            continue
+        shape, wanted = np.shape(value), (n, platform.commands[name])
+        kind = str(getattr(value, "dtype", type(value).__name__))
+        if kind != "float64":
+            yield f"{name} is of type {kind}, not a float64 array: start from np.zeros or np.array"
+        elif shape != wanted:
+            yield (
+                f"{name} has shape {shape}, not {wanted}: the batch axis comes first, one row a "
+                "run, also when there is only one"
+            )
+        elif not np.isfinite(value).all():
+            yield (
+                f"{name} holds {value[~np.isfinite(value)][0]} though all it was given is finite: "
+                "look for a division by zero or a root below zero, at rest on target or upside down"
+            )
+
+
+def _repeatable(law: AnyController, platform: Platform) -> Iterator[str]:
+    """The answer depends on the arguments alone, and they are left as they were."""
+    state, estimate, target = start(law, platform, 3), estimates(platform, 3)[1], targets()[1]
+    try:
+        saved = pickle.dumps(state)
+    except Exception as problem:
+        yield (
+            f"its state cannot be saved ({problem}): a run could not be replayed; keep numbers, "
+            "arrays and dataclasses of them"
+        )
+        return
+    before = copy.deepcopy((estimate, target))
+    first, first_after = update(law, pickle.loads(saved), *copy.deepcopy(before))
+    # Other answers between, so that a law that remembers in itself gives itself away.
+    fly(law, platform, estimates(platform, 3)[1:] + estimates(platform, 3)[:1])
+    time.sleep(0.002)
+    state = pickle.loads(saved)
+    second, second_after = update(law, state, estimate, target)
+    if not _equal([first], [second]) or pickle.dumps(first_after) != pickle.dumps(second_after):
+        yield (
+            "the same call twice gives two answers: it uses the clock (take `time`), random "
+            "numbers, or remembers outside its state (on self, or in a global)"
+        )
+    if pickle.dumps(state) != pickle.dumps(pickle.loads(saved)):
+        yield "it changes the state it is given: return a new one (dataclasses.replace, a + b)"
+    changed = [
+        f"{type(old).__name__.lower()}.{field.name}"
+        for old, new in zip(before, (estimate, target), strict=True)
+        for field in dataclasses.fields(old)
+        if not np.array_equal(getattr(old, field.name), getattr(new, field.name))
+    ]
+    if changed:
+        yield (
+            f"it changes {', '.join(changed)} in place, which the recorder still needs: "
+            "write x = x + y, not x += y, or copy first"
+        )
+
+
+def _rows_apart(law: AnyController, platform: Platform) -> Iterator[str]:
+    """A run's command depends on that run alone."""
+    three = estimates(platform, 3)
+    together = fly(law, platform, three)
+    tumbling = [rows_of(estimate, [1, 1, 2]) for estimate in three]
+    for estimate in tumbling:
+        estimate.rate_body[0] = 10.0
+    if not _equal(_rows(together, [1, 2]), _rows(fly(law, platform, tumbling), [1, 2])):
+        yield (
+            "the command of a run changes with what happens to another run: some sum, mean, norm "
+            "or `if` goes over the whole batch; give it axis=-1, or use np.where row by row"
+        )
+        return
+    for row in range(3):
+        alone = fly(law, platform, [rows_of(estimate, [row]) for estimate in three])
+        if not _equal(_rows(together, [row]), alone, tolerance=1e-9):
+            yield (
+                "a run alone gets another command than as one row of three: look for squeeze, "
+                "for [0] where [:, 0] is meant, and for shapes that broadcast by accident"
+            )
+            return
+
+
+def _vectorised(law: AnyController, platform: Platform) -> Iterator[str]:
+    """Its Python work does not grow with the number of runs."""
+    few, many = (_instructions(law, platform, n) for n in (8, 64))
+    if many > 1.2 * few:
+        yield (
+            f"it executes {many} Python instructions for 64 runs and {few} for 8: it loops over "
+            "the runs; let NumPy work on whole columns"
+        )
+
+
+def _instructions(law: AnyController, platform: Platform, n: int) -> int:
+    """Python instructions of one tick: counted, because a time would depend on the machine."""
+    state, estimate, target = start(law, platform, n), estimates(platform, n)[1], targets()[1]
+    count = 0
+
+    def trace(frame: FrameType, event: str, argument: object) -> Callable[..., Any]:
+        nonlocal count
+        frame.f_trace_opcodes, frame.f_trace_lines = True, False
+        count += event == "opcode"
+        return trace
+
+    previous = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        law.update(state, estimate, target, estimate.time)
+    finally:
+        sys.settrace(previous)
+    return count
+
+
+def _rows(commands: list[Command], rows: list[int]) -> list[Command]:
+    return [{name: value[rows] for name, value in command.items()} for command in commands]
+
+
+def _equal(left: list[Command], right: list[Command], tolerance: float = 0.0) -> bool:
+    return all(
+        a.keys() == b.keys()
+        and all(np.allclose(a[name], b[name], rtol=tolerance, atol=tolerance) for name in a)
+        for a, b in zip(left, right, strict=True)
+    )

@@ -1,0 +1,108 @@
+"""A control law from its file: by name or path, imported alone, with its gains."""
+
+import hashlib
+import importlib.util
+import inspect
+import math
+import sys
+import traceback
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, fields, is_dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from twin.controller.controller import AnyController, Controller
+from twin.errors import ControllerError, TwinError, UnknownName
+from twin.library import find_controller
+
+
+def load_controller(name: str, gains: Mapping[str, float] | None = None) -> AnyController:
+    """The law of that name (`quaternion_pd`) or in that file (`path/to/law.py`), with its gains.
+
+    Raises:
+        UnknownName: no such law, or no such gain.
+        ControllerError: the file cannot be imported, does not define exactly one law, or its class
+            does not take the gains.
+    """
+    path = find_controller(name)
+    law = _only_law(path, _import_alone(path))
+    if not is_dataclass(law):
+        raise ControllerError(
+            f"{path}: {law.__name__} is no dataclass; put @dataclass(frozen=True) above it and "
+            "make its gains fields"
+        )
+    known = {field.name: field for field in fields(law) if field.init}
+    given = dict(gains or {})
+    for gain, value in given.items():
+        if gain not in known:
+            raise UnknownName("gain", gain, known)
+        _expect_number(path, known[gain], value)
+    for gain, field in known.items():
+        if gain not in given and field.default is MISSING and field.default_factory is MISSING:
+            raise ControllerError(f"{path}: gain {gain} has no default; give it a value")
+    try:
+        return law(**given)
+    except TwinError:
+        raise
+    except Exception as problem:
+        raise ControllerError(f"{path}: {raised_at(path, problem)}") from problem
+
+
+def raised_at(path: Path, problem: BaseException) -> str:
+    """Line of `path`, kind and message of what was raised in it."""
+    lines = [
+        frame.lineno
+        for frame in traceback.extract_tb(problem.__traceback__)
+        if frame.filename == str(path)
+    ]
+    line = problem.lineno if isinstance(problem, SyntaxError) else (lines[-1] if lines else None)
+    message = problem.msg if isinstance(problem, SyntaxError) else str(problem)
+    return (f"line {line}: " if line else "") + f"{type(problem).__name__}: {message}"
+
+
+def _import_alone(path: Path) -> ModuleType:
+    """Run the file as a module of a private name, so that it clashes with nobody's."""
+    name = f"_twin_controller_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:12]}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ControllerError(f"{path}: is no Python file; a law is a file that ends in .py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as problem:
+        del sys.modules[name]
+        raise ControllerError(
+            f"{path}: cannot be imported, {raised_at(path, problem)}; mend the file"
+        ) from problem
+    return module
+
+
+def _only_law(path: Path, module: ModuleType) -> type[AnyController]:
+    laws = [
+        found
+        for found in vars(module).values()
+        if isinstance(found, type)
+        and issubclass(found, Controller)
+        and found.__module__ == module.__name__
+    ]
+    if len(laws) != 1:
+        names = ", ".join(law.__name__ for law in laws) or "none"
+        raise ControllerError(
+            f"{path}: defines {len(laws)} subclasses of twin.controller.Controller ({names}); "
+            "a law is a file with exactly one"
+        )
+    if inspect.isabstract(laws[0]):
+        missing = ", ".join(sorted(laws[0].__abstractmethods__))
+        raise ControllerError(f"{path}: {laws[0].__name__} lacks {missing}; add it")
+    return laws[0]
+
+
+def _expect_number(path: Path, field: "Field[Any]", value: object) -> None:
+    unit = field.metadata.get("unit", "")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ControllerError(
+            f"{path}: gain {field.name} is {value!r}; give a finite number"
+            + (f" in {unit}" if unit else "")
+        )
