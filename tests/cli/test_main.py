@@ -152,7 +152,9 @@ def test_platforms_as_json_is_one_document_with_names():
 def test_controllers_as_json_is_one_document_with_names_and_gains():
     laws = json.loads(twin("controllers", "--json", check=True).stdout)
     assert "quaternion_pd" in [law["name"] for law in laws]
-    assert all(law["summary"] and law["gains"] for law in laws)
+    assert all(law["summary"] for law in laws)
+    gains = next(law["gains"] for law in laws if law["name"] == "quaternion_pd")
+    assert {"name", "value", "unit"} == set(gains[0])
 
 
 @pytest.mark.parametrize("name", ["platforms", "controllers"])
