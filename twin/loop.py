@@ -6,7 +6,7 @@ batch holds.
 
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
@@ -46,7 +46,7 @@ class Observer(Protocol):
         target: Target,
         wanted: Command,
         applied: Command,
-        truth: dict[str, Samples],
+        truth: Mapping[str, Samples],
     ) -> None:
         """One tick. `truth` is empty on hardware."""
         ...

@@ -1,5 +1,6 @@
 """Figures of merit of a run, gathered while it flies; one row a run of the batch."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,7 +42,7 @@ class Metrics:
         target: Target,
         wanted: Command,
         applied: Command,
-        truth: dict[str, Samples],
+        truth: Mapping[str, Samples],
     ) -> None:
         """One tick."""
         del wanted, applied

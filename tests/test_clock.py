@@ -1,0 +1,50 @@
+"""Ticks stand where they should, and lateness is counted, never caught up."""
+
+import time
+
+import pytest
+
+from twin.clock import SimulatedClock, WallClock
+
+
+def test_simulated_ticks_are_whole_multiples_of_the_period_up_to_the_duration():
+    ticks = list(SimulatedClock().ticks(0.05, 300.0))
+    assert len(ticks) == 6001
+    assert ticks[-1] == 6000 * 0.05
+    assert ticks[4321] == 4321 * 0.05
+
+
+@pytest.mark.parametrize(("duration", "count"), [(0.0, 1), (0.04, 1), (0.1, 3), (0.149, 3)])
+def test_no_tick_lies_beyond_the_duration(duration, count):
+    assert len(list(SimulatedClock().ticks(0.05, duration))) == count
+
+
+def test_wall_ticks_come_no_earlier_than_their_time():
+    clock = WallClock()
+    start = time.monotonic()
+    for tick in clock.ticks(0.01, 0.1):
+        assert time.monotonic() - start >= tick
+    assert clock.timing.ticks + clock.timing.overruns == 11
+    assert len(clock.timing.lateness) == clock.timing.ticks
+
+
+def test_a_tick_that_takes_too_long_costs_whole_ticks_and_no_burst_follows():
+    clock = WallClock()
+    seen = []
+    for tick in clock.ticks(0.02, 0.4):
+        seen.append(tick)
+        if len(seen) == 3:
+            time.sleep(0.09)
+    assert clock.timing.overruns >= 4
+    assert len(seen) + clock.timing.overruns == 21
+    assert seen[3] >= seen[2] + 0.09, "a late loop must skip to the next tick in the future"
+
+
+def test_each_phase_is_timed():
+    clock = SimulatedClock()
+    for _ in clock.ticks(0.05, 0.1):
+        clock.lap("read")
+        time.sleep(0.002)
+        clock.lap("control")
+    assert clock.timing.seconds["control"] >= 0.006
+    assert clock.timing.seconds["write"] == 0.0
