@@ -1,0 +1,33 @@
+"""`python -m benchmarks [SUBJECT ...]`: all subjects in turn, or those named."""
+
+import sys
+import time
+from importlib import import_module
+
+from benchmarks.measure import machine
+
+SUBJECTS = {
+    "start_up": "how long the command takes to answer",
+    "single": "one run, against Basilisk where it is installed",
+    "recording": "what recording costs",
+    "batch": "closed loop against bare physics",
+}
+
+
+def main(names: list[str]) -> int:
+    """Run the subjects; 2 if one of them is not known."""
+    unknown = [name for name in names if name not in SUBJECTS]
+    if unknown:
+        print(f"no benchmark named {unknown[0]!r}; known: {', '.join(SUBJECTS)}", file=sys.stderr)
+        return 2
+    print(machine())
+    for name in names or SUBJECTS:
+        print(f"\n== {name}: {SUBJECTS[name]}\n", flush=True)
+        start = time.perf_counter()
+        import_module(f"benchmarks.{name}").run()
+        print(f"\n({time.perf_counter() - start:.0f} s)", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
