@@ -1,0 +1,116 @@
+"""`twin export`: the folder of tables holds the same numbers, whatever the format."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+from scipy.io import loadmat
+
+from twin.cli.main import main
+from twin.errors import RecordingError
+from twin.recording import Recording, Series, open_log, write_folder
+from twin.stream.runfile import write_recording
+
+
+@pytest.fixture
+def recording() -> Recording:
+    rng = np.random.default_rng(11)
+    columns = {
+        "gyro": ("x", "y", "z"),
+        "wheel_speed": ("w1", "w2"),
+        "coil temperature": ("a",),
+        "truth_rate": ("x", "y", "z"),
+    }
+    units = {
+        "gyro": "rad/s",
+        "wheel_speed": "rad/s",
+        "coil temperature": "K",
+        "truth_rate": "rad/s",
+    }
+    streams = {
+        name: Series(
+            np.cumsum(rng.exponential(size=200)),
+            rng.normal(size=(200, len(names))) * 10.0 ** rng.integers(-300, 300, (200, 1)),
+            names,
+            units[name],
+        )
+        for name, names in columns.items()
+    }
+    facts = {
+        "schema": 1,
+        "platform": "sads",
+        "seed": 4,
+        "gravity": 9.7954,
+        "notes": {"air": 'a "b"'},
+    }
+    return Recording(streams, facts)
+
+
+@pytest.mark.parametrize("origin", ["memory", "rrd"])
+def test_a_csv_folder_reads_back_to_the_last_bit(recording, tmp_path: Path, origin: str):
+    if origin == "rrd":
+        write_recording(recording, tmp_path / "a.rrd")
+        recording = open_log(tmp_path / "a.rrd")
+    write_folder(recording, tmp_path / "log", truth=True)
+    copy = open_log(tmp_path / "log")
+    assert set(copy) == set(recording)
+    for name, series in recording.items():
+        assert copy[name].time.tobytes() == series.time.tobytes(), name
+        assert copy[name].value.tobytes() == series.value.tobytes(), name
+        assert (copy[name].columns, copy[name].unit) == (series.columns, series.unit)
+    assert copy.provenance["platform"] == "sads"
+    assert copy.provenance["environment"] == {"gravity": 9.7954}
+    assert copy.provenance["notes"] == {"seed": 4, "air": 'a "b"'}
+
+
+def test_parquet_and_mat_hold_the_same_numbers(recording, tmp_path: Path):
+    tables = write_folder(recording, tmp_path / "parquet", format="parquet")
+    matrices = write_folder(recording, tmp_path / "mat", format="mat")
+    for name, path in tables.items():
+        series = recording[name]
+        table = parquet.read_table(path)
+        assert table.column_names == ["time", *series.columns]
+        assert table["time"].to_numpy().tobytes() == series.time.tobytes()
+        for i, column in enumerate(series.columns):
+            assert table[column].to_numpy().tobytes() == series.value[:, i].copy().tobytes()
+        matrix = loadmat(matrices[name])[name.replace(" ", "_")]
+        assert np.array_equal(matrix, np.column_stack([series.time, series.value]))
+
+
+def test_true_states_are_written_on_request_only(recording, tmp_path: Path):
+    assert "truth_rate" not in write_folder(recording, tmp_path / "a")
+    assert "truth_rate" in write_folder(recording, tmp_path / "b", truth=True)
+
+
+def test_a_stream_without_rows_is_mentioned(tmp_path: Path):
+    empty = Series(np.empty(0), np.empty((0, 3)), ("x", "y", "z"), "rad/s")
+    full = Series(np.zeros(1), np.zeros((1, 3)), ("x", "y", "z"), "T")
+    write_folder(Recording({"gyro": empty, "magnetometer": full}), tmp_path / "a")
+    assert "# gyro has no rows" in (tmp_path / "a" / "log.toml").read_text()
+
+
+def test_a_folder_that_holds_something_is_not_touched(recording, tmp_path: Path):
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(RecordingError, match="not empty"):
+        write_folder(recording, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_two_streams_never_share_a_file(tmp_path: Path):
+    series = Series(np.zeros(1), np.zeros((1, 1)), ("x",), "m")
+    with pytest.raises(RecordingError, match="two streams in one file"):
+        write_folder(Recording({"a b": series, "a-b": series}), tmp_path / "a")
+
+
+def test_the_command_exports_a_recording(recording, tmp_path: Path, capsys):
+    write_recording(recording, tmp_path / "a.rrd")
+    assert main(["export", str(tmp_path / "a.rrd"), str(tmp_path / "out"), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["rows"] == {"gyro": 200, "wheel_speed": 200, "coil temperature": 200}
+    assert (tmp_path / "out" / "log.toml").exists()
+    assert main(["export", str(tmp_path / "a.rrd"), str(tmp_path / "out")]) == 1
+    assert "not empty" in capsys.readouterr().err
+    assert main(["export", str(tmp_path / "nowhere"), str(tmp_path / "out2")]) == 1
+    assert "no such log" in capsys.readouterr().err

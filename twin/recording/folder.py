@@ -1,0 +1,161 @@
+"""A recording as the folder of tables that any lab reads: log.toml and one file a stream (4.3)."""
+
+import csv
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, cast, get_args
+
+from twin.errors import RecordingError, UnknownName
+from twin.recording.recording import Recording, Series
+from twin.signals import stream_named
+
+Format = Literal["csv", "parquet", "mat"]
+
+FORMATS: tuple[str, ...] = get_args(Format)
+
+
+def write_folder(
+    recording: Recording, folder: str | Path, *, format: Format = "csv", truth: bool = False
+) -> dict[str, Path]:
+    """Write a recording as a folder; in SI, every float64 to its last bit.
+
+    Args:
+        recording: what to write.
+        folder: made if it does not exist.
+        format: of the streams' files. A `.mat` holds one matrix, named as the stream: the times,
+            then its columns.
+        truth: write a simulation's true states too.
+
+    Returns:
+        The file of each stream. A stream without rows has none; log.toml says so.
+
+    Raises:
+        RecordingError: the folder holds files already, or cannot be written.
+        UnknownName: no such format.
+    """
+    if format not in FORMATS:
+        raise UnknownName("format", format, FORMATS)
+    folder = Path(folder)
+    if not truth:
+        recording = recording.without_truth()
+    files = {name: folder / f"{_plain(name)}.{format}" for name, s in recording.items() if len(s)}
+    if len(set(files.values())) < len(files):
+        raise RecordingError(
+            folder, "would hold two streams in one file", "rename those that differ in signs only"
+        )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise RecordingError(folder, "is not empty", "name a new folder, or empty it")
+        for name, path in files.items():
+            _WRITERS[format](path, name, recording[name])
+        (folder / "log.toml").write_text(_log_toml(recording, files, format), encoding="utf-8")
+    except OSError as problem:
+        raise RecordingError(
+            folder, f"cannot be written: {problem.strerror}", "choose another place"
+        ) from None
+    return files
+
+
+def _write_csv(path: Path, name: str, series: Series) -> None:
+    del name
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["time", *series.columns])
+        # Python writes the shortest text that reads back as the same float64
+        rows = zip(series.time.tolist(), series.value.tolist(), strict=True)
+        writer.writerows([time, *value] for time, value in rows)
+
+
+def _write_parquet(path: Path, name: str, series: Series) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    del name
+    columns = {"time": series.time} | dict(zip(series.columns, series.value.T, strict=True))
+    parquet.write_table(pa.table(columns), path)
+
+
+def _write_mat(path: Path, name: str, series: Series) -> None:
+    import numpy as np
+    from scipy.io import savemat
+
+    savemat(path, {_plain(name): np.column_stack([series.time, series.value])})
+
+
+_WRITERS = {"csv": _write_csv, "parquet": _write_parquet, "mat": _write_mat}
+
+
+def _log_toml(recording: Recording, files: Mapping[str, Path], format: str) -> str:
+    facts = recording.provenance
+    lines = ["# Written by `twin export`; all values in SI.", f"platform = {_toml(_name(facts))}"]
+    environment = dict(facts.get("environment") or {})
+    if "gravity" in facts:
+        environment.setdefault("gravity", facts["gravity"])
+    lines += _table("environment", environment)
+    stated = cast(Mapping[str, Mapping[str, Any]], facts.get("streams") or {})
+    for name, series in recording.items():
+        if name not in files:
+            lines += ["", f"# {name} has no rows"]
+            continue
+        entry: dict[str, Any] = {"file": files[name].name}
+        if format == "mat":
+            entry["variable"] = _plain(name)
+        entry["unit"] = series.unit
+        if _axes_differ(name, series):
+            entry["axes"] = list(series.columns)
+        if stated.get(name, {}).get("noise") is not None:
+            entry["noise"] = stated[name]["noise"]
+        if stated.get(name, {}).get("fit_scale"):
+            entry["scale"] = "fit"
+        lines += _table(f"streams.{_key(name)}", entry)
+    notes = dict(facts.get("notes") or {})
+    about = {key: facts[key] for key in ("started", "seed", "command", "versions") if key in facts}
+    about |= {"repairs": list(recording.repairs)} if recording.repairs else {}
+    lines += _table("notes", about | notes)
+    return "\n".join(lines) + "\n"
+
+
+def _name(facts: Mapping[str, Any]) -> str:
+    return str(facts.get("platform", "unknown"))
+
+
+def _axes_differ(name: str, series: Series) -> bool:
+    """Whether the series has other columns than a stream of that name always has."""
+    try:
+        fixed = stream_named(name).columns
+    except UnknownName:
+        return False
+    return bool(fixed) and fixed != series.columns
+
+
+def _table(name: str, entries: Mapping[str, Any]) -> list[str]:
+    lines = [f"{_key(key)} = {_toml(value)}" for key, value in entries.items() if value is not None]
+    return ["", f"[{name}]", *lines] if lines else []
+
+
+def _toml(value: Any) -> str:
+    """A JSON-able value as TOML; a table becomes its JSON text."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, list | tuple):
+        entries = cast(list[Any], value)
+        return "[" + ", ".join(_toml(entry) for entry in entries) + "]"
+    return _quoted(value if isinstance(value, str) else json.dumps(value, ensure_ascii=False))
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _plain(name: str) -> str:
+    """A name that file systems and MATLAB take."""
+    return re.sub(r"\W", "_", name, flags=re.ASCII)

@@ -1,0 +1,25 @@
+"""Any log, by its path: a recording (`.rrd`) or a folder with a log.toml."""
+
+from pathlib import Path
+
+from twin.errors import RecordingError
+from twin.recording.log import read_log
+from twin.recording.read import read_recording
+from twin.recording.recording import Recording
+
+
+def open_log(path: str | Path) -> Recording:
+    """Read an `.rrd`, a folder that holds a log.toml, or that log.toml.
+
+    Raises:
+        RecordingError: no such thing, or an `.rrd` that cannot be read.
+        LogError: a folder that cannot be read.
+    """
+    path = Path(path)
+    if path.is_dir() or path.name == "log.toml":
+        return read_log(path)
+    if not path.exists():
+        raise RecordingError(
+            path, "there is no such log", "name an .rrd, or a folder that holds a log.toml"
+        )
+    return read_recording(path)

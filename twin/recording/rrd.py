@@ -1,0 +1,152 @@
+"""Our layout of an `.rrd`: one entity a stream, its exact times beside it, facts as JSON.
+
+Scalars carry the values as float64. Rerun's own timeline counts whole nanoseconds, so the times are
+a column of float64 too. What is drawn only (`plots/`, `world/`) has no header and is not read back.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from numpy.typing import NDArray
+from rerun.chunk import Chunk
+
+from twin.errors import RecordingError
+from twin.recording.schema import (
+    APPLICATION,
+    COLUMNS,
+    ENDING,
+    PROVENANCE,
+    STREAM,
+    TIME,
+    TIMELINE,
+    UNIT,
+)
+
+Array = NDArray[np.float64]
+
+ROWS_PER_CHUNK = 16384
+"""What the viewer loads in one piece; longer blocks are split."""
+
+PALETTE = ((214, 69, 65), (61, 153, 112), (52, 109, 219), (230, 150, 30), (130, 90, 200))
+"""Colours of a stream's columns, in order: x red, y green, z blue."""
+
+_LATEST = 9.2e18
+"""Nanoseconds that a timeline can hold; a time beyond is drawn there."""
+
+_SCALARS = next(iter(rr.Scalars.columns(scalars=[0.0]))).component_descriptor()
+_TIME = rr.ComponentDescriptor(TIME)
+
+
+class RrdFile:
+    """Writes streams into a file, a viewer, or both."""
+
+    def __init__(self, path: Path | None, *, viewer: bool = False) -> None:
+        """Open the file (written over if it exists) and, if asked, a viewer.
+
+        Raises:
+            RecordingError: the file cannot be written, or the viewer is not there.
+        """
+        self._ending = ""
+        self.rerun = rr.RecordingStream(APPLICATION)
+        sinks: list[rr.sinks.LogSinkLike] = []
+        try:
+            if viewer:
+                rr.spawn(connect=False, hide_welcome_screen=True)
+                sinks.append(rr.GrpcSink())
+            if path is not None:
+                sinks.append(rr.FileSink(path))
+            self.rerun.set_sinks(*sinks)
+        except RuntimeError as problem:
+            raise RecordingError(
+                path or "the Rerun viewer",
+                f"cannot be opened: {problem}",
+                "is the disk full, the folder writable and `rerun` on the path?",
+            ) from None
+
+    def provenance(self, facts: Mapping[str, Any]) -> None:
+        """Where the recording comes from; JSON-able."""
+        self._note(PROVENANCE, facts)
+
+    def ending(self, sentence: str) -> None:
+        """How the recording came to its end, where that is worth telling a reader."""
+        self._ending = sentence
+
+    def declare(self, stream: str, columns: Iterable[str], unit: str) -> None:
+        """Say what a stream's columns are, before its first rows."""
+        names = list(columns)
+        path = entity(stream)
+        header: dict[str, Any] = {STREAM: stream, COLUMNS: names, UNIT: unit}
+        self.rerun.log(path, rr.AnyValues(**header), static=True, strict=True)
+        colors = [PALETTE[i % len(PALETTE)] for i in range(len(names))]
+        style = rr.SeriesLines(names=names, colors=colors)
+        self.rerun.log(path, style, static=True, strict=True)
+
+    def write(self, rows: Mapping[str, tuple[Array, Array]]) -> None:
+        """Append rows, by stream: times (m,) [s] and values (m, k)."""
+        self.send(
+            chunk
+            for stream, (time, value) in rows.items()
+            for chunk in scalars(entity(stream), time, value, exact=True)
+        )
+
+    def send(self, chunks: Iterable[Chunk]) -> None:
+        """Append anything else that is to be seen."""
+        rr.send_chunks(chunks, recording=self.rerun)
+
+    def flush(self) -> None:
+        """Return when all that was written is in the file."""
+        self.rerun.flush()
+
+    def close(self) -> None:
+        """Write the end of the recording, and the file's index."""
+        self._note(ENDING, self._ending)
+        self.rerun.flush()
+        self.rerun.disconnect()
+
+    def _note(self, path: str, facts: object) -> None:
+        text = json.dumps(facts, indent=2, ensure_ascii=False)
+        self.rerun.log(path, rr.TextDocument(text), static=True, strict=True)
+
+
+def entity(stream: str) -> str:
+    """Entity path of a stream; a name with odd characters is escaped."""
+    return rr.escape_entity_path_part(stream)
+
+
+def timeline(time: Array) -> rr.TimeColumn:
+    """Times [s] as whole nanoseconds of the viewer's timeline."""
+    with np.errstate(over="ignore"):
+        nanoseconds = np.clip(np.nan_to_num(time) * 1e9, -_LATEST, _LATEST)
+    return rr.TimeColumn(TIMELINE, duration=np.rint(nanoseconds).astype("timedelta64[ns]"))
+
+
+class _Exact:
+    """float64 times as eight bytes each: numbers would appear in every plot of their stream."""
+
+    def __init__(self, time: Array) -> None:
+        self._time = np.ascontiguousarray(time, dtype="<f8")
+
+    def as_arrow_array(self) -> pa.FixedSizeBinaryArray:
+        data = pa.py_buffer(self._time)
+        return pa.FixedSizeBinaryArray.from_buffers(pa.binary(8), len(self._time), [None, data])
+
+
+def scalars(path: str, time: Array, value: Array, *, exact: bool = False) -> list[Chunk]:
+    """Chunks of k scalars a row; `exact` adds the times as float64."""
+    chunks: list[Chunk] = []
+    width = value.shape[1]
+    for first in range(0, len(time), ROWS_PER_CHUNK):
+        part = slice(first, first + ROWS_PER_CHUNK)
+        stamp = time[part]
+        rows = np.arange(len(stamp) + 1, dtype=np.int32)
+        batch = rr.components.ScalarBatch(np.ascontiguousarray(value[part]).ravel())
+        columns = [rr.ComponentColumn(_SCALARS, batch, offsets=rows * width)]
+        if exact:
+            columns.append(rr.ComponentColumn(_TIME, _Exact(stamp), offsets=rows))
+        chunks.append(Chunk.from_columns(path, indexes=[timeline(stamp)], columns=columns))
+    return chunks

@@ -1,0 +1,127 @@
+"""What the loop hands its ticks to: a file (or viewer), or memory."""
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from twin.platform import Platform
+from twin.recording.recording import Recording
+from twin.signals import Command, Estimate, Reading, Samples, Target
+from twin.stream.rows import Rows, Tick, series
+from twin.stream.writer import RecordingWriter
+
+CHUNK = 0.5
+"""Rows are handed to the writer after this much recorded time, or of the wall's, whichever comes
+first [s]; what a killed process loses."""
+
+
+class FileRecorder:
+    """Records one run of the batch into an `.rrd`, a live viewer, or both.
+
+    Construct it early: the writer's process then comes up while the machine is being compiled.
+    Nobody may write to the arrays of a tick after it: they are read up to `CHUNK` later.
+    """
+
+    def __init__(self, path: str | Path | None, *, viewer: bool = False, run: int = 0) -> None:
+        """Start the writer; a file that exists is written over only by `start`.
+
+        Raises:
+            RecordingError: the file cannot be written.
+        """
+        self._writer = RecordingWriter(path, viewer=viewer)
+        self._run = run
+        self._rows: Rows | None = None
+        self._ticks: list[Tick] = []
+        self._declared = 0
+        self._sent = 0.0
+        self._sent_wall = 0.0
+
+    def start(self, platform: Platform, provenance: Mapping[str, Any]) -> None:
+        """Say what is recorded, before the first tick."""
+        self._writer.start(platform, provenance)
+        self._rows = Rows(platform, self._run)
+        self._sent_wall = time.monotonic()
+
+    def collect(
+        self,
+        reading: Reading,
+        estimate: Estimate,
+        target: Target,
+        wanted: Command,
+        applied: Command,
+        truth: Mapping[str, Samples],
+    ) -> None:
+        """One tick.
+
+        Raises:
+            RecordingError: the writer has failed.
+        """
+        self._ticks.append(Tick(reading, estimate, target, wanted, applied, truth))
+        wall = time.monotonic()
+        if reading.time - self._sent >= CHUNK or wall - self._sent_wall >= CHUNK:
+            self._sent, self._sent_wall = reading.time, wall
+            self._send()
+
+    def close(self) -> None:
+        """Send what is left, and return when the file is complete.
+
+        Raises:
+            RecordingError: it is not.
+        """
+        if self._ticks:
+            self._send()
+        self._writer.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _send(self) -> None:
+        if self._rows is None:
+            raise RuntimeError("start() comes before the first tick")
+        ticks, self._ticks = self._ticks, []
+        blocks = self._rows.of(ticks)
+        if len(self._rows.headers) > self._declared:
+            self._declared = len(self._rows.headers)
+            self._writer.declare(self._rows.headers)
+        self._writer.write(blocks)
+
+
+class MemoryRecorder:
+    """Keeps every run of the batch; `recording(run)` gives one of them.
+
+    Nobody may write to the arrays of a tick after it: they are kept as they are.
+    """
+
+    def __init__(self, platform: Platform, provenance: Mapping[str, Any] | None = None) -> None:
+        self._platform = platform
+        self._provenance = dict(provenance or {})
+        self._ticks: list[Tick] = []
+
+    def collect(
+        self,
+        reading: Reading,
+        estimate: Estimate,
+        target: Target,
+        wanted: Command,
+        applied: Command,
+        truth: Mapping[str, Samples],
+    ) -> None:
+        """One tick."""
+        self._ticks.append(Tick(reading, estimate, target, wanted, applied, truth))
+
+    def recording(self, run: int = 0) -> Recording:
+        """What a file of that run would hold."""
+        rows = Rows(self._platform, run)
+        blocks = rows.of(self._ticks)
+        streams = {name: series(rows.headers[name], block) for name, block in blocks.items()}
+        return Recording(streams, self._provenance)

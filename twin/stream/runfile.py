@@ -1,0 +1,103 @@
+"""A recording as a person sees it: the streams, the machine in 3D, derived plots, a blueprint."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.platform import Platform
+from twin.recording.recording import Recording
+from twin.recording.rrd import RrdFile, scalars
+from twin.recording.schema import SCHEMA
+from twin.stream.blueprint import blueprint
+from twin.stream.plots import Plots
+from twin.stream.rows import Block, Header, decode, joined
+from twin.stream.scene import Scene
+
+Array = NDArray[np.float64]
+
+
+class RunFile:
+    """An `.rrd`, a viewer, or both, that receive a run."""
+
+    def __init__(self, path: Path | None, *, viewer: bool = False) -> None:
+        """As `RrdFile`."""
+        self._file = RrdFile(path, viewer=viewer)
+        self._widths: dict[str, int] = {}
+        self._scene: Scene | None = None
+        self._plots: Plots | None = None
+        self._undrawn: dict[str, list[tuple[Array, Array]]] = {}
+
+    def start(self, platform: Platform | None, provenance: Mapping[str, Any]) -> None:
+        """Write what stays the same: where it comes from, and the machine's shape."""
+        self._file.provenance(provenance)
+        if platform is None:
+            return
+        self._scene, self._plots = Scene(platform), Plots(platform)
+        self._file.rerun.send_blueprint(blueprint(platform))
+        for path, archetype in (*self._scene.shapes(), *self._plots.styles()):
+            self._file.rerun.log(path, archetype, static=True, strict=True)
+
+    def declare(self, headers: Mapping[str, Header]) -> None:
+        """Say what streams are, before their first rows; repetition does no harm."""
+        for stream, header in headers.items():
+            if stream not in self._widths:
+                self._widths[stream] = len(header.columns)
+                self._file.declare(stream, header.columns, header.unit)
+
+    def write(self, rows: Mapping[str, tuple[Array, Array]]) -> None:
+        """Append rows; they are in the file on return."""
+        self._file.write(rows)
+        self._file.flush()
+        for stream, row in rows.items():
+            self._undrawn.setdefault(stream, []).append(row)
+
+    def draw(self) -> None:
+        """Append what the rows since the last call show."""
+        rows = {
+            stream: (
+                np.concatenate([time for time, _ in pieces]),
+                np.concatenate([value for _, value in pieces]),
+            )
+            for stream, pieces in self._undrawn.items()
+        }
+        self._undrawn.clear()
+        if self._plots is not None:
+            for path, (time, value) in self._plots.derived(rows).items():
+                self._file.send(scalars(path, time, value))
+        if self._scene is not None:
+            self._file.send(self._scene.motion(rows))
+
+    def write_blocks(self, blocks: Mapping[str, Sequence[Block]]) -> None:
+        """Append rows as they came through the pipe."""
+        rows: dict[str, tuple[Array, Array]] = {}
+        for stream, pieces in blocks.items():
+            rows[stream] = decode(joined(pieces), self._widths[stream])
+        self.write(rows)
+
+    def ending(self, sentence: str) -> None:
+        """Say how the recording ended, if it did not end well."""
+        self._file.ending(sentence)
+
+    def close(self) -> None:
+        """Complete the file."""
+        self.draw()
+        self._file.close()
+
+
+def write_recording(
+    recording: Recording, path: str | Path, platform: Platform | None = None
+) -> None:
+    """Write a recording as an `.rrd`; with its platform, the machine and the plots too.
+
+    Raises:
+        RecordingError: the file cannot be written.
+    """
+    file = RunFile(Path(path))
+    facts = {**recording.provenance, "schema": SCHEMA}
+    file.start(platform, facts | {"repairs": recording.repairs} if recording.repairs else facts)
+    file.declare({name: Header(s.columns, s.unit) for name, s in recording.items()})
+    file.write({name: (s.time, s.value) for name, s in recording.items()})
+    file.close()

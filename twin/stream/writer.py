@@ -1,0 +1,171 @@
+"""The loop's end of a recording: hands rows to a process of its own, and never waits.
+
+The process at the other end of the pipe (`twin.stream.child`) writes the file. It shares neither
+interpreter lock nor terminal with the loop: whatever becomes of the loop, all that has reached the
+pipe is written and the file is closed.
+"""
+
+import contextlib
+import os
+import pickle
+import select
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from twin.errors import RecordingError
+from twin.platform import Platform
+from twin.recording.lock import mark_running
+from twin.stream.rows import Block, Header
+
+CLOSE_TIMEOUT = 120.0
+"""[s] for the process to write what is left; it is seldom a second behind."""
+
+_PIPE_SIZE = 1 << 20
+"""Bytes: some 40 s of a usual run, should the process be held up; the rest waits on our side."""
+
+_LENGTH = struct.Struct("<Q")
+
+
+class RecordingWriter:
+    """Writes one `.rrd`, or feeds a live viewer, or both, in another process."""
+
+    def __init__(self, path: str | Path | None, *, viewer: bool = False) -> None:
+        """Start the process; a file that exists is written over only by `start`.
+
+        Raises:
+            RecordingError: the file cannot be written.
+        """
+        self._path = None if path is None else Path(path)
+        self._litter = self._path is not None and not self._path.exists()
+        self._words = tempfile.TemporaryFile()  # noqa: SIM115 - what the process says
+        self._process = self._start_process(viewer)
+        assert self._process.stdin is not None
+        self._pipe = self._process.stdin.fileno()
+        os.set_blocking(self._pipe, False)
+        self._backlog: deque[memoryview] = deque()
+        self._closed = False
+
+    def start(self, platform: Platform, provenance: Mapping[str, Any]) -> None:
+        """Say what is recorded, before the first rows."""
+        self._litter = False
+        self._send("start", platform, dict(provenance))
+
+    def declare(self, headers: Mapping[str, Header]) -> None:
+        """Say what streams are, before their first rows; repetition does no harm."""
+        self._send("declare", dict(headers))
+
+    def write(self, blocks: Mapping[str, Block]) -> None:
+        """Hand over rows; returns at once.
+
+        Raises:
+            RecordingError: the process has ended.
+        """
+        # plain tuples: pickling the class beside each would take three times as long
+        self._send("rows", {name: tuple(block) for name, block in blocks.items()})
+
+    def close(self) -> None:
+        """Return when the file is complete.
+
+        Raises:
+            RecordingError: the process has failed, or has not finished in time.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        deadline = time.monotonic() + CLOSE_TIMEOUT
+        try:
+            self._send("close")
+            while self._backlog and time.monotonic() < deadline:
+                select.select([], [self._pipe], [], 1.0)
+                self._pump()
+        finally:
+            assert self._process.stdin is not None
+            self._process.stdin.close()
+        try:
+            code = self._process.wait(max(deadline - time.monotonic(), 0.0))
+        except subprocess.TimeoutExpired:
+            raise RecordingError(
+                self._name,
+                f"is not complete {CLOSE_TIMEOUT:.0f} s after the run's end",
+                "is the disk full, or very slow? The writer goes on until it is done",
+            ) from None
+        if code != 0:
+            raise self._failure()
+        self._words.close()
+        if self._litter and self._path is not None:
+            self._path.unlink(missing_ok=True)
+
+    def _send(self, *message: Any) -> None:
+        payload = pickle.dumps(message, protocol=5)
+        self._backlog.append(memoryview(_LENGTH.pack(len(payload)) + payload))
+        self._pump()
+
+    def _pump(self) -> None:
+        """Write as much as the pipe takes."""
+        try:
+            while self._backlog:
+                piece = self._backlog[0]
+                written = os.write(self._pipe, piece)
+                if written < len(piece):
+                    self._backlog[0] = piece[written:]
+                else:
+                    self._backlog.popleft()
+        except BlockingIOError:
+            pass
+        except BrokenPipeError:
+            self._backlog.clear()
+            raise self._failure() from None
+
+    @property
+    def _name(self) -> str | Path:
+        return self._path or "the Rerun viewer"
+
+    def _start_process(self, viewer: bool) -> "subprocess.Popen[bytes]":
+        command = [sys.executable, "-P", "-m", "twin.stream.child"]
+        command += ["--viewer"] if viewer else []
+        if self._path is None:
+            return self._popen(command, ())
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            file = self._path.open("ab")
+        except OSError as problem:
+            raise RecordingError(
+                self._path, f"cannot be written: {problem.strerror}", "choose another place"
+            ) from None
+        with file:
+            mark_running(file)
+            command += ["--file", str(self._path.resolve()), "--lock", str(file.fileno())]
+            return self._popen(command, (file.fileno(),))
+
+    def _popen(self, command: list[str], keep: tuple[int, ...]) -> "subprocess.Popen[bytes]":
+        package = str(Path(__file__).parents[2])
+        search = [package, *filter(None, [os.environ.get("PYTHONPATH")])]
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=self._words,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(search)},
+            pass_fds=keep if sys.platform != "win32" else (),
+            start_new_session=True,  # Ctrl-C is for the loop
+            pipesize=_PIPE_SIZE,
+        )
+
+    def _failure(self) -> RecordingError:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(5.0)
+        self._words.seek(0)
+        words = self._words.read().decode(errors="replace").strip().splitlines()
+        last = words[-1] if words else f"exit code {self._process.returncode}, was it killed?"
+        return RecordingError(
+            self._name,
+            f"the process that writes it has ended ({last})",
+            "what it had written so far can be read; free the disk, or record elsewhere",
+        )
