@@ -2,17 +2,56 @@
 
 import abc
 
+import numpy as np
+from numpy.typing import NDArray
+
 from twin.platform import Platform
-from twin.signals import Estimate, Reading
+from twin.rotation import IDENTITY
+from twin.signals import Estimate, Reading, Samples
+
+Array = NDArray[np.float64]
 
 
 class Estimator(abc.ABC):
-    """A frozen dataclass of settings; what it remembers is the `Estimate` itself (or a subclass)."""
+    """A frozen dataclass of settings; what it remembers is the `Estimate`, or a subclass of it."""
 
     @abc.abstractmethod
     def init(self, platform: Platform, n: int) -> Estimate:
-        """The estimate before the first sample; `valid` is False."""
+        """The estimate before the first sample; `valid` is False.
+
+        Raises:
+            UsageError: the platform lacks the sensors that it needs.
+        """
 
     @abc.abstractmethod
     def update(self, estimate: Estimate, reading: Reading) -> Estimate:
         """The estimate at `reading.time`, from all samples that arrived since the last one."""
+
+
+def blank(platform: Platform, n: int) -> Estimate:
+    """The estimate of a machine that nobody has looked at: level, at rest, not valid."""
+    hinges = int(platform.base.kind == "hinge")
+    return Estimate(
+        time=0.0,
+        attitude=np.tile(IDENTITY, (n, 1)),
+        rate_body=np.zeros((n, 3)),
+        wheel_speed=np.zeros((n, len(platform.wheels))),
+        stage_position=np.zeros((n, len(platform.stages))),
+        joint_angle=np.zeros((n, hinges)),
+        joint_rate=np.zeros((n, hinges)),
+        gyro_bias=np.zeros((n, 3)),
+        valid=np.zeros(n, dtype=np.bool_),
+    )
+
+
+def newest(samples: Samples | None, held: Array) -> Array:
+    """Last valid sample of each run, shape (n, k); `held` where there is none."""
+    if samples is None:
+        return held
+    value, valid = samples.value, samples.valid
+    if valid[:, -1].all():
+        return value[:, -1]
+    # The first valid one from the back; where none is, argmax points at an invalid one.
+    last = valid.shape[1] - 1 - valid[:, ::-1].argmax(axis=1)
+    rows = np.arange(len(valid))
+    return np.where(valid[rows, last][:, None], value[rows, last], held)

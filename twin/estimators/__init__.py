@@ -1,0 +1,6 @@
+"""From samples to one estimate a tick, for one run or a thousand."""
+
+from twin.estimators.attitude_filter import AttitudeFilter as AttitudeFilter
+from twin.estimators.estimator import Estimator as Estimator
+from twin.estimators.named import load_estimator as load_estimator
+from twin.estimators.passthrough import Passthrough as Passthrough

@@ -1,0 +1,38 @@
+"""The sensors as they are: the newest valid sample of each stream is the estimate."""
+
+from dataclasses import dataclass
+
+from twin.estimators.estimator import Estimator, blank, newest
+from twin.platform import Platform
+from twin.signals import Estimate, Reading
+
+
+@dataclass(frozen=True)
+class Passthrough(Estimator):
+    """No model, and no memory but the last sample: a late one is taken as if it were of now.
+
+    The gyro's bias stays in the rate.
+    """
+
+    def init(self, platform: Platform, n: int) -> Estimate:
+        """Level and at rest, not valid."""
+        return blank(platform, n)
+
+    def update(self, estimate: Estimate, reading: Reading) -> Estimate:
+        """Valid from a run's first attitude, or joint angle on a hinge."""
+        streams, valid = reading.streams, estimate.valid
+        if not valid.all():
+            for name in ("attitude", "joint_angle"):
+                if name in streams:
+                    valid = valid | streams[name].valid.any(axis=1)
+        return Estimate(
+            time=reading.time,
+            attitude=newest(streams.get("attitude"), estimate.attitude),
+            rate_body=newest(streams.get("gyro"), estimate.rate_body),
+            wheel_speed=newest(streams.get("wheel_speed"), estimate.wheel_speed),
+            stage_position=newest(streams.get("stage_position"), estimate.stage_position),
+            joint_angle=newest(streams.get("joint_angle"), estimate.joint_angle),
+            joint_rate=newest(streams.get("joint_rate"), estimate.joint_rate),
+            gyro_bias=estimate.gyro_bias,
+            valid=valid,
+        )
