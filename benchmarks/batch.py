@@ -9,22 +9,22 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import mujoco
-import numpy as np
 from mujoco.batch import Batch
 
 from benchmarks.measure import median, seconds, spread, table
+from benchmarks.sensors import perfect
 from twin.clock import PHASES, SimulatedClock
 from twin.controller import load_controller
 from twin.estimators import Estimator, load_estimator
 from twin.loop import Observer, Outcome, fly
 from twin.model import compile_model
 from twin.plant.simulated import SimulatedPlant
-from twin.platform import Platform, Sensor, load_platform
+from twin.platform import Platform, load_platform
 from twin.reference import Multisine
 from twin.stream.provenance import provenance_of
 from twin.stream.recorder import FileRecorder, MemoryRecorder
@@ -121,15 +121,6 @@ def bare_batch(
             batch.step(nstep=platform.steps_per_tick)
 
     return advance
-
-
-def perfect(platform: Platform) -> Platform:
-    """The platform with nothing but a faultless gyro and attitude, once a control tick."""
-    sensors = {
-        name: Sensor(name, platform.control_rate, noise=np.zeros(3), bias=np.zeros(3))
-        for name in ("gyro", "attitude")
-    }
-    return replace(platform, sensors=sensors)
 
 
 class PairedClock(SimulatedClock):

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.batch import perfect
 from benchmarks.measure import median, seconds, spread, table
+from benchmarks.sensors import perfect
 from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.estimators import load_estimator
