@@ -26,7 +26,7 @@ from twin.model import compile_model
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.reference import Multisine
-from twin.stream.provenance import provenance_of
+from twin.stream.provenance import provenance
 from twin.stream.recorder import FileRecorder, MemoryRecorder
 
 LEAD = 55
@@ -165,7 +165,7 @@ def _measure(platform: Platform, case: Case) -> tuple[PairedClock, Outcome]:
 
 def _recorders(stack: ExitStack, platform: Platform, folder: Path) -> list[Observer]:
     file = stack.enter_context(FileRecorder(folder / "flight.rrd"))
-    file.start(platform, provenance_of(platform, seed=0))
+    file.start(platform, provenance(platform, seed=0))
     time.sleep(3.0)  # its process imports Rerun, which is no part of a tick
     return [MemoryRecorder(platform), file]
 

@@ -15,7 +15,7 @@ from twin.loop import Observer, fly
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
 from twin.reference import Multisine
-from twin.stream.provenance import provenance_of
+from twin.stream.provenance import provenance
 from twin.stream.recorder import FileRecorder
 
 DURATION = 300.0
@@ -77,7 +77,7 @@ def _flight(*, recorded: bool) -> Cost:
         platform = load_platform("sads")
         observers: Sequence[Observer] = ()
         if recorder is not None:
-            recorder.start(platform, provenance_of(platform, seed=0))
+            recorder.start(platform, provenance(platform, seed=0))
             observers = (recorder,)
         with SimulatedPlant(platform) as plant:
             outcome = fly(
