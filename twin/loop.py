@@ -6,7 +6,7 @@ batch holds.
 
 import signal
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
@@ -129,13 +129,14 @@ class _Ahead:
         number = round(time / self._tick)
         if self._block is None or not 0 <= number - self._first < self._TICKS:
             self._first = number
-            self._block = self._reference.at((number + np.arange(self._TICKS)) * self._tick)
+            numbers = np.arange(number, number + self._TICKS, dtype=np.float64)
+            self._block = self._reference.at(numbers * self._tick)
         row, block = number - self._first, self._block
         return Target(block.attitude[row], block.rate_body[row], block.acceleration_body[row])
 
 
 @contextmanager
-def _stop_request() -> Iterator[threading.Event]:
+def _stop_request() -> Generator[threading.Event, None, None]:
     """An event that Ctrl-C sets; signals belong to the main thread, elsewhere it stays unset."""
     requested = threading.Event()
     if threading.current_thread() is not threading.main_thread():

@@ -62,9 +62,9 @@ class Metrics:
             speed = estimate.wheel_speed if spin is None else spin.value[:, -1]
             momentum = np.abs(speed) * self._inertia
             self._momentum = np.maximum(self._momentum, momentum)
-            full = (momentum >= 0.999 * self._limit).any(axis=1)
+            full = np.max(momentum / self._limit, axis=1) >= 0.999
             if self._saturated is None:
-                self._saturated = np.full(len(full), np.nan)
+                self._saturated = np.full(len(momentum), np.nan)
             self._saturated = np.where(
                 full & np.isnan(self._saturated), reading.time, self._saturated
             )

@@ -72,7 +72,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Sensor:
-    """How a stream is measured; faults in this order: bias, noise, quantise, saturate, drop, delay."""
+    """How a stream is measured; faults come in the order of the fields, latency after dropout."""
 
     stream: str
     rate: float
