@@ -106,7 +106,6 @@ def test_a_file_cut_at_any_byte_holds_all_that_was_written_before_the_cut(tmp_pa
     whole, cut = tmp_path / "whole.rrd", tmp_path / "cut.rrd"
     file = RrdFile(whole)
     file.provenance(FACTS)
-    file.flush()
     empty = whole.stat().st_size
     streams = {"gyro": 50, "attitude": 10, "command_wheel_torque": 10}
     for name in streams:

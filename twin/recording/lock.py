@@ -20,10 +20,16 @@ _GRACE = 0.5
 """[s] in which a writer notices that the run has ended."""
 
 
-def mark_running(file: IO[bytes]) -> None:
-    """Hold the shared lock for as long as `file`, or a copy of it in a child process, is open."""
+def mark_running(file: IO[bytes]) -> bool:
+    """Hold the shared lock for as long as `file`, or a copy of it in a child process, is open.
+
+    False: somebody else is writing that file.
+    """
     if sys.platform != "win32":
+        if not _lockable(file, fcntl.LOCK_EX):
+            return False
         fcntl.flock(file, fcntl.LOCK_SH)
+    return True
 
 
 def mark_finishing(descriptor: int) -> None:

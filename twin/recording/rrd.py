@@ -85,6 +85,7 @@ class RrdFile:
         colors = [PALETTE[i % len(PALETTE)] for i in range(len(names))]
         style = rr.SeriesLines(names=names, colors=colors)
         self.rerun.log(path, style, static=True, strict=True)
+        self.rerun.flush()  # what is logged is batched; chunks would overtake it
 
     def write(self, rows: Mapping[str, tuple[Array, Array]]) -> None:
         """Append rows, by stream: times (m,) [s] and values (m, k)."""
@@ -105,12 +106,12 @@ class RrdFile:
     def close(self) -> None:
         """Write the end of the recording, and the file's index."""
         self._note(ENDING, self._ending)
-        self.rerun.flush()
         self.rerun.disconnect()
 
     def _note(self, path: str, facts: object) -> None:
         text = json.dumps(facts, indent=2, ensure_ascii=False)
         self.rerun.log(path, rr.TextDocument(text), static=True, strict=True)
+        self.rerun.flush()
 
 
 def entity(stream: str) -> str:

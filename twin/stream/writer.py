@@ -140,7 +140,12 @@ class RecordingWriter:
                 self._path, f"cannot be written: {problem.strerror}", "choose another place"
             ) from None
         with file:
-            mark_running(file)
+            if not mark_running(file):
+                raise RecordingError(
+                    self._path,
+                    "is being written by another run",
+                    "wait until that has ended, or record into another file",
+                )
             command += ["--file", str(self._path.resolve()), "--lock", str(file.fileno())]
             return self._popen(command, (file.fileno(),))
 

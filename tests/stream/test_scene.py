@@ -1,0 +1,119 @@
+"""The machine is drawn where the streams say it is, and the plots say what the streams say."""
+
+import mujoco
+import numpy as np
+import pytest
+from rerun.chunk import Chunk
+
+from twin import rotation
+from twin.platform import Platform, load_platform
+from twin.platform.mjcf import load_mjcf
+from twin.stream import plots
+from twin.stream.plots import Plots
+from twin.stream.scene import Scene
+
+
+@pytest.fixture(scope="module")
+def sads() -> Platform:
+    return load_platform("sads")
+
+
+def placed(chunks: list[Chunk]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Last translation and quaternion (scalar first) by entity path."""
+    poses: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    for chunk in chunks:
+        batch = chunk.to_record_batch()
+        position = np.array(batch.column("Transform3D:translation")[-1].as_py()[0])
+        quat = np.array(batch.column("Transform3D:quaternion")[-1].as_py()[0])
+        poses[chunk.entity_path] = position, quat[[3, 0, 1, 2]]
+    return poses
+
+
+def in_world(poses: dict[str, tuple[np.ndarray, np.ndarray]], path: str) -> np.ndarray:
+    """Where a body's origin is, by the transforms along its entity path."""
+    point = np.zeros(3)
+    while path != "/world":
+        position, quat = poses[path]
+        point = position + rotation.rotate(quat, point)
+        path = path.rpartition("/")[0]
+    return point
+
+
+def test_bus_and_stages_stand_where_mujoco_puts_them(sads):
+    quat = rotation.from_euler_zyx(np.array(0.3), np.array(-0.2), np.array(0.1))
+    travel = np.array([0.02, -0.03, 0.04])
+    model = load_mjcf(sads.model_path)
+    data = mujoco.MjData(model)
+    data.joint(sads.base.joint).qpos[:] = quat
+    for stage, position in zip(sads.stages, travel, strict=True):
+        data.joint(stage.name).qpos[0] = position
+    mujoco.mj_kinematics(model, data)
+
+    time = np.array([0.0, 1.0])
+    poses = placed(
+        Scene(sads).motion(
+            {
+                "estimate_attitude": (time, np.stack([rotation.IDENTITY, quat])),
+                "stage_position": (time, np.stack([np.zeros(3), travel])),
+            }
+        )
+    )
+    for joint in (sads.base.joint, *(stage.name for stage in sads.stages)):
+        body = model.body(int(model.joint(joint).bodyid[0]))
+        path = next(p for p in poses if p.endswith("/" + body.name))
+        # Rerun's transforms are float32
+        assert np.allclose(in_world(poses, path), data.xpos[body.id], atol=1e-6), body.name
+
+
+def test_a_hinge_turns_about_its_axis():
+    pendulum = load_platform("dfki_pendulum")
+    model = load_mjcf(pendulum.model_path)
+    data = mujoco.MjData(model)
+    data.joint(pendulum.base.joint).qpos[:] = 0.7
+    mujoco.mj_kinematics(model, data)
+    poses = placed(Scene(pendulum).motion({"joint_angle": (np.zeros(1), np.array([[0.7]]))}))
+    ((_, quat),) = poses.values()
+    assert np.allclose(quat, data.body(pendulum.base.body).xquat, atol=1e-6)
+
+
+def test_a_machine_whose_streams_are_missing_stands_as_its_mjcf_has_it(sads):
+    poses = placed(Scene(sads).motion({"gyro": (np.zeros(1), np.zeros((1, 3)))}))
+    assert len(poses) == 1 + len(sads.stages)
+    model = load_mjcf(sads.model_path)
+    assert np.allclose(in_world(poses, "/world/bus"), model.body(sads.base.body).pos, atol=1e-6)
+
+
+def test_everything_mujocos_viewer_shows_is_drawn(sads):
+    model = load_mjcf(sads.model_path)
+    shown = np.count_nonzero(model.geom_group < 3)
+    drawn = 0
+    for path, archetype in Scene(sads).shapes():
+        if path.rpartition("/")[2] in ("boxes", "cylinders", "capsules", "planes", "spheres"):
+            drawn += max(len(b.as_arrow_array()) for b in archetype.as_component_batches())
+    assert drawn == shown
+
+
+def test_tilt_and_gravity_torque_are_those_of_the_attitude(sads):
+    time = np.array([0.0])
+    attitude = rotation.from_euler_zyx(np.array([0.0]), np.array([0.0]), np.radians([6.0]))
+    offset = np.array([[0.0, 0.0, -2e-3]])
+    derived = Plots(sads).derived(
+        {
+            "truth_attitude": (time, attitude),
+            "truth_center_of_mass_offset": (time, offset),
+        }
+    )
+    assert derived[plots.TILT][1][0, 0] == pytest.approx(6.0)
+    # a pendulum: m g r sin(tilt)
+    expected = 1e3 * 2e-3 * sads.gravity * np.sin(np.radians(6.0))
+    assert derived[plots.GRAVITY_TORQUE][1][0, 0] == pytest.approx(expected)
+
+
+def test_a_reference_is_held_between_blocks(sads):
+    tenth = rotation.from_rotation_vector(np.array([[0.0, 0.0, 0.1]]))
+    level = rotation.IDENTITY[None]
+    drawn = Plots(sads)
+    drawn.derived({"reference_attitude": (np.array([0.0]), tenth)})
+    derived = drawn.derived({"estimate_attitude": (np.array([1.0]), level)})
+    error = derived[plots.ATTITUDE_ERROR][1]
+    assert np.allclose(error, [[0.0, 0.0, -np.degrees(0.1)]])
