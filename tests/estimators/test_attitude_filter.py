@@ -76,7 +76,13 @@ def test_bias_is_found_and_attitude_is_better_than_the_sensor(bodies, platform):
     rms = np.sqrt(np.mean(errors(estimate, truth) ** 2, axis=0))
     assert rms[:3].max() < 0.2 * platform.sensors["attitude"].noise[0]
     assert rms[3:].max() < 0.05 * platform.sensors["gyro"].bias[0]
-    np.testing.assert_allclose(estimate.rate_body, truth.rate, atol=6e-3)
+
+
+def test_rate_is_the_mean_of_a_tick_with_less_than_half_the_noise_of_a_sample(bodies, platform):
+    truth = bodies(platform, n=400, seed=10, swing=1e-4)
+    estimate = run(truth, 10.0)
+    noise = np.std(estimate.rate_body - truth.rate) / platform.sensors["gyro"].noise[0]
+    assert noise == pytest.approx(np.sqrt(4.5) / 5.0, rel=0.1), "trapezoid of six samples"
 
 
 def test_one_run_agrees_with_a_textbook_filter_that_takes_each_sample_in_turn(bodies, platform):
