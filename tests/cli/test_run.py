@@ -1,0 +1,143 @@
+"""`twin run`, as its user meets it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.cli.main import main
+from twin.recording import open_log
+
+
+def test_a_balanced_table_is_tracked_and_recorded(tmp_path, capsys):
+    out = tmp_path / "out.rrd"
+    words = ["sads", "--controller", "quaternion_pd", "--duration", "40", "--rrd", str(out)]
+    assert main(["run", *words]) == 0
+    told = capsys.readouterr()
+    assert "warning" not in told.err
+    assert "tracking error" in told.out
+    assert f"twin view {out}" in told.out
+    recording = open_log(out)
+    assert recording.repairs == ()
+    assert recording.stop == pytest.approx(40.0)
+    assert recording.provenance["seed"] == 0
+    assert {"gyro", "attitude", "command_wheel_torque", "truth_attitude"} <= set(recording)
+
+
+def test_json_is_one_document_and_nothing_else(capsys):
+    assert main(["run", "sads", "--controller", "quaternion_pd", "--duration", "2", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert {"ended", "reason", "duration", "overruns"} <= set(document)
+    assert document["ended"] == "done"
+    assert document["reason"] is None
+
+
+def test_an_unbalanced_table_is_told_before_it_flies_when_its_wheels_will_saturate(capsys):
+    words = ["sads:table1", "--controller", "quaternion_pd", "--duration", "100", "--json"]
+    assert main(["run", *words]) == 0
+    told = capsys.readouterr()
+    document = json.loads(told.out)
+    (warning,) = document["warnings"]
+    assert "the wheels will saturate" in warning
+    foretold = float(warning.split(" N m s at ")[1].split(" s of ")[0])
+    assert warning in told.err
+    assert document["metrics"]["wheel_saturated_at_s"] == pytest.approx(foretold, rel=0.2)
+
+
+LAW_THAT_BREAKS = '''
+"""A law that forgets to guard a division."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.controller import Controller
+
+
+@dataclass(frozen=True)
+class Broken(Controller[None]):
+    def init(self, platform, n):
+        return None
+
+    def update(self, state, estimate, target, time):
+        with np.errstate(all="ignore"):
+            torque = np.float64(0.0) / np.float64(max(3.0 - time, 0.0))
+        return {"command_wheel_torque": np.full((len(estimate.valid), 3), torque)}, None
+'''
+
+
+def test_a_run_that_fails_says_why_and_leaves_its_last_two_seconds(tmp_path, capsys):
+    law = tmp_path / "broken.py"
+    law.write_text(LAW_THAT_BREAKS)
+    out = tmp_path / "run.rrd"
+    words = ["run", "sads", "--controller", str(law), "--duration", "10", "--rrd", str(out)]
+    assert main(words) == 1
+    told = capsys.readouterr().out
+    assert "failed after 3 s: command_wheel_torque w1 is nan" in told
+    record = tmp_path / "run.flight-0.rrd"
+    assert str(record) in told
+    kept = open_log(record)
+    assert kept.start == pytest.approx(1.0, abs=0.051)
+    assert np.isnan(kept["wanted_wheel_torque"].value[-1]).all()
+
+
+def test_a_pendulum_swings_under_no_command(capsys):
+    words = ["run", "dfki_pendulum", "--attitude", "60", "0", "0", "--duration", "2", "--json"]
+    assert main([*words, "--estimator", "passthrough"]) == 0
+    assert json.loads(capsys.readouterr().out)["ended"] == "done"
+
+
+def test_a_recording_is_replayed_as_if_it_were_hardware(tmp_path, capsys):
+    out = tmp_path / "out.rrd"
+    law = ["--controller", "quaternion_pd"]
+    assert main(["run", "sads", *law, "--duration", "4", "--rrd", str(out)]) == 0
+    capsys.readouterr()
+    assert main(["run", "sads", *law, "--plant", f"replay:{out}", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["duration"] == pytest.approx(4.0, abs=0.051)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["nosuch"], "no platform named 'nosuch'"),
+        (["sads:nosuch"], "no variant named 'nosuch'"),
+        (["sads", "--controller", "quaternion_pid"], "did you mean 'quaternion_pd'"),
+        (["sads", "--estimator", "kalman"], "no estimator named 'kalman'"),
+        (["sads", "--plant", "serial:COM1"], "no plant named 'serial:COM1'"),
+        (["sads", "--reference", "wobble"], "no reference named 'wobble'"),
+        (["sads", "--duration", "-3"], "duration is -3 s"),
+        (["sads", "--controller", "mass_pid", "--gains", "integral"], "give NAME=VALUE"),
+        (["sads", "--controller", "mass_pid", "--gains", "kp=1"], "no gain named 'kp'"),
+    ],
+)
+def test_wrong_use_is_told_in_a_sentence_with_exit_code_2(words, sentence, capsys):
+    assert main(["run", *words]) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_ctrl_c_closes_the_recording_properly(tmp_path):
+    out = tmp_path / "out.rrd"
+    words = ["run", "sads", "--controller", "quaternion_pd", "--realtime", "--rrd", str(out)]
+    program = (
+        "import os, signal, sys, threading\n"
+        "from twin.cli.main import main\n"
+        "threading.Timer(6.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()\n"
+        f"sys.exit(main({words!r}))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "safe_stop" in done.stdout
+    assert "stopped by the operator" in done.stdout
+    recording = open_log(out)
+    assert recording.repairs == ()
+    assert recording.stop > 0.5
+    verified = subprocess.run(
+        [Path(sys.executable).with_name("rerun"), "rrd", "verify", out], check=False
+    )
+    assert verified.returncode == 0

@@ -1,0 +1,202 @@
+"""`twin run`: fly a platform under a control law, and record it."""
+
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import tyro
+
+if TYPE_CHECKING:
+    from twin.flight import Flight
+    from twin.loop import Outcome
+    from twin.metrics import Metrics
+    from twin.plant.simulated import InitialState
+    from twin.platform import Platform
+    from twin.stream.flight_recorder import FlightRecorder
+
+Angles = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Run:
+    """Fly a platform under a control law: simulated, or a log played as if it were hardware."""
+
+    platform: tyro.conf.Positional[str]
+    """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
+    controller: str = "free_float"
+    """A shipped law (see `twin controllers`) or the file of one's own."""
+    gains: tuple[str, ...] = ()
+    """Gains that differ from the law's own: NAME=VALUE ..."""
+    estimator: str = "filter"
+    """`filter` (attitude and gyro bias) or `passthrough` (the sensors as they are)."""
+    plant: str = "sim"
+    """`sim`, or `replay:LOG`."""
+    reference: str | None = None
+    """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or `multisine[:AMPLITUDE]`, in degrees;
+    by default what the law is usually given."""
+    duration: float | None = None
+    """Seconds; by default 60, or the whole log that is replayed."""
+    attitude: Angles = (0.0, 0.0, 0.0)
+    """Roll, pitch, yaw at the start, in degrees; a hinge takes the first."""
+    rate: Angles = (0.0, 0.0, 0.0)
+    """Body rates x, y, z at the start, in degrees a second; a hinge takes the first."""
+    seed: int = 0
+    """Of all random numbers."""
+    realtime: bool = False
+    """Keep to the wall's clock instead of going as fast as the computer can."""
+    rrd: Path | None = None
+    """Record into this file."""
+    spawn: bool = False
+    """Show it live in the Rerun viewer."""
+    json: bool = False
+    """Print one JSON document instead of text."""
+
+    def run(self) -> int:
+        """Fly; the exit code."""
+        from twin.cli.output import print_json
+        from twin.clock import SimulatedClock, WallClock
+        from twin.flight import prepare
+        from twin.loop import Ended, Observer
+        from twin.metrics import Metrics
+        from twin.stream.flight_recorder import FlightRecorder
+        from twin.stream.provenance import provenance
+        from twin.stream.recorder import FileRecorder
+
+        with ExitStack() as stack:
+            recorder = None
+            if self.rrd is not None or self.spawn:
+                # early, so that its process comes up while the machine is compiled
+                recorder = stack.enter_context(FileRecorder(self.rrd, viewer=self.spawn))
+            flight = prepare(
+                self.platform,
+                controller=self.controller,
+                estimator=self.estimator,
+                plant=self.plant,
+                reference=self.reference,
+                duration=self.duration,
+                seed=self.seed,
+                initial=self._initial(),
+                gains=_gains(self.gains),
+            )
+            stack.enter_context(flight.plant)
+            warnings = flight.warnings()
+            self._announce(flight, warnings)
+            metrics, black_box = Metrics(flight.platform), FlightRecorder(flight.plant)
+            observers: list[Observer] = [metrics, black_box]
+            if recorder is not None:
+                facts = provenance(flight.platform, seed=self.seed, command=sys.argv)
+                recorder.start(flight.platform, facts)
+                observers.append(recorder)
+            clock = WallClock() if self.realtime else SimulatedClock()
+            outcome = flight.fly(clock, observers)
+
+        kept = self._keep(black_box, flight.platform)
+        if self.json:
+            print_json(self._document(outcome, metrics, warnings))
+        else:
+            print("\n".join([*_report(flight, outcome, metrics), *self._where(kept)]))
+        return 0 if outcome.ended in (Ended.done, Ended.safe_stop) else 1
+
+    def _initial(self) -> "InitialState":
+        import numpy as np
+
+        from twin.plant.simulated import InitialState
+        from twin.rotation import from_euler_zyx
+
+        roll, pitch, yaw = np.radians(self.attitude)
+        rate = np.radians(self.rate)
+        return InitialState(
+            attitude=from_euler_zyx(yaw, pitch, roll),
+            rate_body=rate,
+            joint_angle=float(roll),
+            joint_rate=float(rate[0]),
+        )
+
+    def _announce(self, flight: "Flight", warnings: Sequence[str]) -> None:
+        reference = self.reference or flight.controller.reference
+        lines = [
+            f"{flight.platform.name}: {self.controller} with estimator {self.estimator}, "
+            f"reference {reference}, {flight.duration:g} s at {flight.platform.control_rate:g} Hz, "
+            f"plant {self.plant}, seed {self.seed}",
+            *(f"warning: {warning}" for warning in warnings),
+        ]
+        print("\n".join(lines), file=sys.stderr, flush=True)
+
+    def _keep(self, black_box: "FlightRecorder", platform: "Platform") -> list[Path]:
+        """Write the flight record of every run that was stopped."""
+        from twin.stream.runfile import write_recording
+
+        kept: list[Path] = []
+        for run, record in black_box.records.items():
+            stem = self.rrd or Path(self.platform.replace(":", "-").strip("/")).with_suffix(".rrd")
+            path = stem.with_name(f"{stem.stem}.flight-{run}.rrd")
+            write_recording(record, path, platform)
+            kept.append(path)
+        return kept
+
+    def _where(self, kept: Sequence[Path]) -> list[str]:
+        lines = [f"the last seconds before it was stopped: {path}" for path in kept]
+        if self.rrd is not None:
+            lines.append(f"recorded in {self.rrd}: look at it with `twin view {self.rrd}`")
+        return lines
+
+    def _document(
+        self, outcome: "Outcome", metrics: "Metrics", warnings: Sequence[str]
+    ) -> dict[str, Any]:
+        row = {name: value[0] for name, value in metrics.rows().items()}
+        return {
+            "ended": outcome.ended.value,
+            "reason": outcome.reason or None,
+            "duration": outcome.duration,
+            "overruns": outcome.timing.overruns,
+            "warnings": list(warnings),
+            "metrics": row,
+            "seconds": outcome.timing.seconds,
+            "recording": self.rrd,
+        }
+
+
+def _gains(words: Sequence[str]) -> dict[str, float]:
+    from twin.errors import UsageError
+
+    gains: dict[str, float] = {}
+    for word in words:
+        name, _, number = word.partition("=")
+        try:
+            gains[name] = float(number)
+        except ValueError:
+            raise UsageError(f"gain {word!r}: give NAME=VALUE, as in proportional=5") from None
+    return gains
+
+
+def _report(flight: "Flight", outcome: "Outcome", metrics: "Metrics") -> list[str]:
+    """What happened, in words a lab uses: degrees and newton metre seconds."""
+    import numpy as np
+
+    row = {name: value[0] for name, value in metrics.rows().items()}
+    end = f"{outcome.ended.value} after {outcome.duration:g} s"
+    lines = [f"{end}: {outcome.reason}" if outcome.reason else end]
+    if "tracking_error_rms_rad" in row:
+        rms, worst = np.degrees([row["tracking_error_rms_rad"], row["tracking_error_max_rad"]])
+        lines.append(
+            f"tracking error {rms:.3g} deg rms, {worst:.3g} deg at worst, "
+            f"from {metrics.settle:g} s on"
+        )
+    if "tilt_max_rad" in row:
+        lines.append(f"largest tilt {np.degrees(row['tilt_max_rad']):.3g} deg")
+    peaks = row.get("wheel_momentum_max_N_m_s", ())
+    for wheel, peak in zip(flight.platform.wheels, peaks, strict=bool(len(peaks))):
+        lines.append(f"{wheel.name} held up to {peak:.3g} of {wheel.momentum_limit:g} N m s")
+    if np.isfinite(row.get("wheel_saturated_at_s", np.nan)):
+        lines.append(f"a wheel was saturated from {row['wheel_saturated_at_s']:.1f} s on")
+    timing = outcome.timing
+    if timing.lateness:
+        p50, p99, most = (timing.lateness_at(p) * 1e3 for p in (50.0, 99.0, 100.0))
+        lines.append(
+            f"ticks came {p50:.2f} ms late (median), {p99:.2f} ms (99 %), {most:.2f} ms at most; "
+            f"{timing.overruns} overruns in {timing.ticks} ticks"
+        )
+    return lines

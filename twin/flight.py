@@ -1,0 +1,136 @@
+"""A run put together from names: platform, law, estimator, plant and reference; checked, flown."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from twin.budget import momentum_budget
+from twin.clock import Clock
+from twin.controller import AnyController, load_controller
+from twin.errors import UnknownName, UsageError
+from twin.estimators import Estimator, load_estimator
+from twin.loop import Observer, Outcome, fly
+from twin.plant.plant import Plant
+from twin.plant.replayed import ReplayedPlant
+from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.platform import Platform, load_platform
+from twin.recording import open_log
+from twin.reference import Reference, parse_reference
+
+PLANTS = ("sim", "replay:LOG")
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Everything one call of the loop needs."""
+
+    plant: Plant
+    estimator: Estimator
+    controller: AnyController
+    reference: Reference
+    duration: float
+    """[s]."""
+    initial: InitialState = field(default_factory=InitialState)
+    """Of a simulated plant."""
+
+    @property
+    def platform(self) -> Platform:
+        """The machine."""
+        return self.plant.platform
+
+    def warnings(self) -> list[str]:
+        """What will go wrong, known before it starts; a sentence each."""
+        platform = self.platform
+        n = self.plant.n
+        estimate = self.estimator.init(platform, n)
+        wanted, _ = self.controller.update(
+            self.controller.init(platform, n), estimate, self.reference.at(0.0), 0.0
+        )
+        if "command_wheel_torque" not in wanted or platform.base.kind != "ball":
+            return []
+        start = np.broadcast_to(self.initial.wheel_speed, (n, len(platform.wheels)))[0]
+        budget = momentum_budget(platform, self.reference, self.duration, start)
+        if budget.saturates_at is None:
+            return []
+        offset = platform.center_of_mass_offset / platform.mass * 1e6
+        torque = platform.gravity * np.hypot(*platform.center_of_mass_offset[:2]) * 1e3
+        limit = next(w.momentum_limit for w in platform.wheels if w.name == budget.first)
+        return [
+            f"the wheels will saturate: the CM stands {_triple(offset)} um from the CR, gravity "
+            f"turns the level body with {torque:.3g} mN m, and following the reference takes "
+            f"{budget.first} to its {limit:g} N m s at {budget.saturates_at:.0f} s "
+            f"of {self.duration:g} s"
+        ]
+
+    def fly(self, clock: Clock, observers: Sequence[Observer] = ()) -> Outcome:
+        """Run the loop to its end."""
+        return fly(
+            self.plant,
+            self.estimator,
+            self.controller,
+            self.reference,
+            clock,
+            duration=self.duration,
+            observers=observers,
+        )
+
+
+def prepare(
+    platform: str,
+    *,
+    controller: str,
+    estimator: str,
+    plant: str,
+    reference: str | None,
+    duration: float | None,
+    seed: int = 0,
+    initial: InitialState | None = None,
+    gains: Mapping[str, float] | None = None,
+) -> Flight:
+    """Find everything by its name and put it together.
+
+    Args:
+        platform: a shipped name, or a folder; `:variant` may follow.
+        controller: a shipped name, or a file.
+        estimator: a name of `twin.estimators`.
+        plant: `sim` or `replay:LOG`.
+        reference: see `twin.reference.parse_reference`; None: what the law is usually given.
+        duration: [s]; None: 60 s, or the whole log that is replayed.
+        seed: of all random numbers.
+        initial: of a simulated plant.
+        gains: of the law, by name.
+
+    Raises:
+        UnknownName: a name that is not known.
+        UsageError: parts that do not fit together.
+        PlatformError, ControllerError, LogError: a file that is wrong.
+    """
+    machine = load_platform(platform)
+    law = load_controller(controller, gains)
+    start = initial or InitialState()
+    kind, _, rest = plant.partition(":")
+    if plant == "sim":
+        body: Plant = SimulatedPlant(machine, seed=seed, initial=start)
+        length = 60.0 if duration is None else duration
+    elif kind == "replay" and rest:
+        replayed = ReplayedPlant(machine, open_log(Path(rest)))
+        body = replayed
+        length = replayed.duration if duration is None else min(duration, replayed.duration)
+    else:
+        raise UnknownName("plant", plant, PLANTS)
+    if length <= 0.0:
+        raise UsageError(f"duration is {length:g} s; give a time above zero")
+    return Flight(
+        plant=body,
+        estimator=load_estimator(estimator),
+        controller=law,
+        reference=parse_reference(reference or law.reference),
+        duration=length,
+        initial=start,
+    )
+
+
+def _triple(values: np.ndarray) -> str:
+    return "(" + ", ".join(f"{value:.3g}" for value in values) + ")"
