@@ -1,0 +1,161 @@
+"""What drives a prediction: held commands and measured joints, as forces on the physics grid."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import UsageError
+from twin.model import Machine
+from twin.predict.motion import smoothed_series
+from twin.predict.segments import Segment
+from twin.recording import Recording, Series
+
+Array = NDArray[np.float64]
+
+MEASURED_ARMATURE = 1e6
+"""Armature [kg m^2] of a wheel whose measured speed is prescribed: a million times its inertia."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Of one segment, on the physics grid that starts with it."""
+
+    force: Array
+    """(steps, nv) generalised forces, constant over each step [N m, N]."""
+    joint_position: Array
+    """(nq,) where the joints that are not the base start; the base's entries are 0."""
+    joint_velocity: Array
+    """(nv,) likewise."""
+
+
+class Inputs:
+    """The drives of a recording.
+
+    Commands hold from their stamp to the next; a step in which one changes gets the mean over the
+    step, so that the impulse is exact. A wheel is driven by its commanded torque where that was
+    recorded. Where only its speed was, the smoothed reading is prescribed (large armature,
+    acceleration through the applied force): its noise then drives the prediction, which is known
+    to bias a fit, so a recorded command is always preferred. A stage follows its measured position.
+    """
+
+    def __init__(self, machine: Machine, recording: Recording) -> None:
+        self.machine = machine
+        self.model = machine.model
+        self.used: tuple[str, ...] = ()
+        platform = machine.platform
+        self._joint = self._stream(recording, "command_joint_torque", 1)
+        self._wheel_torque = self._stream(recording, "command_wheel_torque", len(platform.wheels))
+        self._wheel_speed: tuple[Series, Series] | None = None
+        speed = self._stream(recording, "wheel_speed", len(platform.wheels))
+        if speed is not None:
+            self._wheel_speed = smoothed_series(speed)
+        self._stage: tuple[Series, Series] | None = None
+        for name in ("stage_position", "command_stage_position"):
+            stage = self._stream(recording, name, len(platform.stages))
+            if stage is not None and self._stage is None:
+                self._stage = smoothed_series(stage)
+
+    @property
+    def wheels_predicted(self) -> bool:
+        """Whether the wheels' speed follows from their commands, and so is an output."""
+        return self._wheel_torque is not None and self._wheel_speed is not None
+
+    def prepare(self, model: mujoco.MjModel) -> None:
+        """Make measured wheels of a model prescribed joints."""
+        if self._wheel_torque is None and self._wheel_speed is not None:
+            model.dof_armature[self.machine.wheel_dof] = MEASURED_ARMATURE
+
+    def drive(self, segment: Segment) -> Drive:
+        """Forces and joint states of a segment."""
+        machine, step = self.machine, self.machine.platform.step
+        steps = max(int(np.ceil((segment.stop - segment.start) / step - 1e-6)), 1)
+        edges = segment.edges(step, steps)
+        force = np.zeros((steps, machine.model.nv))
+        position = machine.model.qpos0.copy()
+        position[machine.base_qpos] = 0.0
+        velocity = np.zeros(machine.model.nv)
+        if self._joint is not None:
+            force[:, machine.base_dof] += held_mean(self._joint, edges)
+        if self._wheel_speed is not None:
+            velocity[machine.wheel_dof] = self._wheel_speed[0].interpolated_at(edges[:1])[0]
+        if self._wheel_torque is not None:
+            force[:, machine.wheel_dof] += held_mean(self._wheel_torque, edges)
+        elif self._wheel_speed is not None:
+            speed = self._wheel_speed[0].interpolated_at(edges)
+            rotor = np.array([wheel.inertia for wheel in machine.platform.wheels])
+            force[:, machine.wheel_dof] += (MEASURED_ARMATURE + rotor) * (
+                np.diff(speed, axis=0) / step
+            )
+        if self._stage is not None:
+            place, rate = (series.interpolated_at(edges) for series in self._stage)
+            position[machine.stage_qpos] = place[0]
+            velocity[machine.stage_dof] = rate[0]
+            force[:, machine.stage_dof] += machine.stage_inertia * np.diff(rate, axis=0) / step
+        return Drive(force, position, velocity)
+
+    def torque_on_base(self, edges: Array) -> Array | None:
+        """(m, k) mean torque of the commands on the base between m + 1 edges in time [N m]."""
+        if self._joint is not None:
+            return held_mean(self._joint, edges)
+        if self._wheel_torque is not None:
+            return -held_mean(self._wheel_torque, edges) @ self._wheel_axes()
+        return None
+
+    def torque_on_joint(self, edges: Array) -> Array:
+        """(m, k) mean torque of a hinge's motor between m + 1 edges in time [N m]; else 0."""
+        if self._joint is not None:
+            return held_mean(self._joint, edges)
+        dof = self.machine.base_dof
+        return np.zeros((len(edges) - 1, dof.stop - dof.start))
+
+    def joint_states(self, times: Array) -> tuple[Array, Array, Array]:
+        """qpos (m, nq), qvel and qacc (m, nv) of the joints that are not the base, as measured."""
+        machine = self.machine
+        position = np.tile(machine.model.qpos0, (len(times), 1))
+        velocity, acceleration = np.zeros((2, len(times), machine.model.nv))
+        if self._wheel_speed is not None:
+            speed, change = self._wheel_speed
+            velocity[:, machine.wheel_dof] = speed.interpolated_at(times)
+            acceleration[:, machine.wheel_dof] = change.interpolated_at(times)
+        if self._stage is not None:
+            place, rate = self._stage
+            position[:, machine.stage_qpos] = place.interpolated_at(times)
+            velocity[:, machine.stage_dof] = rate.interpolated_at(times)
+        return position, velocity, acceleration
+
+    def _wheel_axes(self) -> Array:
+        """(wheels, 3) in body axes, at qpos0."""
+        data = mujoco.MjData(self.machine.model)
+        mujoco.mj_kinematics(self.machine.model, data)
+        joints = self.machine.model.dof_jntid[self.machine.wheel_dof]
+        return data.xaxis[joints].copy()
+
+    def _stream(self, recording: Recording, name: str, width: int) -> Series | None:
+        if width == 0 or name not in recording or len(recording[name]) < 2:
+            return None
+        series = recording[name]
+        if len(series.columns) != width:
+            raise UsageError(
+                f"the log's {name} has {len(series.columns)} columns, but "
+                f"{self.machine.platform.name} has {width} such parts"
+            )
+        self.used = (*self.used, name)
+        return series
+
+
+def held_mean(series: Series, edges: Array) -> Array:
+    """Mean of the held value over each interval between edges, shape (len(edges) - 1, k)."""
+    stamps = series.time
+    held = np.concatenate([series.value[:1], series.value])
+    bounds = np.concatenate([[min(edges[0], stamps[0]) - 1.0], stamps, [edges[-1] + 1.0]])
+    keep = np.concatenate([[True], np.diff(bounds) > 0.0])
+    lengths = np.diff(bounds)
+    impulse = np.concatenate(
+        [np.zeros((1, held.shape[1])), np.cumsum(held * np.maximum(lengths, 0.0)[:, None], axis=0)]
+    )
+    at_edges = np.stack(
+        [np.interp(edges, bounds[keep], column[keep]) for column in impulse.T], axis=-1
+    )
+    return np.diff(at_edges, axis=0) / np.diff(edges)[:, None]

@@ -1,0 +1,55 @@
+"""Where a log is cut into stretches that are each predicted from an initial state of their own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.model import Machine
+from twin.predict.base import hinge_axis
+from twin.predict.motion import Motion
+
+Array = NDArray[np.float64]
+
+LONGEST = 10.0
+"""[s]."""
+
+GROWTH = 3.0
+"""An error of the initial state may grow by exp(3) = 20 within a stretch: then a fit is well posed
+even where the machine stands on its head. Twice as long it would be 400, and Gauss-Newton, started
+from a wrong base, loses its way."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """From `start` to `stop` [s]."""
+
+    start: float
+    stop: float
+
+    def edges(self, step: float, steps: int) -> Array:
+        """Beginnings and end of so many physics steps, (steps + 1,) [s]."""
+        return np.asarray(self.start + step * np.arange(steps + 1), dtype=np.float64)
+
+
+def cut(machine: Machine, motion: Motion) -> tuple[Segment, ...]:
+    """Equal stretches of at most 10 s and at most exp(3) of growth."""
+    begin, end = float(motion.time[0]), float(motion.time[-1])
+    length = min(LONGEST, GROWTH / max(growth_rate(machine), 1e-9))
+    edges = np.linspace(begin, end, max(round((end - begin) / length), 1) + 1)
+    return tuple(
+        Segment(float(start), float(stop)) for start, stop in zip(edges, edges[1:], strict=False)
+    )
+
+
+def growth_rate(machine: Machine) -> float:
+    """Rate [1/s] at which the machine would fall from upright: sqrt(g abs(m r) / J)."""
+    platform = machine.platform
+    offset = platform.center_of_mass_offset
+    if platform.base.kind == "ball":
+        smallest = float(np.linalg.eigvalsh(platform.inertia)[0])
+    else:
+        axis = hinge_axis(machine)
+        offset = offset - (axis @ offset) * axis
+        smallest = float(axis @ platform.inertia @ axis)
+    return float(np.sqrt(platform.gravity * np.linalg.norm(offset) / smallest))

@@ -1,0 +1,200 @@
+"""One self-contained HTML page about a comparison: sentences, figures, tables."""
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+from twin.predict.compare import Comparison, Transfer, stream_errors
+from twin.predict.fit import Fit
+from twin.report.figures import motion_figure, residual_figure, shown_run, torque_figure
+from twin.report.words import (
+    base_rows,
+    interval,
+    name_of,
+    sentences,
+    strength_words,
+    transfer_sentences,
+)
+from twin.units import printed
+
+_STYLE = """
+:root { --ink: #1c2733; --soft: #55626e; --line: #dfe6eb; --accent: #1f6f8b; }
+* { box-sizing: border-box; }
+body { margin: 0; color: var(--ink); background: #fff;
+  font: 16px/1.55 Inter, "Helvetica Neue", Arial, "DejaVu Sans", sans-serif; }
+main { max-width: 60rem; margin: 0 auto; padding: 3rem 1.5rem 5rem; }
+h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 .3rem; font-weight: 650; }
+h2 { font-size: 1.25rem; margin: 3rem 0 .6rem; font-weight: 650; }
+h3 { font-size: 1rem; margin: 2rem 0 .4rem; font-weight: 650; }
+.under { color: var(--soft); margin: 0 0 2rem; }
+.verdict { border-left: 4px solid var(--accent); background: #f4f8fa; padding: .9rem 1.2rem;
+  font-size: 1.1rem; margin: 1.2rem 0; }
+li { margin: .35rem 0; }
+figure { margin: 1.2rem 0 0; } figure svg { width: 100%; height: auto; display: block; }
+figcaption { color: var(--soft); font-size: .9rem; margin-top: .3rem; }
+table { border-collapse: collapse; width: 100%; font-size: .92rem;
+  font-variant-numeric: tabular-nums; }
+th { text-align: left; color: var(--soft); font-weight: 500; border-bottom: 1px solid #b8c4cd; }
+th, td { padding: .4rem .8rem .4rem 0; vertical-align: top; }
+td { border-bottom: 1px solid var(--line); }
+"""
+
+
+def write_page(
+    path: Path, comparisons: Sequence[Comparison], transfers: Sequence[Transfer]
+) -> None:
+    """Write the page; the first comparison is the one that the transfers come from."""
+    parts = [_section(comparison) for comparison in comparisons]
+    parts += [_transfer(transfer, comparisons[0]) for transfer in transfers]
+    title = "What the model gets wrong: " + ", ".join(map(name_of, comparisons))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(
+        "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
+        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n<main>\n"
+        + "\n".join(parts)
+        + "\n</main>\n</body>\n</html>\n",
+        encoding="utf-8",
+    )
+
+
+def _section(comparison: Comparison) -> str:
+    verdict, *rest = sentences(comparison)
+    recording = comparison.recording
+    under = (
+        f"{comparison.platform.title} · {recording.stop - recording.start:.3g} s · "
+        f"{len(comparison.predictor.segments)} stretches, each predicted from its own start"
+    )
+    return "\n".join(
+        [
+            f"<h1>{escape(name_of(comparison))} on {escape(comparison.platform.name)}</h1>",
+            f"<p class='under'>{escape(under)}</p>",
+            f"<p class='verdict'>{escape(_typeset(verdict))}</p>",
+            _list(rest),
+            "<h2>Measured and predicted</h2>",
+            _figure(
+                motion_figure(comparison),
+                _run_caption(comparison),
+            ),
+            "<h2>What is left</h2>",
+            _figure(
+                residual_figure(comparison),
+                "Measured less predicted, the start of each stretch fitted. What lies outside the "
+                "frame belongs to the worst stretches.",
+            ),
+            _streams_table(comparison),
+            "<h2>The torque that nobody accounts for</h2>",
+            _figure(
+                torque_figure(comparison),
+                "Inverse dynamics of the smoothed motion less the commanded torque, with the base "
+                "of the best model. A friction falls from upper left to lower right.",
+            ),
+            _laws_table(comparison),
+            "<h2>The base</h2>",
+            _base_table(comparison),
+        ]
+    )
+
+
+def _run_caption(comparison: Comparison) -> str:
+    run = shown_run(comparison)
+    if run is None:
+        return "The log is too short for a free run."
+    return (
+        f"Free runs of {run.horizon:g} s under the recorded commands, each started from the "
+        "smoothed motion; nothing is fitted to them."
+    )
+
+
+def _transfer(transfer: Transfer, source: Comparison) -> str:
+    other = transfer.comparison
+    title = f"Fitted on {name_of(source)}, held against {name_of(other)}"
+    return f"<h2>{escape(title)}</h2>\n{_list(transfer_sentences(transfer, source))}"
+
+
+def _streams_table(comparison: Comparison) -> str:
+    rows: list[list[str]] = []
+    for label, found in _accounts(comparison):
+        for error in stream_errors(comparison.predictor, found):
+            rows.append(
+                [
+                    label,
+                    error.stream,
+                    printed(error.rms, error.unit),
+                    printed(error.typical, error.unit),
+                    f"{printed(error.noise, error.unit)}"
+                    + ("" if error.noise_stated else " (from the data)"),
+                    f"{error.typical / error.noise:.2g}",
+                    f"{printed(error.worst, error.unit)} at {error.worst_time:.2f} s",
+                ]
+            )
+    head = ["model", "stream", "rms", "typical", "noise", "typical / noise", "worst"]
+    return _table(head, rows)
+
+
+def _laws_table(comparison: Comparison) -> str:
+    rows = [
+        [
+            label,
+            strength.law.name,
+            strength_words(strength),
+            f"{strength.imitated:.0%}",
+        ]
+        for label, account in (
+            ("as built", comparison.as_built),
+            ("base refitted", comparison.refitted),
+        )
+        if account is not None
+        for strength in account.explanation.laws
+    ]
+    if not rows:
+        return "<p>No law was asked for.</p>"
+    return _table(["base", "law", "strength (95 %)", "could be the base"], rows)
+
+
+def _base_table(comparison: Comparison) -> str:
+    rows: list[list[str]] = []
+    for row in base_rows(comparison):
+        unit = row["unit"]
+        cells = [row["name"], f"{row['stated']:.3g} {unit}"]
+        for key in ("plain", "laws"):
+            if key in row:
+                value, half = row[key]
+                cells.append(interval(value, half, unit))
+        rows.append(cells)
+    head = ["parameter", "as built"]
+    if comparison.refitted is not None:
+        head += ["refitted", "refitted with the laws"]
+    hidden = comparison.base.not_excited
+    note = f"<p class='under'>Not seen by this joint: {escape(', '.join(hidden))}.</p>"
+    return _table(head, rows) + (note if hidden else "")
+
+
+def _accounts(comparison: Comparison) -> list[tuple[str, Fit]]:
+    accounts = [("as built", comparison.as_built.plain)]
+    if comparison.refitted is not None:
+        accounts.append(("base refitted", comparison.refitted.plain))
+    if comparison.best.explanation.laws:
+        accounts.append(("with the laws", comparison.best.explanation.fit))
+    return accounts
+
+
+def _figure(svg: str, caption: str) -> str:
+    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _list(items: Sequence[str]) -> str:
+    return "<ul>" + "".join(f"<li>{escape(_typeset(item))}</li>" for item in items) + "</ul>"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(_typeset(cell))}</td>" for cell in row) + "</tr>"
+        for row in rows
+    )
+    return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _typeset(text: str) -> str:
+    return text.replace("+-", "±").replace("^2", "²").replace("^3", "³").replace(" -", " −")
