@@ -71,6 +71,14 @@ _UNITS: dict[str, Unit] = {
     "mN m": Unit(1e-3, "N m"),
     "uN m": Unit(1e-6, "N m"),
     "N m s": Unit(1.0, "N m s"),
+    "mN m s": Unit(1e-3, "N m s"),
+    "uN m s": Unit(1e-6, "N m s"),
+    "N m s^2": Unit(1.0, "N m s^2"),
+    "mN m s^2": Unit(1e-3, "N m s^2"),
+    "uN m s^2": Unit(1e-6, "N m s^2"),
+    "N m/rad": Unit(1.0, "N m/rad"),
+    "mN m/rad": Unit(1e-3, "N m/rad"),
+    "uN m/rad": Unit(1e-6, "N m/rad"),
     "kg": Unit(1.0, "kg"),
     "kg m": Unit(1.0, "kg m"),
     "kg m^2": Unit(1.0, "kg m^2"),
@@ -127,14 +135,22 @@ def unit_named(text: str) -> Unit:
 
 
 _PRINTED = {
-    "rad": (("deg", 1e-2), ("mdeg", 0.0)),
-    "rad/s": (("rad/s", 1.0), ("deg/s", 0.0)),
+    "rad": (("deg", 0.0),),
+    "rad/s": (("deg/s", 0.0),),
     "N m": (("N m", 0.1), ("mN m", 1e-4), ("uN m", 0.0)),
-    "N m s": (("N m s", 0.0),),
+    "N m s": (("N m s", 0.1), ("mN m s", 1e-4), ("uN m s", 0.0)),
+    "N m s^2": (("N m s^2", 0.1), ("mN m s^2", 1e-4), ("uN m s^2", 0.0)),
+    "N m/rad": (("N m/rad", 0.1), ("mN m/rad", 1e-4), ("uN m/rad", 0.0)),
     "s": (("s", 0.5), ("ms", 1e-3), ("us", 0.0)),
     "m": (("m", 0.1), ("mm", 1e-4), ("um", 0.0)),
 }
 """SI unit -> units to print in, each from a size [SI] upwards."""
+
+
+def fitting(size: float, si: str) -> tuple[float, str]:
+    """Factor and name of the unit in which a value of this size [SI] is best printed."""
+    name = next((u for u, least in _PRINTED.get(si, ()) if abs(size) >= least), si)
+    return _UNITS.get(name, Unit(1.0, si)).factor, name
 
 
 def printed(value: float, si: str, size: float | None = None) -> str:
@@ -142,10 +158,12 @@ def printed(value: float, si: str, size: float | None = None) -> str:
 
     `size` chooses the unit for a value that stands beside a larger one.
     """
-    magnitude = abs(value if size is None else size)
-    name = next((u for u, least in _PRINTED.get(si, ()) if magnitude >= least), si)
-    unit = _UNITS.get(name, Unit(1.0, si))
-    number = f"{value / unit.factor:.3g}"
-    if "e+" in number:
-        number = f"{value / unit.factor:.0f}"
+    factor, name = fitting(value if size is None else size, si)
+    number = three_digits(value / factor)
     return number if name == "1" else f"{number} {name}"
+
+
+def three_digits(value: float) -> str:
+    """0.0123, 12.3, 1234; never 1.23e+03."""
+    text = f"{value:.3g}"
+    return f"{value:.0f}" if "e+" in text else text
