@@ -11,9 +11,8 @@ export UV_SYSTEM_CERTS := 1
 .PHONY: demo test test-slow lint bench clean
 
 demo: $(READY)
-	@mkdir -p runs/demo
 	$(BIN)/twin run sads --controller quaternion_pd --duration 60 --rrd runs/demo/sads.rrd
-	$(BIN)/twin compare models/dfki_pendulum/logs/sysid --report runs/demo/pendulum.html
+	$(BIN)/twin compare models/dfki_pendulum/logs/energy_shaping models/dfki_pendulum/logs/energy_shaping_1kg --report runs/demo/pendulum.html
 
 test: $(READY)
 	$(BIN)/pytest

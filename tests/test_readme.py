@@ -1,0 +1,86 @@
+"""Every command in the README runs, in the README's order, in a folder like the checkout."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[1]
+README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+MAKEFILE = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
+
+COMMANDS = [
+    line
+    for block in re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
+    for line in block.splitlines()
+    if line.strip()
+]
+TWIN_COMMANDS = [line for line in COMMANDS if line.startswith("twin ")]
+DEMO = re.findall(r"^\t\$\(BIN\)/(twin .*)$", MAKEFILE, re.MULTILINE)
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """A folder that looks like a fresh checkout, for commands to write into."""
+    for name in ("models", "controllers"):
+        shutil.copytree(REPOSITORY / name, tmp_path / name)
+    viewer = tmp_path / "stand_in" / "rerun_cli.py"
+    viewer.parent.mkdir()
+    viewer.write_text("import pathlib, sys; assert pathlib.Path(sys.argv[1]).stat().st_size\n")
+    return tmp_path
+
+
+def run(line: str, checkout: Path) -> None:
+    """Run a line that begins with `twin`; only the viewer's window is a stand-in."""
+    words = shlex.split(line, comments=True)[1:]
+    done = subprocess.run(
+        [sys.executable, "-m", "twin", *words],
+        cwd=checkout,
+        env={**os.environ, "PYTHONPATH": str(checkout / "stand_in")},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
+
+
+def test_the_readme_shows_two_commands_to_start_and_ten_for_every_day():
+    assert COMMANDS[:2] == ["make demo", "make test"]
+    assert COMMANDS[2:] == TWIN_COMMANDS
+    assert len(TWIN_COMMANDS) == 10
+
+
+@pytest.mark.parametrize("target", re.findall(r"`?make ([a-z-]+)", README))
+def test_every_make_target_of_the_readme_exists(target: str):
+    assert re.search(rf"^{target}:", MAKEFILE, re.MULTILINE)
+
+
+def test_every_command_of_the_readme_runs_in_its_order(checkout: Path):
+    for line in TWIN_COMMANDS:
+        run(line, checkout)
+
+
+@pytest.mark.slow
+def test_what_make_demo_runs_runs(checkout: Path):
+    assert DEMO
+    for line in DEMO:
+        run(line, checkout)
+
+
+@pytest.mark.parametrize("link", re.findall(r"\]\(([^)#]+)\)", README))
+def test_every_link_of_the_readme_leads_somewhere(link: str):
+    assert (REPOSITORY / link).exists()
+
+
+def test_every_folder_on_the_readmes_map_exists():
+    chart = README.split("## Map")[1].split("```")[1]
+    top = [line.split()[0].split("/")[0] for line in chart.splitlines() if line[:1].strip()]
+    package = chart.split("twin/")[1].split("tests/")[0]
+    inside = re.findall(r"\b([a-z]+(?:\.py|/))(?=[\s,])", package)
+    assert all((REPOSITORY / name).exists() for name in top)
+    assert all((REPOSITORY / "twin" / name).exists() for name in inside)
