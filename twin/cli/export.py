@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import tyro
 
@@ -12,9 +12,9 @@ import tyro
 class Export:
     """Write any log as a folder with log.toml and one file a stream, in SI."""
 
-    log: tyro.conf.Positional[Path]
+    log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
     """A recording (.rrd) or a folder with a log.toml."""
-    out: tyro.conf.Positional[Path]
+    out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT")]
     """The folder to make."""
     format: Literal["csv", "parquet", "mat"] = "csv"
     """Of the streams' files."""

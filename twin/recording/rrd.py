@@ -5,6 +5,7 @@ a column of float64 too. What is drawn only (`plots/`, `world/`) has no header a
 """
 
 import json
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -43,38 +44,32 @@ _TIME = rr.ComponentDescriptor(TIME)
 
 
 class RrdFile:
-    """Writes streams into a file, a viewer, or both."""
+    """Writes streams into a file, or into a live viewer."""
 
-    def __init__(self, path: Path | None, *, viewer: bool = False) -> None:
-        """Open the file (written over if it exists) and, if asked, a viewer.
+    def __init__(self, path: Path | None) -> None:
+        """Open the file (written over if it exists); without a path, a viewer.
 
         Raises:
-            RecordingError: the file cannot be written, or the viewer is not there.
+            RecordingError: the file cannot be written, or no viewer can be started.
         """
-        self._ending = ""
         self.rerun = rr.RecordingStream(APPLICATION)
-        sinks: list[rr.sinks.LogSinkLike] = []
         try:
-            if viewer:
-                rr.spawn(connect=False, hide_welcome_screen=True)
-                sinks.append(rr.GrpcSink())
             if path is not None:
-                sinks.append(rr.FileSink(path))
-            self.rerun.set_sinks(*sinks)
+                self.rerun.save(path)
+            else:
+                beside = Path(sys.executable).with_name("rerun")
+                viewer = str(beside) if beside.exists() else None
+                rr.spawn(hide_welcome_screen=True, executable_path=viewer, recording=self.rerun)
         except RuntimeError as problem:
+            reason = str(problem).strip().splitlines()[0]
+            remedy = "is the disk full?" if path else "is there a display, and `rerun` on the path?"
             raise RecordingError(
-                path or "the Rerun viewer",
-                f"cannot be opened: {problem}",
-                "is the disk full, the folder writable and `rerun` on the path?",
+                path or "the Rerun viewer", f"cannot be opened: {reason}", remedy
             ) from None
 
     def provenance(self, facts: Mapping[str, Any]) -> None:
         """Where the recording comes from; JSON-able."""
         self._note(PROVENANCE, facts)
-
-    def ending(self, sentence: str) -> None:
-        """How the recording came to its end, where that is worth telling a reader."""
-        self._ending = sentence
 
     def declare(self, stream: str, columns: Iterable[str], unit: str) -> None:
         """Say what a stream's columns are, before its first rows."""
@@ -103,9 +98,12 @@ class RrdFile:
         """Return when all that was written is in the file."""
         self.rerun.flush()
 
-    def close(self) -> None:
-        """Write the end of the recording, and the file's index."""
-        self._note(ENDING, self._ending)
+    def close(self, ending: str = "") -> None:
+        """Write the end of the recording and the file's index.
+
+        `ending` is a sentence for readers where a recording did not end well.
+        """
+        self._note(ENDING, ending)
         self.rerun.disconnect()
 
     def _note(self, path: str, facts: object) -> None:

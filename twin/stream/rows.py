@@ -91,9 +91,10 @@ class Rows:
                 ("estimate_gyro_bias", [e.gyro_bias for e in estimates]),
             ):
                 blocks[name] = self._values(stamps, seen, values)
-        for name in blocks.keys() - self.headers.keys():
-            unit = stream_named(name).unit
-            self.headers[name] = Header(self._platform.columns(name), unit)
+        for name in blocks:
+            if name not in self.headers:
+                unit = stream_named(name).unit
+                self.headers[name] = Header(self._platform.columns(name), unit)
         return blocks
 
     def _samples(self, samples: Sequence[Samples]) -> Block:

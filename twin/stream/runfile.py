@@ -20,11 +20,12 @@ Array = NDArray[np.float64]
 
 
 class RunFile:
-    """An `.rrd`, a viewer, or both, that receive a run."""
+    """An `.rrd`, or a viewer, that receives a run."""
 
-    def __init__(self, path: Path | None, *, viewer: bool = False) -> None:
+    def __init__(self, path: Path | None) -> None:
         """As `RrdFile`."""
-        self._file = RrdFile(path, viewer=viewer)
+        self.path = path
+        self._file = RrdFile(path)
         self._widths: dict[str, int] = {}
         self._scene: Scene | None = None
         self._plots: Plots | None = None
@@ -77,14 +78,10 @@ class RunFile:
             rows[stream] = decode(joined(pieces), self._widths[stream])
         self.write(rows)
 
-    def ending(self, sentence: str) -> None:
-        """Say how the recording ended, if it did not end well."""
-        self._file.ending(sentence)
-
-    def close(self) -> None:
-        """Complete the file."""
+    def close(self, ending: str = "") -> None:
+        """Complete the file; `ending` says how the recording ended, if not well."""
         self.draw()
-        self._file.close()
+        self._file.close(ending)
 
 
 def write_recording(

@@ -6,6 +6,7 @@ pipe is written and the file is closed.
 """
 
 import contextlib
+import logging
 import os
 import pickle
 import select
@@ -98,6 +99,8 @@ class RecordingWriter:
             ) from None
         if code != 0:
             raise self._failure()
+        for remark in self._said():
+            logging.getLogger(__name__).warning(remark)
         self._words.close()
         if self._litter and self._path is not None:
             self._path.unlink(missing_ok=True)
@@ -157,7 +160,8 @@ class RecordingWriter:
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=self._words,
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(search)},
+            # Rerun's log is for its developers; what goes wrong it raises.
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(search), "RUST_LOG": "off"},
             pass_fds=keep if sys.platform != "win32" else (),
             start_new_session=True,  # Ctrl-C is for the loop
             pipesize=_PIPE_SIZE,
@@ -166,11 +170,14 @@ class RecordingWriter:
     def _failure(self) -> RecordingError:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(5.0)
-        self._words.seek(0)
-        words = self._words.read().decode(errors="replace").strip().splitlines()
+        words = self._said()
         last = words[-1] if words else f"exit code {self._process.returncode}, was it killed?"
         return RecordingError(
             self._name,
             f"the process that writes it has ended ({last})",
             "what it had written so far can be read; free the disk, or record elsewhere",
         )
+
+    def _said(self) -> list[str]:
+        self._words.seek(0)
+        return self._words.read().decode(errors="replace").strip().splitlines()
