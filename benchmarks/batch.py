@@ -1,8 +1,8 @@
 """The closed loop of n runs against bare `Batch.step` of the same model.
 
 A loop and the bare batch take turns inside one flight: some ticks of the loop, as many calls of
-`Batch.step`. Blocks hold a whole number of the recorder's chunks and (but for one tick) of the
-gyro's draws, so that nothing that happens seldom escapes the median.
+`Batch.step`. Where there are sensors and recorders, a block holds whole chunks of the recorder and
+(but for one tick) whole draws of the gyro's noise, so that the median does not miss what is seldom.
 """
 
 import tempfile
@@ -31,10 +31,6 @@ from twin.stream.recorder import FileRecorder, MemoryRecorder
 
 LEAD = 55
 """Ticks before the first pair; half a chunk off, so that the writer is idle when a block ends."""
-BLOCK = 50
-"""Ticks: five chunks of the recorder."""
-SHORTEST = 0.25
-"""[s] of bare physics in a pair; small batches take several blocks."""
 
 
 @dataclass(frozen=True)
@@ -47,20 +43,22 @@ class Case:
     full: bool
     """With the shipped sensors, filter and recorders; else the law only."""
     pairs: int
+    block: int
+    """Ticks of each side of a pair; 10 are a chunk of the recorder, 51.2 a draw of the gyro."""
     target: str = ""
 
 
 CASES = (
-    Case(1, 0, full=False, pairs=9),
-    Case(16, 0, full=False, pairs=9),
-    Case(256, 0, full=False, pairs=9, target=">= 0.95"),
-    Case(1024, 0, full=False, pairs=3),
-    Case(1, 0, full=True, pairs=9),
-    Case(16, 0, full=True, pairs=9),
-    Case(256, 0, full=True, pairs=9, target=">= 0.85"),
-    Case(1024, 0, full=True, pairs=3),
-    Case(256, 1, full=False, pairs=5),
-    Case(256, 1, full=True, pairs=5),
+    Case(1, 0, full=False, pairs=45, block=100),
+    Case(16, 0, full=False, pairs=45, block=30),
+    Case(256, 0, full=False, pairs=45, block=10, target=">= 0.95"),
+    Case(1024, 0, full=False, pairs=15, block=10),
+    Case(1, 0, full=True, pairs=15, block=500),
+    Case(16, 0, full=True, pairs=15, block=100),
+    Case(256, 0, full=True, pairs=9, block=50, target=">= 0.85"),
+    Case(1024, 0, full=True, pairs=3, block=50),
+    Case(256, 1, full=False, pairs=25, block=10),
+    Case(256, 1, full=True, pairs=5, block=50),
 )
 
 
@@ -151,9 +149,8 @@ def _measure(platform: Platform, case: Case) -> tuple[PairedClock, Outcome]:
     machine = platform if case.full else perfect(platform)
     estimator = load_estimator("filter" if case.full else "passthrough")
     bare = bare_batch(machine, case.runs, case.threads)
-    block = BLOCK * max(1, round(SHORTEST / seconds(partial(bare, BLOCK))))
-    clock = PairedClock(bare, block)
-    duration = (LEAD + case.pairs * block) * machine.tick
+    clock = PairedClock(bare, case.block)
+    duration = (LEAD + case.pairs * clock.block) * machine.tick
     with ExitStack() as stack:
         observers: list[Observer] = []
         if case.full:
