@@ -8,6 +8,7 @@ import pytest
 from pyarrow import parquet
 from scipy.io import loadmat
 
+from twin import rotation
 from twin.cli.main import main
 from twin.errors import RecordingError
 from twin.recording import Recording, Series, open_log, write_folder
@@ -38,6 +39,10 @@ def recording() -> Recording:
         )
         for name, names in columns.items()
     }
+    turn = rotation.from_rotation_vector(rng.normal(size=3) * np.linspace(0.0, 1.0, 200)[:, None])
+    streams["attitude"] = Series(streams["gyro"].time, turn, ("w", "x", "y", "z"), "1")
+    still = Series(np.arange(3.0), np.full((3, 1), -0.0), ("s1",), "m")
+    streams["stage_position"] = still
     facts = {
         "schema": 1,
         "platform": "sads",
@@ -108,7 +113,8 @@ def test_the_command_exports_a_recording(recording, tmp_path: Path, capsys):
     write_recording(recording, tmp_path / "a.rrd")
     assert main(["export", str(tmp_path / "a.rrd"), str(tmp_path / "out"), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["rows"] == {"gyro": 200, "wheel_speed": 200, "coil temperature": 200}
+    assert document["rows"]["coil temperature"] == 200
+    assert set(document["rows"]) == set(recording) - {"truth_rate"}
     assert (tmp_path / "out" / "log.toml").exists()
     assert main(["export", str(tmp_path / "a.rrd"), str(tmp_path / "out")]) == 1
     assert "not empty" in capsys.readouterr().err

@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 READABLE = (".csv",)
 """Endings of the tables that can be read."""
 
+ROUNDING = 1e-12
+"""Quaternions whose length is off by less stay as they are, to the last bit."""
+
 EPOCH = 1e6
 """Times above this [s] count from 1970 or from power-on: the log's own start becomes 0."""
 
@@ -153,7 +156,10 @@ class _Entry:
             time, value = self.start + np.arange(len(table)) / self.rate, table
         where = f"{self.name} ({self.path.name})"
         time, value, repairs = in_order(time, value, file, where)
-        value = (value * self.unit.factor + self.unit.offset) * self.scale
+        value = value * self.unit.factor
+        if self.unit.offset != 0.0:  # adding 0.0 would turn -0.0 into 0.0
+            value = value + self.unit.offset
+        value = value * self.scale
         if names == ("w", "x", "y", "z"):
             value = self._attitude(value, file, where, repairs)
         si = self.canonical.unit if self.canonical else self.unit.si
@@ -197,7 +203,8 @@ class _Entry:
                     f"{where}: {np.count_nonzero(off > 1e-3)} of {len(off)} quaternions scaled to "
                     f"length 1, the worst was {length[np.argmax(off)]:.4g}"
                 )
-            quaternion = rotation.normalized(quaternion)
+            if off.max() > ROUNDING:
+                quaternion = rotation.normalized(quaternion)
         if self.world_to_body:
             quaternion = rotation.conjugate(quaternion)
         flips = np.einsum("ij,ij->i", quaternion[1:], quaternion[:-1]) < 0.0
