@@ -83,12 +83,10 @@ def compile_model(platform: Platform) -> Machine:
     width = {"ball": (4, 3), "hinge": (1, 1)}[platform.base.kind]
     qpos, dof = int(model.jnt_qposadr[base_joint]), int(model.jnt_dofadr[base_joint])
     wheels = [
-        _named(platform, model, mujoco.mjtObj.mjOBJ_JOINT, wheel.name)
-        for wheel in platform.wheels
+        _named(platform, model, mujoco.mjtObj.mjOBJ_JOINT, wheel.name) for wheel in platform.wheels
     ]
     stages = [
-        _named(platform, model, mujoco.mjtObj.mjOBJ_JOINT, stage.name)
-        for stage in platform.stages
+        _named(platform, model, mujoco.mjtObj.mjOBJ_JOINT, stage.name) for stage in platform.stages
     ]
     motors = [
         _named(platform, model, mujoco.mjtObj.mjOBJ_ACTUATOR, wheel.name)
@@ -96,16 +94,12 @@ def compile_model(platform: Platform) -> Machine:
     ]
     motor = platform.base.actuator
     joint_actuator = (
-        None
-        if motor is None
-        else _named(platform, model, mujoco.mjtObj.mjOBJ_ACTUATOR, motor)
+        None if motor is None else _named(platform, model, mujoco.mjtObj.mjOBJ_ACTUATOR, motor)
     )
     stage_dof = np.array(model.jnt_dofadr[stages], dtype=np.intp)
     model.dof_armature[stage_dof] = PRESCRIBED_ARMATURE
 
-    stated = MassProperties(
-        platform.mass, platform.inertia, platform.center_of_mass_offset
-    )
+    stated = MassProperties(platform.mass, platform.inertia, platform.center_of_mass_offset)
     try:
         set_mass_properties(model, base_body, stated)
     except ValueError as problem:
@@ -141,9 +135,7 @@ def mass_properties(model: mujoco.MjModel, base_body: int) -> MassProperties:
     return MassProperties(float(mass.sum()), inertia, mass @ centers)
 
 
-def set_mass_properties(
-    model: mujoco.MjModel, base_body: int, wanted: MassProperties
-) -> None:
+def set_mass_properties(model: mujoco.MjModel, base_body: int, wanted: MassProperties) -> None:
     """Give `base_body` the inertial that makes the whole equal to `wanted`; the rest stays.
 
     Raises:
@@ -156,13 +148,9 @@ def set_mass_properties(
 
     body_mass = wanted.mass - mass.sum()
     if body_mass <= 0.0:
-        raise ValueError(
-            f"the other parts already weigh {mass.sum():g} kg of {wanted.mass:g} kg"
-        )
+        raise ValueError(f"the other parts already weigh {mass.sum():g} kg of {wanted.mass:g} kg")
     center = (wanted.center_of_mass_offset - mass @ centers) / body_mass
-    about_anchor = wanted.inertia - np.sum(
-        tensors + _parallel_axis(mass, centers), axis=0
-    )
+    about_anchor = wanted.inertia - np.sum(tensors + _parallel_axis(mass, centers), axis=0)
     about_center = about_anchor - _parallel_axis(np.array([body_mass]), center[None])[0]
     moments, axes = np.linalg.eigh(about_center)
     if moments[0] <= 0.0 or moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
@@ -218,9 +206,7 @@ def _parallel_axis(mass: Array, centers: Array) -> Array:
     return mass[:, None, None] * (squared[:, None, None] * np.eye(3) - outer)
 
 
-def _named(
-    platform: Platform, model: mujoco.MjModel, kind: mujoco.mjtObj, name: str
-) -> int:
+def _named(platform: Platform, model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
     found = mujoco.mj_name2id(model, kind, name)
     if found < 0:
         noun = kind.name.removeprefix("mjOBJ_").lower()

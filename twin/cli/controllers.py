@@ -29,7 +29,7 @@ class Controllers:
 def _facts(name: str) -> dict[str, Any]:
     from twin.controller import load_controller
 
-    law = load_controller(name)
+    law: Any = load_controller(name)
     gains = [
         {
             "name": field.name,

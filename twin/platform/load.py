@@ -50,13 +50,9 @@ def _platform(table: Table, folder: Path, variant: str) -> Platform:
     title = table.text("title")
     model_path = folder / table.text("model", "platform.xml")
     if not model_path.resolve().is_relative_to(folder.resolve()):
-        raise table.fail(
-            "model", "lies outside the platform's folder", "keep the MJCF beside it"
-        )
+        raise table.fail("model", "lies outside the platform's folder", "keep the MJCF beside it")
     if not model_path.exists():
-        raise table.fail(
-            "model", f"names {model_path.name}, which is missing", "add the MJCF"
-        )
+        raise table.fail("model", f"names {model_path.name}, which is missing", "add the MJCF")
 
     base = _base(table.table("base"))
     axes = joint_axes(model_path)
@@ -70,13 +66,9 @@ def _platform(table: Table, folder: Path, variant: str) -> Platform:
     field = environment.numbers("magnetic_field", 3, np.zeros(3), unit="T")
     environment.close()
     frames = table.table("frames", required=False)
-    paper_from_body = frames.numbers(
-        "paper_from_body", 4, np.array([1.0, 0.0, 0.0, 0.0])
-    )
+    paper_from_body = frames.numbers("paper_from_body", 4, np.array([1.0, 0.0, 0.0, 0.0]))
     if abs(np.linalg.norm(paper_from_body) - 1.0) > 1e-9:
-        raise frames.fail(
-            "paper_from_body", "is no unit quaternion", "scale it to length 1"
-        )
+        raise frames.fail("paper_from_body", "is no unit quaternion", "scale it to length 1")
     frames.close()
     tilt_stop = table.table("tilt_stop", required=False)
     tilt_limit = tilt_stop.number("angle", np.inf, low=0.0, high=np.pi, unit="rad")
@@ -85,8 +77,7 @@ def _platform(table: Table, folder: Path, variant: str) -> Platform:
     widths = {"wheel_speed": len(wheels), "stage_position": len(stages), "joint": 1}
     sensor_table = table.table("sensors", required=False)
     sensors = {
-        stream: _sensor(sensor_table, stream, widths, base, step)
-        for stream in sensor_table.keys
+        stream: _sensor(sensor_table, stream, widths, base, step) for stream in sensor_table.keys
     }
     table.close()
     return Platform(
@@ -154,9 +145,7 @@ def _mass_properties(table: Table, variant: str) -> tuple[float, Array, Array]:
             "above the sum of the other two",
             "check its entries",
         )
-    offset = source("center_of_mass_offset").numbers(
-        "center_of_mass_offset", 3, unit="kg m"
-    )
+    offset = source("center_of_mass_offset").numbers("center_of_mass_offset", 3, unit="kg m")
     for used in {id(base): base, id(override): override}.values():
         for key in ("mass", "inertia", "center_of_mass_offset"):
             used.raw(key)
@@ -174,9 +163,7 @@ def _base(table: Table) -> Base:
         torque_limit=table.number("torque_limit", np.inf, low=0.0, unit="N m"),
     )
     if base.kind == "ball" and base.actuator is not None:
-        raise table.fail(
-            "actuator", "is given on a ball joint", "only a hinge has a motor"
-        )
+        raise table.fail("actuator", "is given on a ball joint", "only a hinge has a motor")
     table.close()
     return base
 
@@ -204,9 +191,7 @@ def _axis(table: Table, axes: Mapping[str, Array]) -> Array:
 def _stage(table: Table, axes: Mapping[str, Array]) -> Stage:
     low, high = table.numbers("travel", 2, unit="m")
     if low >= high:
-        raise table.fail(
-            "travel", f"runs from {low:g} to {high:g} m", "give the lower end first"
-        )
+        raise table.fail("travel", f"runs from {low:g} to {high:g} m", "give the lower end first")
     stage = Stage(
         name=table.text("name"),
         axis=_axis(table, axes),
@@ -220,9 +205,7 @@ def _stage(table: Table, axes: Mapping[str, Array]) -> Stage:
     return stage
 
 
-def _sensor(
-    sensors: Table, stream: str, widths: dict[str, int], base: Base, step: float
-) -> Sensor:
+def _sensor(sensors: Table, stream: str, widths: dict[str, int], base: Base, step: float) -> Sensor:
     if stream not in MEASURED:
         raise sensors.fail(
             stream,
@@ -235,9 +218,7 @@ def _sensor(
     else:
         width = widths["joint" if stream.startswith("joint") else stream]
     if width == 0 or (stream.startswith("joint") and base.kind == "ball"):
-        raise sensors.fail(
-            stream, "measures a part the machine does not have", "remove it"
-        )
+        raise sensors.fail(stream, "measures a part the machine does not have", "remove it")
     unit = "rad" if stream == "attitude" else stream_named(stream).unit
     sensor = Sensor(
         stream=stream,
