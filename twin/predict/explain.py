@@ -1,7 +1,8 @@
 """Which of the known laws explains what a model leaves unexplained: forward selection.
 
 Each round scores every law by the fall of the cost that its column promises, base and initial
-states projected out; the best is fitted properly and stays if its strength is beyond doubt.
+states projected out; the best is fitted properly and stays if its strength is beyond doubt. What
+dissipates is asked first: every bearing has friction, not every machine a cable.
 """
 
 from dataclasses import dataclass
@@ -11,14 +12,19 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from twin.predict.base import BaseParameters
-from twin.predict.fit import NORMAL, Fit, Linear, cost, fit, signatures
+from twin.predict.fit import Fit, fit, signatures
 from twin.predict.laws import LAWS, Law, shape_of
+from twin.predict.linear import Linear, cost, shared_step
 from twin.predict.rollout import Predictor
+from twin.predict.uncertainty import NORMAL
 
 Array = NDArray[np.float64]
 
 FALSE_ALARM = 0.01
 """Chance of naming any law when there is none."""
+
+CERTAIN = float(norm.ppf(1.0 - FALSE_ALARM / (2 * len(LAWS))))
+"""Standard deviations by which a strength must differ from 0."""
 
 HIDDEN = 1e-4
 """A law of which less than this share is left when base and initial states are free is not seen."""
@@ -64,68 +70,74 @@ def explain(
     best = plain
     while left and len(chosen) < MOST:
         order = [*chosen, *left]
-        strengths = np.concatenate([best.strengths, np.zeros(len(left))])
-        linear = signatures(predictor, base, best, [shapes[i] for i in order], strengths)
-        promise = _promise(linear, base, [LAWS[i] for i in order], len(chosen), refit_base)
-        promise = promise / best.samples_each - [LAWS[i].rarity for i in left]
-        if promise.max() <= 0.0:
+        linear = signatures(predictor, base, best, [shapes[i] for i in order])
+        held = 0 if refit_base else len(best.theta)
+        known = range(held, best.at.shared)
+        promise = _promise(linear, known, [LAWS[i] for i in left]) / best.samples_each
+        first = [LAWS[i].dissipative for i in left] & (promise > CERTAIN**2)
+        place = int(np.argmax(np.where(first, promise, -np.inf) if first.any() else promise))
+        if promise[place] < CERTAIN**2:
             break
-        index = left.pop(int(np.argmax(promise)))
-        tried = [*chosen, index]
+        tried = [*chosen, left.pop(place)]
         found = fit(
             predictor,
             base,
-            theta=best.theta,
             shapes=[shapes[i] for i in tried],
-            strengths=np.append(best.strengths, 0.0),
-            states=best.states,
+            start=best,
             refit_base=refit_base,
         )
-        if cost(found.residual) < cost(best.residual) and _all_certain(found, tried):
+        sure = _certain(found, tried)
+        if tried[-1] in sure and len(sure) < len(tried):
+            tried = sure
+            found = fit(predictor, base, shapes=[shapes[i] for i in tried], refit_base=refit_base)
+            sure = _certain(found, tried)
+        if cost(found.residual) < cost(best.residual) and sure == tried:
             chosen, best = tried, found
     return Explanation(best, tuple(_strengths(best, chosen)))
 
 
-def _promise(
-    linear: Linear, base: BaseParameters, laws: list[Law], chosen: int, refit_base: bool
-) -> Array:
-    """Fall of the cost that each law after the first `chosen` promises; negative: none."""
-    normal, gradient = linear.normal, linear.gradient
-    fixed = len(base.as_stated)
-    nuisance = [*range(0 if refit_base else fixed, fixed), *range(fixed, fixed + chosen)]
-    promise = np.full(len(laws) - chosen, -1.0)
-    for place, law in enumerate(laws[chosen:]):
-        column = fixed + chosen + place
-        across = normal[column, nuisance]
-        known = np.linalg.lstsq(normal[np.ix_(nuisance, nuisance)], across, rcond=1e-12)[0]
-        own = normal[column, column] - known @ across
-        slope = -(gradient[column] - known @ gradient[nuisance])
-        if own > HIDDEN * normal[column, column] and not (law.dissipative and slope < 0.0):
-            promise[place] = slope**2 / own
+def _promise(flat: Linear, known: range, laws: list[Law]) -> Array:
+    """Fall of the linearised cost that each of the last columns promises beside the known ones.
+
+    -inf: the log does not show it, or shows less than nothing of a law that only dissipates.
+    """
+    normal = flat.weighed(flat.residual).normal
+    free = np.zeros(len(normal), dtype=bool)
+    free[known] = True
+    without = cost(shared_step(flat, free)[1])
+    promise = np.full(len(laws), -np.inf)
+    for column, law in enumerate(laws, known.stop):
+        own, across = normal[column, column], normal[column, known]
+        mix = np.linalg.lstsq(normal[np.ix_(known, known)], across, rcond=1e-12)[0]
+        if own - mix @ across <= HIDDEN * own:
+            continue
+        free[column] = True
+        step, left = shared_step(flat, free)
+        free[column] = False
+        if not (law.dissipative and step[column] < 0.0):
+            promise[column - known.stop] = without - cost(left)
     return promise
 
 
-def _all_certain(found: Fit, tried: list[int]) -> bool:
-    """Whether every law in a fit is different from nothing, beyond the chance of a false alarm."""
-    sure = float(norm.ppf(1.0 - FALSE_ALARM / (2 * len(LAWS)))) * found.quantile / NORMAL
-    offset = len(found.theta)
-    for place, index in enumerate(tried):
-        value = found.strengths[place]
-        sigma = np.sqrt(found.covariance[offset + place, offset + place])
-        if abs(value) < sure * sigma or (LAWS[index].dissipative and value < 0.0):
-            return False
-    return True
+def _certain(found: Fit, tried: list[int]) -> list[int]:
+    """Those laws of a fit that differ from nothing, beyond the chance of a false alarm."""
+    halves = found.half_widths[-len(tried) :] * CERTAIN / NORMAL
+    return [
+        index
+        for index, value, half in zip(tried, found.strengths, halves, strict=True)
+        if abs(value) > half and not (LAWS[index].dissipative and value < 0.0)
+    ]
 
 
 def _strengths(found: Fit, chosen: list[int]) -> list[Strength]:
-    fixed = len(found.theta)
-    sigma = np.sqrt(np.diag(found.covariance)[fixed:])
-    normal = found.linear.normal
+    normal, base = found.linear.normal, range(len(found.theta))
+    first = found.at.shared - len(chosen)
     strengths: list[Strength] = []
     for place, index in enumerate(chosen):
-        across = normal[fixed + place, :fixed]
-        known = np.linalg.lstsq(normal[:fixed, :fixed], across, rcond=1e-12)[0]
-        value, half = float(found.strengths[place]), found.quantile * float(sigma[place])
-        imitated = float(known @ across / normal[fixed + place, fixed + place])
+        column = first + place
+        across = normal[column, base]
+        mix = np.linalg.lstsq(normal[np.ix_(base, base)], across, rcond=1e-12)[0]
+        value, half = float(found.strengths[place]), float(found.half_widths[column])
+        imitated = float(mix @ across / normal[column, column])
         strengths.append(Strength(LAWS[index], value, value - half, value + half, imitated))
     return strengths

@@ -57,9 +57,6 @@ class Law:
     """Whether only a positive strength makes sense."""
     offset: float = 0.0
     """What is added to the strength when it is printed."""
-    rarity: float = 6.0
-    """Fall of the cost by which it must beat friction, which every bearing has: twice the log of
-    the odds, here 20 to 1."""
 
 
 def _dry(at: Context) -> Array:
@@ -97,7 +94,6 @@ LAWS = (
         "{} at every speed (dry friction)",
         _dry,
         dissipative=True,
-        rarity=0.0,
     ),
     Law(
         "bearing_viscous_friction",
@@ -105,7 +101,6 @@ LAWS = (
         "{} times the rate (viscous friction)",
         lambda at: -at.motion.rate,
         dissipative=True,
-        rarity=0.0,
     ),
     Law(
         "aerodynamic_drag",
@@ -113,7 +108,6 @@ LAWS = (
         "{} times the squared rate (drag of the air)",
         lambda at: -np.abs(at.motion.rate) * at.motion.rate,
         dissipative=True,
-        rarity=3.0,
     ),
     Law(
         "harness_stiffness",

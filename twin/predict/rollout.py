@@ -35,6 +35,8 @@ class Output:
     """(k,) 1 sigma a sample; of attitudes [rad]."""
     stated: bool
     """Whether the noise is the log's own statement or estimated from its data."""
+    biased: bool
+    """Whether platform.toml says that this sensor has a constant error."""
 
     @property
     def width(self) -> int:
@@ -173,6 +175,21 @@ class Predictor:
             velocity[:, machine.wheel_dof] += change[:, 2 * base :]
         return position, velocity
 
+    def bias_columns(self, segment: int) -> Array:
+        """d residual / d(bias) of a segment, one column for each column of a biased sensor."""
+        biased = [output for output in self.outputs if output.biased]
+        blocks: list[Array] = []
+        first = 0
+        for output, samples in zip(self.outputs, self._samples[segment], strict=True):
+            count = len(samples.time)
+            block = np.zeros((count * output.width, sum(o.width for o in biased)))
+            if output.biased:
+                columns = slice(first, first + output.width)
+                block[:, columns] = np.tile(-np.diag(1.0 / output.noise), (count, 1))
+                first += output.width
+            blocks.append(block)
+        return np.concatenate(blocks)
+
     def split(self, segment: int, residual: Array) -> dict[str, tuple[Array, Array]]:
         """Times (m,) and residuals (m, k) [SI] of each stream from a flat residual."""
         parts: dict[str, tuple[Array, Array]] = {}
@@ -239,7 +256,15 @@ class Predictor:
             stated = facts.get(name, {}).get("noise")
             estimated = noise_of(series)
             noise = estimated if stated is None else np.broadcast_to(stated, estimated.shape)
+            sensor = self.machine.platform.sensors.get(name)
+            biased = sensor is not None and bool(np.any(sensor.bias > 0.0))
             outputs.append(
-                Output(name, series, np.asarray(noise, dtype=np.float64), stated is not None)
+                Output(
+                    name,
+                    series,
+                    np.asarray(noise, dtype=np.float64),
+                    stated=stated is not None,
+                    biased=biased,
+                )
             )
         return tuple(outputs)

@@ -90,7 +90,7 @@ def base_rows(comparison: Comparison) -> list[dict[str, Any]]:
         row: dict[str, Any] = {"name": name, "unit": unit, "stated": float(base.as_stated[i])}
         if refitted is not None:
             for key, found in (("plain", refitted.plain), ("laws", refitted.explanation.fit)):
-                half = found.quantile * float(np.sqrt(found.covariance[i, i]))
+                half = float(found.half_widths[i])
                 row[key] = (float(found.theta[i]), half)
         rows.append(row)
     return rows
@@ -234,8 +234,8 @@ def _both(
             name,
             float(one.theta[i]),
             float(two.theta[i]),
-            one.quantile * float(np.sqrt(one.covariance[i, i])),
-            two.quantile * float(np.sqrt(two.covariance[i, i])),
+            float(one.half_widths[i]),
+            float(two.half_widths[i]),
             unit,
         )
 
