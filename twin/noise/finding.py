@@ -1,0 +1,143 @@
+"""What the data say of their noise, held against what the log and the platform say of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.noise.stream import StreamNoise, measure_noise
+from twin.platform import Platform
+from twin.recording import Recording
+from twin.signals import STREAMS
+from twin.units import printed
+
+Array = NDArray[np.float64]
+
+FACTOR = 1.5
+"""A stated noise further off than this is worth a sentence."""
+FEWEST = 100
+"""With fewer samples the estimate itself may be off by a quarter."""
+UNSTEADY = 0.1
+"""Jitter of more than this share of the period is worth a sentence."""
+MANY = 1e-3
+"""More outliers than this share of the samples are worth a sentence."""
+
+
+@dataclass(frozen=True)
+class NoiseFinding:
+    """One thing about a stream's noise that its reader should know."""
+
+    stream: str
+    kind: str
+    """`noise`, `quantised`, `outliers`, `gaps`, `jitter` or `repeated`."""
+    found: float
+    """Of `noise` [SI, rms over the columns]; else the share, or the jitter [s]."""
+    stated: float | None
+    """What was claimed of it; None where nothing was."""
+    sentence: str
+
+
+def noise_findings(recording: Recording, platform: Platform | None) -> list[NoiseFinding]:
+    """Measure the noise of every sensor's stream and hold it against what is stated.
+
+    What a log states of its noise stands before what its platform states.
+    """
+    findings: list[NoiseFinding] = []
+    for name, series in recording.items():
+        if not _measured(name) or len(series) < FEWEST:
+            continue
+        if (series.value == series.value[0]).all():
+            continue  # what stands still on its grid shows neither noise nor clock
+        noise = measure_noise(series)
+        unit = "rad" if name == "attitude" else series.unit
+        findings += _against_claims(name, unit, noise, recording, platform)
+        findings += _quality(name, unit, noise, len(series))
+    return findings
+
+
+def _measured(name: str) -> bool:
+    """Whether a stream is a sensor's, not a command, a state of the software or of the truth."""
+    derived = ("command_", "wanted_", "truth_", "estimate_", "reference_")
+    return name in STREAMS and not name.startswith(derived)
+
+
+def _against_claims(
+    name: str, unit: str, noise: StreamNoise, recording: Recording, platform: Platform | None
+) -> list[NoiseFinding]:
+    claim, source = _claim(name, recording, platform)
+    found = _rms(noise.white)
+    # a column that stands still on its grid hides its noise
+    hidden = bool(noise.quantised.any()) and found <= FACTOR * _rms(noise.resolution)
+    if not claim or 1.0 / FACTOR <= found / claim <= FACTOR or (hidden and found < claim):
+        return []
+    ratio = found / claim
+    sentence = (
+        f"The noise of {name} is {printed(found, unit)} a sample, "
+        + (f"{ratio:.2g} times" if ratio > 1.0 else f"{1.0 / ratio:.2g} times less than")
+        + f" the {printed(claim, unit)} that {source} states."
+    )
+    return [NoiseFinding(name, "noise", found, claim, sentence)]
+
+
+def _claim(name: str, recording: Recording, platform: Platform | None) -> tuple[float, str]:
+    """Stated 1 sigma a sample, rms over the columns; 0 where nothing is stated."""
+    streams = cast(Mapping[str, Mapping[str, Any]], recording.provenance.get("streams") or {})
+    stated = streams.get(name, {}).get("noise")
+    if stated is not None:
+        return _rms(np.asarray(stated, dtype=np.float64)), "the log"
+    if platform is None or name not in platform.sensors:
+        return 0.0, ""
+    sensor = platform.sensors[name]
+    grid = sensor.resolution * (2.0 if name == "attitude" else 1.0)
+    return float(np.hypot(_rms(sensor.noise), grid / np.sqrt(12.0))), "platform.toml"
+
+
+def _quality(name: str, unit: str, noise: StreamNoise, count: int) -> list[NoiseFinding]:
+    findings: list[NoiseFinding] = []
+
+    def say(kind: str, found: float, sentence: str) -> None:
+        findings.append(NoiseFinding(name, kind, found, None, sentence))
+
+    clock, flagged = noise.clock, int(noise.outliers.sum())
+    if noise.quantised.any():
+        step = float(noise.resolution.max())
+        say(
+            "quantised",
+            step,
+            f"{name} comes in steps of {printed(step, unit)}, which is more than its noise: "
+            f"its errors are those of the grid, {printed(step / np.sqrt(12.0), unit)} a sample.",
+        )
+    if flagged > max(MANY * count, 1.0):
+        say(
+            "outliers",
+            flagged / count,
+            f"{flagged} of {count} samples of {name} lie more than 6 sigma off their neighbours.",
+        )
+    if clock.gaps:
+        say(
+            "gaps",
+            clock.lost / count,
+            f"{name} has {clock.gaps} {'gap' if clock.gaps == 1 else 'gaps'} in which about "
+            f"{clock.lost} samples were lost; the longest is {printed(clock.longest_gap, 's')}.",
+        )
+    if clock.jitter > UNSTEADY * clock.period:
+        say(
+            "jitter",
+            clock.jitter,
+            f"The stamps of {name} jitter by {printed(clock.jitter, 's')} about a period of "
+            f"{printed(clock.period, 's')}.",
+        )
+    if clock.repeated > 0.2 and not noise.quantised.any():
+        say(
+            "repeated",
+            clock.repeated,
+            f"{clock.repeated:.0%} of the rows of {name} repeat the one before: the sensor is "
+            "slower than its log.",
+        )
+    return findings
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
