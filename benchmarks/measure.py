@@ -43,8 +43,10 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
 def machine() -> str:
     """What this was measured on, and how busy it was."""
     versions = " ".join(f"{name} {version(name)}" for name in ("mujoco", "numpy", "rerun-sdk"))
+    cores, load = os.cpu_count() or 1, os.getloadavg()[0]
+    busy = " (others are at work: measure again when it is quiet)" if load > 0.5 * cores else ""
     return (
-        f"{os.cpu_count()} cores ({_processor()}), load {os.getloadavg()[0]:.1f} at the start, "
+        f"{cores} cores ({_processor()}), load {load:.1f} at the start{busy}, "
         f"Python {platform.python_version()}, {versions}"
     )
 
