@@ -45,9 +45,9 @@ def check(path: Path, after: float, writer_too: bool) -> None:
     assert recording.repairs, "a recording that was cut short must say so"
     assert recording.provenance["platform"] == "sads"
     for name in STREAMS:
-        lost = reached - recording[name].time[-1]
+        held = recording[name].time if name in recording else []
+        lost = reached - (held[-1] if len(held) else 0.0)
         assert lost <= 1.0, f"{name} lost {lost:.2f} s before the kill, {after:.2f} s after start"
-    assert (recording["gyro"].value[:, 0] >= recording["gyro"].time).all()
 
 
 @pytest.mark.parametrize("writer_too", [False, True], ids=["the loop", "the loop and its writer"])
@@ -60,7 +60,7 @@ def test_a_killed_recording_opens_and_lacks_at_most_a_second(
     moments = random.Random(seed)
     with ThreadPoolExecutor(2) as pool:
         jobs = [
-            pool.submit(check, tmp_path / f"{i}.rrd", moments.uniform(0.0, 2.0), writer_too)
+            pool.submit(check, tmp_path / f"{i}.rrd", moments.uniform(0.0, 3.0), writer_too)
             for i in range(kills)
         ]
     for job in jobs:

@@ -1,4 +1,4 @@
-"""A process that records until it is killed: `python victim.py FILE`; says how far it got."""
+"""A process that records in real time until it is killed, and says how far it has got."""
 
 import sys
 import time
@@ -9,9 +9,6 @@ from twin.platform import load_platform
 from twin.signals import Estimate, Reading, Samples, Target
 from twin.stream.provenance import provenance
 from twin.stream.recorder import FileRecorder
-
-HASTE = 10.0
-"""Recorded seconds a second."""
 
 
 def main(path: str) -> None:
@@ -33,7 +30,7 @@ def main(path: str) -> None:
         recorder.collect(reading, estimate, Target(level[0]), torque, torque, {})
         print(repr(now), flush=True)
         tick += 1
-        time.sleep(max(0.0, started + tick * platform.tick / HASTE - time.monotonic()))
+        time.sleep(max(0.0, started + tick * platform.tick - time.monotonic()))
 
 
 if __name__ == "__main__":

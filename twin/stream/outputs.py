@@ -8,11 +8,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 from twin.errors import RecordingError
+from twin.recording.rrd import compact
 from twin.stream.rows import Block
 from twin.stream.runfile import RunFile
 
+WRITING_PERIOD = 0.1
+"""At least, between two groups of rows [s of the wall]: a run faster than time would otherwise be
+written in thousands of small pieces."""
+
 DRAWING_PERIOD = 0.25
 """Between updates of plots and scene [s of the wall]."""
+
+MANY_GROUPS = 100
+"""A file written in more groups than this is put together at the end."""
 
 
 def write(path: Path | None, viewer: bool, frames: queue.SimpleQueue[bytes | None]) -> None:
@@ -22,10 +30,12 @@ def write(path: Path | None, viewer: bool, frames: queue.SimpleQueue[bytes | Non
     """
     outputs: list[RunFile] = []
     closed = ended = False
-    drawn = time.monotonic()
+    groups = 0
+    written = drawn = time.monotonic()
     while not ended:
         blocks: dict[str, list[Block]] = {}
         payloads = [frames.get()]
+        time.sleep(max(0.0, written + WRITING_PERIOD - time.monotonic()))
         while not frames.empty():
             payloads.append(frames.get())
         for payload in payloads:
@@ -42,11 +52,15 @@ def write(path: Path | None, viewer: bool, frames: queue.SimpleQueue[bytes | Non
                 closed |= kind == "close"
                 ended |= kind == "ended"
         _each(outputs, lambda output, blocks=blocks: output.write_blocks(blocks))
+        written = time.monotonic()
+        groups += 1
         if time.monotonic() - drawn >= DRAWING_PERIOD:
             drawn = time.monotonic()
             _each(outputs, lambda output: output.draw())
     ending = "" if closed else "the process that recorded ended without closing the recording"
     _each(outputs, lambda output: output.close(ending))
+    if path is not None and groups > MANY_GROUPS:
+        compact(path)
 
 
 def _opened(path: Path | None, viewer: bool) -> list[RunFile]:

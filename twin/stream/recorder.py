@@ -14,7 +14,8 @@ from twin.stream.writer import RecordingWriter
 
 CHUNK = 0.5
 """Rows are handed to the writer after this much recorded time, or of the wall's, whichever comes
-first [s]; what a killed process loses."""
+first [s]. A loop that is killed loses this much; if its writer is killed too, a tenth of a second
+of the wall more."""
 
 
 class FileRecorder:
