@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -20,34 +20,38 @@ if TYPE_CHECKING:
 Angles = tuple[float, float, float]
 
 
+def _arg(metavar: str) -> object:
+    return tyro.conf.arg(metavar=metavar)
+
+
 @dataclass(frozen=True)
 class Run:
     """Fly a platform under a control law: simulated, or a log played as if it were hardware."""
 
-    platform: tyro.conf.Positional[str]
+    platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
     """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
-    controller: str = "free_float"
+    controller: Annotated[str, _arg("LAW")] = "free_float"
     """A shipped law (see `twin controllers`) or the file of one's own."""
-    gains: tuple[str, ...] = ()
-    """Gains that differ from the law's own: NAME=VALUE ..."""
-    estimator: str = "filter"
-    """`filter` (attitude and gyro bias) or `passthrough` (the sensors as they are)."""
-    plant: str = "sim"
-    """`sim`, or `replay:LOG`."""
-    reference: str | None = None
+    gains: Annotated[tuple[str, ...], _arg("NAME=VALUE ...")] = ()
+    """Gains that differ from the law's own."""
+    estimator: Annotated[str, _arg("filter|passthrough")] = "filter"
+    """Attitude and gyro bias filtered, or the sensors as they are."""
+    plant: Annotated[str, _arg("sim|replay:LOG")] = "sim"
+    """Simulated, or a log played as if it were hardware."""
+    reference: Annotated[str | None, _arg("REFERENCE")] = None
     """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or `multisine[:AMPLITUDE]`, in degrees;
     by default what the law is usually given."""
-    duration: float | None = None
-    """Seconds; by default 60, or the whole log that is replayed."""
-    attitude: Angles = (0.0, 0.0, 0.0)
-    """Roll, pitch, yaw at the start, in degrees; a hinge takes the first."""
-    rate: Angles = (0.0, 0.0, 0.0)
+    duration: Annotated[float | None, _arg("SECONDS")] = None
+    """By default 60, or the whole log that is replayed."""
+    attitude: Annotated[Angles, _arg("ROLL PITCH YAW")] = (0.0, 0.0, 0.0)
+    """At the start, in degrees; a hinge takes the first."""
+    rate: Annotated[Angles, _arg("X Y Z")] = (0.0, 0.0, 0.0)
     """Body rates x, y, z at the start, in degrees a second; a hinge takes the first."""
     seed: int = 0
     """Of all random numbers."""
     realtime: bool = False
     """Keep to the wall's clock instead of going as fast as the computer can."""
-    rrd: Path | None = None
+    rrd: Annotated[Path | None, _arg("OUT.rrd")] = None
     """Record into this file."""
     spawn: bool = False
     """Show it live in the Rerun viewer."""
