@@ -99,14 +99,14 @@ class Comparison:
     @property
     def healthy(self) -> bool:
         """Whether the best model without any law leaves nothing but noise."""
-        return is_noise(self.best.plain) and not self.best.explanation.laws
+        return self.best.plain.is_noise and not self.best.explanation.laws
 
     @property
     def verdict(self) -> str:
         """healthy, explained or unexplained."""
         if self.healthy:
             return "healthy"
-        return "explained" if is_noise(self.best.explanation.fit) else "unexplained"
+        return "explained" if self.best.explanation.fit.is_noise else "unexplained"
 
 
 @dataclass(frozen=True)
@@ -213,11 +213,6 @@ def stream_errors(predictor: Predictor, found: Fit) -> list[StreamError]:
             )
         )
     return errors
-
-
-def is_noise(found: Fit) -> bool:
-    """Whether a fit leaves no more than the noise of the sensors."""
-    return found.chi2_per_sample < 1.02 + 5.0 * np.sqrt(5.0 / found.samples)
 
 
 def disturbed(predictor: Predictor, found: Fit) -> list[Segment]:

@@ -68,7 +68,7 @@ def explain(
     left = [i for i, shape in enumerate(shapes) if any(np.any(part) for part in shape)]
     chosen: list[int] = []
     best = plain
-    while left and len(chosen) < MOST:
+    while left and len(chosen) < MOST and not (chosen and best.is_noise):
         order = [*chosen, *left]
         linear = signatures(predictor, base, best, [shapes[i] for i in order])
         held = 0 if refit_base else len(best.theta)

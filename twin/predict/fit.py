@@ -68,6 +68,11 @@ class Fit:
         fitted = self.at.states.size + np.count_nonzero(self.covariance.diagonal())
         return float(sum(float(r @ r) for r in self.residual)) / max(self.samples - fitted, 1)
 
+    @property
+    def is_noise(self) -> bool:
+        """Whether what is left is no more than the noise, itself known from as many samples."""
+        return self.chi2_per_sample < 1.02 + 5.0 * np.sqrt(5.0 / self.samples)
+
 
 def fit(
     predictor: Predictor,

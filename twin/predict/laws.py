@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 DELAY_STEP = 0.01
 """Lag [s] of the difference that stands for a command's derivative."""
 
-STANDSTILL = 0.02
+STANDSTILL = 0.01
 """Share of the highest rates below which dry friction fades."""
 
 

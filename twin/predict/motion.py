@@ -1,7 +1,7 @@
 """What a log says of the base's motion: smoothed, with derivatives; and how noisy its streams are.
 
 Savitzky-Golay polynomials over a window as wide as the data allow: the widest over which a
-quadratic still follows them to within three times their noise, so that the chatter of backlash and
+cubic still follows them to within three times their noise, so that the chatter of backlash and
 quantisation is not taken for motion. Good to start a fit and to shape a law, not to weigh it.
 """
 
@@ -120,7 +120,7 @@ def _smoothed(series: Series, noise: Array) -> tuple[Array, tuple[Array, Array, 
     count = max(round((series.time[-1] - series.time[0]) / period), 1) + 1
     time = np.linspace(series.time[0], series.time[-1], count)
     raw = _interpolated(time, series.time, series.value)
-    widths = [width for width in WINDOWS if width <= count] or [3]
+    widths = [width for width in WINDOWS if width <= count] or [WINDOWS[0]]
     best = widths[0]
     for width in widths:
         left = raw - _savgol(raw, width, 0, period)
@@ -138,7 +138,7 @@ def _smoothed(series: Series, noise: Array) -> tuple[Array, tuple[Array, Array, 
 
 
 def _savgol(values: Array, width: int, order: int, period: float) -> Array:
-    filtered = savgol_filter(values, width, 2, deriv=order, delta=period, axis=0)
+    filtered = savgol_filter(values, width, 3, deriv=order, delta=period, axis=0)
     return cast(Array, filtered)
 
 

@@ -1,0 +1,185 @@
+"""Measured streams that a prediction is held against: where each sample lies, what it should be.
+
+Samples keep their own instants: the prediction is interpolated to them. In a residual they stand
+segment by segment, and within one in the order of the grid instants that they are nearest to.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import rotation
+from twin.model import Machine
+from twin.noise import noise_of
+from twin.platform import Platform
+from twin.predict.states import States
+from twin.recording import Recording
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+FEWEST = 4
+"""Shorter streams are not predicted."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Segments of equal length, side by side, each on its own physics grid."""
+
+    begin: float
+    """[s]."""
+    step: float
+    """[s]."""
+    steps: int
+    """In a segment."""
+    segments: int
+
+    @property
+    def length(self) -> float:
+        """Of a segment [s]."""
+        return self.step * self.steps
+
+    @property
+    def starts(self) -> Array:
+        """(segments,) [s]."""
+        return np.asarray(self.begin + self.length * np.arange(self.segments), dtype=np.float64)
+
+    def place(self, time: Array) -> tuple[Index, Array]:
+        """Segment of each instant, and how many steps into it."""
+        whole = (time - self.begin) / self.step
+        segment = np.clip(np.floor(whole / self.steps + 1e-9), 0, self.segments - 1)
+        return segment.astype(np.intp), whole - segment * self.steps
+
+
+@dataclass(frozen=True)
+class Output:
+    """One measured stream on the grid: m samples of k numbers."""
+
+    stream: str
+    unit: str
+    columns: tuple[str, ...]
+    """k names; x y z for an attitude, whose residual is a turn about body axes."""
+    noise: Array
+    """(k,) 1 sigma a sample; of attitudes [rad]."""
+    stated: bool
+    """Whether the noise is the log's own statement or estimated from its data."""
+    bias: Array
+    """(k,) 1 sigma of the sensor's constant error, as platform.toml states it; 0: none."""
+    time: Array
+    """(m,) [s]."""
+    value: Array
+    """(m, k), or (m, 4)."""
+    segment: Index
+    """(m,)."""
+    place: Array
+    """(m,) steps into the segment."""
+    row: Index
+    """(m, k) where the residual stands among the rows of its segment."""
+
+    @property
+    def instant(self) -> Index:
+        """(m,) the nearest grid instant."""
+        return np.rint(self.place).astype(np.intp)
+
+    def predicted(self, path: States, step: float, late: float = 0.0) -> Array:
+        """What the stream should be, (v, m, k) or (v, m, 4).
+
+        Args:
+            path: of v predictions, (v, segments, steps + 1, .).
+            step: of the path [s].
+            late: as if each sample had been true so much before its stamp [s].
+        """
+        steps = path.rate.shape[2] - 1
+        place = self.place - late / step
+        before = np.clip(np.floor(place + 1e-9).astype(np.intp), 0, steps - 1)
+        part = (place - before)[:, None]
+
+        def ends(values: Array) -> tuple[Array, Array]:
+            return values[:, self.segment, before], values[:, self.segment, before + 1]
+
+        if self.stream in ("gyro", "joint_rate", "wheel_speed"):
+            first, last = ends(path.wheel_speed if self.stream == "wheel_speed" else path.rate)
+            return first + part * (last - first)
+        first, last = ends(path.position)
+        rate_first, rate_last = ends(path.rate)
+        if self.stream == "joint_angle":
+            return first + _cubic(last - first, step * rate_first, step * rate_last, part)
+        turn = rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(first), last))
+        return rotation.multiply(
+            first,
+            rotation.from_rotation_vector(
+                _cubic(turn, step * rate_first, step * rate_last, part)
+            ),
+        )
+
+    def residual(self, path: States, step: float, late: float = 0.0) -> Array:
+        """(measured - predicted) / noise, (v, m, k)."""
+        predicted = self.predicted(path, step, late)
+        if self.stream == "attitude":
+            error = rotation.multiply(rotation.conjugate(predicted), self.value)
+            return rotation.to_rotation_vector(error) / self.noise
+        return (self.value - predicted) / self.noise
+
+
+def _cubic(rise: Array, slope: Array, end_slope: Array, part: Array) -> Array:
+    """Of the rise over a step, the cubic with these slopes at both ends, at `part` of the step."""
+    bend = (slope - rise) * (1.0 - part) + (rise - end_slope) * part
+    return part * rise + part * (1.0 - part) * bend
+
+
+def outputs_of(
+    recording: Recording, machine: Machine, grid: Grid, streams: Sequence[str]
+) -> tuple[tuple[Output, ...], int]:
+    """The streams that a recording has, and how many rows each grid instant is given."""
+    found: list[Output] = []
+    width = 0
+    for name in streams:
+        if name not in recording or len(recording[name]) < FEWEST:
+            continue
+        series = recording[name]
+        segment, place = grid.place(series.time)
+        inside = (place > -0.5) & (place < grid.steps + 0.5)
+        segment, place = segment[inside], place[inside]
+        instant = np.rint(place).astype(np.intp)
+        # the how-manieth of its instant each sample is
+        key = segment * (grid.steps + 1) + instant
+        first = np.searchsorted(key, key)
+        rank = np.arange(len(key)) - first
+        attitude = name == "attitude"
+        columns = ("x", "y", "z") if attitude else series.columns
+        k = len(columns)
+        row = instant[:, None] * 0 + width + rank[:, None] * k + np.arange(k)
+        noise, stated = _noise(recording, name, k)
+        found.append(
+            Output(
+                name,
+                "rad" if attitude else series.unit,
+                columns,
+                noise,
+                stated,
+                _bias(machine.platform, name, k),
+                series.time[inside],
+                series.value[inside],
+                segment,
+                place,
+                row,
+            )
+        )
+        width += k * int(rank.max(initial=-1) + 1)
+    return tuple(found), width
+
+
+def _noise(recording: Recording, name: str, k: int) -> tuple[Array, bool]:
+    facts = cast(Mapping[str, Mapping[str, Any]], recording.provenance.get("streams") or {})
+    stated = facts.get(name, {}).get("noise")
+    if stated is None:
+        return noise_of(recording[name]), False
+    return np.broadcast_to(np.asarray(stated, dtype=np.float64), (k,)).copy(), True
+
+
+def _bias(platform: Platform, name: str, k: int) -> Array:
+    sensor = platform.sensors.get(name)
+    return np.zeros(k) if sensor is None else np.broadcast_to(sensor.bias, (k,)).copy()
