@@ -1,0 +1,80 @@
+"""A pendulum integrated apart from MuJoCo, with whatever friction, gain and delay a test hides."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from twin.platform import Platform, load_platform
+from twin.recording import Recording, Series
+
+
+@dataclass(frozen=True)
+class Swing:
+    """What is hidden in a simulated log of the DFKI pendulum."""
+
+    seed: int = 0
+    duration: float = 20.0
+    inertia: float = 0.1367
+    moment: float = 0.273
+    """m r [kg m]."""
+    dry: float = 0.0
+    viscous: float = 0.0
+    gain: float = 1.0
+    delay: float = 0.0
+    angle_noise: float = 1e-3
+    rate_noise: float = 2e-2
+    torque: float = 1.2
+
+
+def _simulate(hidden: Swing) -> Recording:
+    """RK4 at 1 ms under held random torques, sampled at 200 Hz."""
+    generator = np.random.default_rng(hidden.seed)
+    rate, fine = 200.0, 5
+    count = int(hidden.duration * rate)
+    # A new torque every 0.4 s, never in step with the motion.
+    levels = generator.uniform(-1.0, 1.0, int(hidden.duration / 0.4) + 2) * hidden.torque
+    step = 1.0 / (rate * fine)
+    late = round(hidden.delay / step)
+
+    def command(tick: int) -> float:
+        return float(levels[max(tick, 0) // round(0.4 / step)])
+
+    def slope(angle: float, speed: float, tick: int) -> tuple[float, float]:
+        torque = hidden.gain * command(tick - late) - 9.81 * hidden.moment * np.sin(angle)
+        torque -= hidden.dry * np.tanh(speed / 0.02) + hidden.viscous * speed
+        return speed, torque / hidden.inertia
+
+    angle, speed = generator.uniform(-1.0, 1.0), 0.0
+    angles, speeds = np.empty(count), np.empty(count)
+    for sample in range(count):
+        angles[sample], speeds[sample] = angle, speed
+        for tick in range(sample * fine, (sample + 1) * fine):
+            a1, b1 = slope(angle, speed, tick)
+            a2, b2 = slope(angle + 0.5 * step * a1, speed + 0.5 * step * b1, tick)
+            a3, b3 = slope(angle + 0.5 * step * a2, speed + 0.5 * step * b2, tick)
+            a4, b4 = slope(angle + step * a3, speed + step * b3, tick)
+            angle += step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+            speed += step / 6.0 * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
+    time = np.arange(count) / rate
+    given = np.array([command(sample * fine) for sample in range(count)])
+    angles += generator.normal(0.0, hidden.angle_noise, count)
+    speeds += generator.normal(0.0, hidden.rate_noise, count)
+    streams = {
+        "joint_angle": Series(time, angles[:, None], ("pivot",), "rad"),
+        "joint_rate": Series(time, speeds[:, None], ("pivot",), "rad/s"),
+        "command_joint_torque": Series(time, given[:, None], ("pivot",), "N m"),
+    }
+    return Recording(streams, {"source": f"swing {hidden.seed}", "platform": "dfki_pendulum"})
+
+
+@pytest.fixture(scope="session")
+def pendulum() -> Platform:
+    return load_platform("dfki_pendulum")
+
+
+@pytest.fixture(scope="session")
+def swing() -> Callable[..., Recording]:
+    """A log of the pendulum with what the keywords of `Swing` hide in it."""
+    return lambda **hidden: _simulate(Swing(**hidden))

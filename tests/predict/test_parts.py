@@ -1,0 +1,83 @@
+"""The parts of a prediction: commands, noise, segments, base parameters."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from twin.errors import TwinError
+from twin.model import compile_model, mass_properties
+from twin.platform import Platform, load_platform
+from twin.predict.base import base_parameters
+from twin.predict.compare import prepare
+from twin.predict.drive import held_mean
+from twin.predict.motion import motion_of, noise_of
+from twin.predict.segments import GROWTH, cut, growth_rate
+from twin.recording import Recording, Series
+
+
+def test_a_command_that_changes_within_a_step_keeps_its_impulse():
+    command = Series(np.array([0.0, 0.25, 0.9]), np.array([[1.0], [3.0], [-1.0]]), ("m",), "N m")
+    edges = np.array([-0.5, 0.0, 0.5, 1.0, 2.0])
+    np.testing.assert_allclose(held_mean(command, edges)[:, 0], [1.0, 2.0, 2.2, -1.0])
+
+
+def test_white_noise_is_measured_under_a_motion():
+    generator = np.random.default_rng(5)
+    time = np.arange(0.0, 20.0, 0.01)
+    value = np.sin(2.0 * time)[:, None] + generator.normal(0.0, 1e-3, (len(time), 1))
+    assert noise_of(Series(time, value, ("pivot",), "rad"))[0] == pytest.approx(1e-3, rel=0.1)
+
+
+def test_a_coarse_reading_is_as_noisy_as_its_steps():
+    time = np.arange(0.0, 20.0, 0.01)
+    coarse = np.round(np.sin(0.1 * time) / 0.01)[:, None] * 0.01
+    noise = noise_of(Series(time, coarse, ("pivot",), "rad"))[0]
+    assert noise == pytest.approx(0.01 / np.sqrt(12.0), rel=0.2)
+
+
+def test_smoothing_keeps_the_size_of_rate_and_acceleration(
+    swing: Callable[..., Recording], pendulum: Platform
+):
+    log = swing(seed=8)
+    motion = motion_of(log, pendulum)
+    measured = log["joint_rate"].interpolated_at(motion.time)
+    ratio = np.sum(motion.rate * measured) / np.sum(np.square(measured))
+    assert ratio == pytest.approx(1.0, abs=5e-3)
+
+
+def test_segments_cover_the_log_and_stay_short(swing: Callable[..., Recording], pendulum: Platform):
+    machine = compile_model(pendulum)
+    motion = motion_of(swing(seed=8), pendulum)
+    segments = cut(machine, motion)
+    assert segments[0].start == motion.time[0]
+    assert segments[-1].stop == motion.time[-1]
+    assert all(a.stop == b.start for a, b in zip(segments, segments[1:], strict=False))
+    longest = max(segment.stop - segment.start for segment in segments)
+    assert longest * growth_rate(machine) < 1.1 * GROWTH
+
+
+@pytest.mark.parametrize("name", ["sads", "dfki_pendulum"])
+def test_a_model_with_other_base_parameters_has_them(name: str):
+    machine = compile_model(load_platform(name))
+    base = base_parameters(machine)
+    theta = base.as_stated + 0.05 * base.scale * np.linspace(-1.0, 1.0, len(base.as_stated))
+    made = mass_properties(base.model(theta), machine.base_body)
+    entries = base.entries(theta)
+    np.testing.assert_allclose(made.center_of_mass_offset, entries[6:], atol=1e-12)
+    np.testing.assert_allclose(np.diag(made.inertia), entries[:3], rtol=1e-9)
+    np.testing.assert_allclose(base.theta(entries), theta, rtol=1e-9, atol=1e-12)
+
+
+def test_an_inertia_no_body_has_is_refused():
+    base = base_parameters(compile_model(load_platform("sads")))
+    theta = base.as_stated.copy()
+    theta[0] = -1.0
+    with pytest.raises(TwinError, match="is no body's"):
+        base.model(theta)
+
+
+def test_a_hinge_says_what_it_cannot_see(swing: Callable[..., Recording], pendulum: Platform):
+    _, base = prepare(swing(seed=8, duration=2.0), pendulum)
+    assert base.names == ("J", "mr_x", "mr_z")
+    assert base.not_excited == ("J but about the axis y", "m r along the axis y")

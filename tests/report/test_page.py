@@ -1,0 +1,48 @@
+"""The page stands alone, and its numbers are those of the comparison."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from twin.library import library
+from twin.predict import Comparison, compare, open_log, platform_of
+from twin.report import document, sentences, with_prediction, write_page
+
+
+@pytest.fixture(scope="module")
+def comparison() -> Comparison:
+    log = open_log(library("models") / "dfki_pendulum" / "logs" / "sysid")
+    return compare(log, platform_of(log))
+
+
+def test_the_page_needs_nothing_but_itself(comparison: Comparison, tmp_path: Path):
+    page = tmp_path / "deep" / "page.html"
+    write_page(page, [comparison], [])
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<svg") == 3
+    assert not re.search(r"(src|href)=[\"'](?!#)", text), "it loads something from elsewhere"
+    assert len(text) < 2_000_000
+    assert "dry friction" in text
+
+
+def test_the_page_is_the_same_twice(comparison: Comparison, tmp_path: Path):
+    for name in ("one.html", "two.html"):
+        write_page(tmp_path / name, [comparison], [])
+    assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
+
+
+def test_the_document_is_json_and_says_the_same(comparison: Comparison):
+    log = json.loads(json.dumps(document([comparison], [])))["logs"][0]
+    assert log["sentences"] == sentences(comparison)
+    base = log["accounts"]["refitted"]["base"]["inertia"]
+    assert base["low"][1][1] < base["value"][1][1] < base["high"][1][1]
+    assert log["accounts"]["as_built"]["laws"][0]["unit"] == "N m"
+
+
+def test_prediction_plus_residual_is_the_measurement(comparison: Comparison):
+    streams = with_prediction(comparison)
+    angle = streams["joint_angle"]
+    total = streams["predicted_joint_angle"].value + streams["residual_joint_angle"].value
+    assert total == pytest.approx(angle.value, abs=1e-12)
