@@ -37,6 +37,7 @@ def test_the_document_is_json_and_says_the_same(comparison: Comparison):
     log = json.loads(json.dumps(document([comparison], [])))["logs"][0]
     assert log["sentences"] == sentences(comparison)
     base = log["accounts"]["refitted"]["base"]["inertia"]
+    assert base["low"][0][0] is None, "a hinge about y sees no Jxx"
     assert base["low"][1][1] < base["value"][1][1] < base["high"][1][1]
     assert log["accounts"]["as_built"]["laws"][0]["unit"] == "N m"
 

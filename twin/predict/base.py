@@ -78,6 +78,10 @@ class BaseParameters:
         spread = self.map @ covariance @ self.map.T
         half = quantile * np.sqrt(np.maximum(np.diag(spread), 0.0))
         seen = np.abs(self.map).sum(axis=1) > 0.0
+        if self.machine.platform.base.kind == "hinge":
+            # the others only follow, so that the body stays one
+            axis = hinge_axis(self.machine)
+            seen[:6] = [abs(axis[i] * axis[j]) > 1e-9 for i, j in ENTRIES]
         bounds = [
             [
                 float(v + sign * h) if s else None
