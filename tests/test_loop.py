@@ -100,7 +100,7 @@ def test_ctrl_c_ends_the_run_after_the_tick_in_hand(sads):
     class Operator:
         ticks = 0
 
-        def collect(self, *moment):
+        def collect(self, tick):
             self.ticks += 1
             if self.ticks == 10:
                 os.kill(os.getpid(), signal.SIGINT)

@@ -6,7 +6,7 @@ batch holds.
 
 import signal
 import threading
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
@@ -20,7 +20,7 @@ from twin.controller import AnyController
 from twin.estimators.estimator import Estimator
 from twin.plant.plant import Plant
 from twin.reference import Reference
-from twin.signals import Command, Estimate, Reading, Samples, Target
+from twin.signals import Target, Tick
 
 
 class Ended(Enum):
@@ -39,16 +39,8 @@ class Ended(Enum):
 class Observer(Protocol):
     """Sees every tick: a recorder, a flight recorder, metrics. It must not change what it sees."""
 
-    def collect(
-        self,
-        reading: Reading,
-        estimate: Estimate,
-        target: Target,
-        wanted: Command,
-        applied: Command,
-        truth: Mapping[str, Samples],
-    ) -> None:
-        """One tick. `truth` is empty on hardware."""
+    def collect(self, tick: Tick) -> None:
+        """One tick."""
         ...
 
 
@@ -97,9 +89,9 @@ def fly(
             applied = plant.write(wanted)
             clock.lap("write")
             if observers:
-                truth = plant.truth()
+                tick = Tick(reading, estimate, target, wanted, applied, plant.truth())
                 for observer in observers:
-                    observer.collect(reading, estimate, target, wanted, applied, truth)
+                    observer.collect(tick)
                 clock.lap("record")
             if len(plant.stopped) == n:
                 ended = Ended.failed

@@ -1,6 +1,5 @@
 """Figures of merit of a run, gathered while it flies; one row a run of the batch."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 
 from twin.platform import Platform
 from twin.rotation import conjugate, multiply, tilt
-from twin.signals import Command, Estimate, Reading, Samples, Target
+from twin.signals import Tick
 
 Array = NDArray[np.float64]
 
@@ -35,23 +34,15 @@ class Metrics:
         self._inertia = np.array([wheel.inertia for wheel in self.platform.wheels])
         self._limit = np.array([wheel.momentum_limit for wheel in self.platform.wheels])
 
-    def collect(
-        self,
-        reading: Reading,
-        estimate: Estimate,
-        target: Target,
-        wanted: Command,
-        applied: Command,
-        truth: Mapping[str, Samples],
-    ) -> None:
+    def collect(self, tick: Tick) -> None:
         """One tick."""
-        del wanted, applied
+        estimate, truth, time = tick.estimate, tick.truth, tick.reading.time
         if self.platform.base.kind == "ball":
             seen = truth.get("truth_attitude")
             attitude = estimate.attitude if seen is None else seen.value[:, -1]
             self._tilt = np.maximum(self._tilt, tilt(attitude))
-            if reading.time >= self.settle:
-                error = multiply(conjugate(target.attitude), attitude)
+            if time >= self.settle:
+                error = multiply(conjugate(tick.target.attitude), attitude)
                 sine = np.minimum(np.sqrt((error[:, 1:] ** 2).sum(axis=1)), 1.0)
                 angle = 2.0 * np.arcsin(sine)
                 self._squares = self._squares + angle**2
@@ -65,9 +56,7 @@ class Metrics:
             full = np.max(momentum / self._limit, axis=1) >= 0.999
             if self._saturated is None:
                 self._saturated = np.full(len(momentum), np.nan)
-            self._saturated = np.where(
-                full & np.isnan(self._saturated), reading.time, self._saturated
-            )
+            self._saturated = np.where(full & np.isnan(self._saturated), time, self._saturated)
 
     def rows(self) -> dict[str, Any]:
         """Each metric, (n,) or (n, wheels), by name with its SI unit; absent: not applicable."""

@@ -6,6 +6,7 @@ and signs as in docs/design.md, section 4.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,3 +158,19 @@ class Target:
 
 Command = dict[str, Array]
 """Command stream (`command_wheel_torque`, ...) -> (n, k); what is absent keeps its last value."""
+
+
+class Tick(NamedTuple):
+    """One round of the loop, as its observers see it.
+
+    Nobody may write to its arrays afterwards: they are read when many ticks have come together.
+    """
+
+    reading: Reading
+    estimate: Estimate
+    target: Target
+    wanted: Command
+    applied: Command
+    """What was really applied, after limits."""
+    truth: Mapping[str, Samples]
+    """A simulation's true states, one sample each; empty on hardware."""

@@ -10,7 +10,7 @@ import pytest
 
 from twin.errors import RecordingError
 from twin.recording import Recording, Series, read_recording
-from twin.recording.rrd import RrdFile, compact
+from twin.recording.rrd import RrdFile
 from twin.recording.schema import SCHEMA
 from twin.stream.runfile import write_recording
 
@@ -76,24 +76,6 @@ def test_rerun_verifies_the_file(tmp_path: Path):
     write_recording(any_recording(fresh_rng()), tmp_path / "a.rrd")
     verified = rerun("rrd", "verify", tmp_path / "a.rrd")
     assert verified.returncode == 0, verified.stderr
-
-
-def test_joining_small_chunks_keeps_every_bit(tmp_path: Path):
-    recording, path = any_recording(fresh_rng()), tmp_path / "a.rrd"
-    file = RrdFile(path)
-    file.provenance(FACTS)
-    for name, series in recording.items():
-        file.declare(name, series.columns, series.unit)
-        for first in range(0, min(len(series), 3000), 10):
-            part = slice(first, first + 10 if first < 2990 else None)
-            file.write({name: (series.time[part], series.value[part])})
-    file.close()
-    before = path.stat().st_size
-    compact(path)
-    assert path.stat().st_size < before
-    assert_same(recording, read_recording(path))
-    assert rerun("rrd", "verify", path).returncode == 0
-    assert [left.name for left in tmp_path.iterdir()] == ["a.rrd"]
 
 
 def test_rows_come_in_the_order_of_their_times_and_equal_times_as_written(tmp_path: Path):

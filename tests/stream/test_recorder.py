@@ -1,6 +1,7 @@
 """A recorder takes what the loop saw, all of it and nothing else, and says when it cannot."""
 
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -17,10 +18,9 @@ from twin.loop import fly
 from twin.plant.simulated import InitialState, SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.recording import read_recording
-from twin.signals import Command, Estimate, Reading, Samples, Target, stream_named
+from twin.signals import Command, Estimate, Reading, Samples, Target, Tick, stream_named
 from twin.stream.provenance import provenance
 from twin.stream.recorder import FileRecorder, MemoryRecorder
-from twin.stream.rows import Tick
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ class Keeper:
     def __init__(self) -> None:
         self.ticks: list[Tick] = []
 
-    def collect(self, *tick) -> None:
+    def collect(self, tick: Tick) -> None:
         reading, estimate, target, wanted, applied, truth = tick
         self.ticks.append(
             Tick(
@@ -104,7 +104,7 @@ def test_nobody_in_the_loop_writes_to_what_a_recorder_keeps(sads):
     flown(sads, [keeper, memory], runs=(0, 1, 2))
     copies = MemoryRecorder(sads)
     for tick in keeper.ticks:
-        copies.collect(*tick)
+        copies.collect(tick)
     for run in range(3):
         referred, copied_then = memory.recording(run), copies.recording(run)
         for name, series in copied_then.items():
@@ -129,7 +129,7 @@ def test_all_that_a_run_is_becomes_a_stream(sads):
 def test_each_run_of_a_batch_is_recorded_by_itself(sads):
     memory = MemoryRecorder(sads)
     for time_ in (0.0, 0.05, 0.1):
-        memory.collect(*tick_at(time_, [1.0, -2.0, 3.0]))
+        memory.collect(tick_at(time_, [1.0, -2.0, 3.0]))
     for run, value in enumerate((1.0, -2.0, 3.0)):
         recording = memory.recording(run)
         assert (recording["gyro"].value == value).all()
@@ -139,7 +139,7 @@ def test_each_run_of_a_batch_is_recorded_by_itself(sads):
 def test_rows_that_never_arrived_and_estimates_that_are_none_leave_no_row(sads):
     memory = MemoryRecorder(sads)
     for time_ in (0.0, 0.05):
-        memory.collect(*tick_at(time_, [1.0, -2.0, 3.0]))
+        memory.collect(tick_at(time_, [1.0, -2.0, 3.0]))
     assert memory.recording(0)["gyro"].time.tolist() == [0.0, 0.05]
     assert memory.recording(1)["gyro"].time.tolist() == [-0.01, 0.04]
     assert memory.recording(2)["gyro"].time.tolist() == [-0.01, 0.0, 0.04, 0.05]
@@ -154,9 +154,9 @@ def test_a_writer_that_dies_is_said_in_a_sentence_and_nothing_hangs(sads, tmp_pa
     recorder._writer._process.wait()
     half_a_second = [tick_at(0.05 * tick, [1.0]) for tick in range(11)]
     for tick in half_a_second[:-1]:
-        recorder.collect(*tick)
+        recorder.collect(tick)
     with pytest.raises(RecordingError, match="process that writes it has ended.*was it killed"):
-        recorder.collect(*half_a_second[-1])
+        recorder.collect(half_a_second[-1])
     with pytest.raises(RecordingError, match="has ended"):
         recorder.close()
 
@@ -187,7 +187,7 @@ def test_reading_a_recording_that_goes_on_gives_what_there_is(sads, tmp_path: Pa
     with FileRecorder(path) as recorder:
         recorder.start(sads, {"schema": 1})
         for tick in range(41):
-            recorder.collect(*tick_at(0.05 * tick, [1.0]))
+            recorder.collect(tick_at(0.05 * tick, [1.0]))
         deadline = time.monotonic() + 60.0
         while path.stat().st_size < 30_000 and time.monotonic() < deadline:
             time.sleep(0.05)
@@ -204,3 +204,29 @@ def test_provenance_is_enough_to_repeat_the_run(sads, tmp_path: Path):
     assert facts["versions"].keys() >= {"airbearing-twin", "mujoco", "numpy", "rerun-sdk", "python"}
     assert facts["gravity"] == sads.gravity
     assert provenance(load_platform("sads:table1"), seed=None)["platform"] == "sads:table1"
+
+
+def test_a_finished_recording_cut_at_any_byte_lacks_at_most_its_last_second(sads, tmp_path: Path):
+    seed = random.randrange(2**32)
+    print(f"seed {seed}")
+    whole, cut = tmp_path / "whole.rrd", tmp_path / "cut.rrd"
+    with FileRecorder(whole) as recorder:
+        recorder.start(sads, {"schema": 1})
+        flown(sads, [recorder], duration=60.0)
+    data = whole.read_bytes()
+    reached = []
+    for place in sorted(random.Random(seed).sample(range(len(data)), 50)):
+        cut.write_bytes(data[:place])
+        try:
+            recording = read_recording(cut)
+        except RecordingError:
+            assert not reached, "what opens with fewer bytes must open with more"
+            continue
+        assert recording.repairs
+        ends = [series.time[-1] if len(series) else 0.0 for series in recording.values()] or [0.0]
+        assert max(ends) - min(ends) <= 1.0, f"cut at {place}: a stream lags behind the others"
+        reached.append((place, min(ends)))
+    steps = np.diff([end for _, end in reached])
+    assert len(reached) > 40
+    assert (steps >= 0.0).all()
+    assert reached[-1][1] > 55.0 * reached[-1][0] / len(data)

@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from twin.platform import load_platform
-from twin.signals import Estimate, Reading, Samples, Target
+from twin.signals import Estimate, Reading, Samples, Target, Tick
 from twin.stream.provenance import provenance
 from twin.stream.recorder import FileRecorder
 
@@ -27,7 +27,7 @@ def main(path: str) -> None:
         )
         torque = {"command_wheel_torque": np.full((1, 3), now)}
         reading = Reading(now, {"gyro": gyro})
-        recorder.collect(reading, estimate, Target(level[0]), torque, torque, {})
+        recorder.collect(Tick(reading, estimate, Target(level[0]), torque, torque, {}))
         print(repr(now), flush=True)
         tick += 1
         time.sleep(max(0.0, started + tick * platform.tick - time.monotonic()))

@@ -5,7 +5,6 @@ a column of float64 too. What is drawn only (`plots/`, `world/`) has no header a
 """
 
 import json
-import subprocess
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -33,9 +32,6 @@ Array = NDArray[np.float64]
 
 ROWS_PER_CHUNK = 16384
 """What the viewer loads in one piece; longer blocks are split."""
-
-COMPACTED_BELOW = 256_000_000
-"""Bytes: some two hours of a usual run, which take five seconds."""
 
 PALETTE = ((214, 69, 65), (61, 153, 112), (52, 109, 219), (230, 150, 30), (130, 90, 200))
 """Colours of a stream's columns, in order: x red, y green, z blue."""
@@ -114,22 +110,6 @@ class RrdFile:
         text = json.dumps(facts, indent=2, ensure_ascii=False)
         self.rerun.log(path, rr.TextDocument(text), static=True, strict=True)
         self.rerun.flush()
-
-
-def compact(path: Path) -> None:
-    """Let Rerun join the small chunks of a finished file: half the size, and it opens at once.
-
-    A file too long for that stays as it is; so does one whose copy finds no room on the disk.
-    """
-    if path.stat().st_size > COMPACTED_BELOW:
-        return
-    copy = path.with_name(f"{path.name}.part")
-    command = [sys.executable, "-m", "rerun_cli", "rrd", "optimize", str(path), "-o", str(copy)]
-    done = subprocess.run(command, capture_output=True, check=False)
-    if done.returncode == 0 and copy.exists():
-        copy.replace(path)
-    else:
-        copy.unlink(missing_ok=True)
 
 
 def entity(stream: str) -> str:

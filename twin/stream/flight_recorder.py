@@ -1,11 +1,10 @@
 """The last two seconds of a run that was stopped: what it saw, believed and did before the end."""
 
 from collections import deque
-from collections.abc import Mapping
 
 from twin.plant.plant import Plant
 from twin.recording.recording import Recording
-from twin.signals import Command, Estimate, Reading, Samples, Target
+from twin.signals import Tick
 from twin.stream.recorder import MemoryRecorder
 
 SECONDS = 2.0
@@ -23,21 +22,11 @@ class FlightRecorder:
         """Row of the batch -> its last seconds; the reason is in the provenance."""
         self._plant = plant
         ticks = round(SECONDS * plant.platform.control_rate) + 1
-        self._last: deque[
-            tuple[Reading, Estimate, Target, Command, Command, Mapping[str, Samples]]
-        ] = deque(maxlen=max(ticks, 2))
+        self._last: deque[Tick] = deque(maxlen=max(ticks, 2))
 
-    def collect(
-        self,
-        reading: Reading,
-        estimate: Estimate,
-        target: Target,
-        wanted: Command,
-        applied: Command,
-        truth: Mapping[str, Samples],
-    ) -> None:
+    def collect(self, tick: Tick) -> None:
         """One tick."""
-        self._last.append((reading, estimate, target, wanted, applied, truth))
+        self._last.append(tick)
         if len(self._plant.stopped) > len(self.records):
             for run in self._plant.stopped.keys() - self.records.keys():
                 self.records[run] = self._record(run)
@@ -47,5 +36,5 @@ class FlightRecorder:
         facts = {"platform": platform.name, "run": run, "reason": self._plant.stopped[run]}
         memory = MemoryRecorder(platform, facts)
         for tick in self._last:
-            memory.collect(*tick)
+            memory.collect(tick)
         return memory.recording(run)

@@ -8,35 +8,29 @@ from collections.abc import Callable
 from pathlib import Path
 
 from twin.errors import RecordingError
-from twin.recording.rrd import compact
 from twin.stream.rows import Block
 from twin.stream.runfile import RunFile
-
-WRITING_PERIOD = 0.1
-"""At least, between two groups of rows [s of the wall]: a run faster than time would otherwise be
-written in thousands of small pieces."""
 
 DRAWING_PERIOD = 0.25
 """Between updates of plots and scene [s of the wall]."""
 
-MANY_GROUPS = 100
-"""A file written in more groups than this is put together at the end."""
+TOGETHER = 2
+"""Messages written in one group where the writer lags: a second of the recording, so that a file
+cut short lacks no more than its last second."""
 
 
 def write(path: Path | None, viewer: bool, frames: queue.SimpleQueue[bytes | None]) -> None:
-    """Write what comes until None does, all that is there at once: who lags catches up.
+    """Write what comes until None does, in the order of time and in small groups.
 
     The streams are safe in the file first; what is drawn from them follows a few times a second.
     """
     outputs: list[RunFile] = []
     closed = ended = False
-    groups = 0
-    written = drawn = time.monotonic()
+    drawn = time.monotonic()
     while not ended:
         blocks: dict[str, list[Block]] = {}
         payloads = [frames.get()]
-        time.sleep(max(0.0, written + WRITING_PERIOD - time.monotonic()))
-        while not frames.empty():
+        while len(payloads) < TOGETHER and not frames.empty():
             payloads.append(frames.get())
         for payload in payloads:
             kind, *content = ("ended",) if payload is None else pickle.loads(payload)
@@ -52,15 +46,11 @@ def write(path: Path | None, viewer: bool, frames: queue.SimpleQueue[bytes | Non
                 closed |= kind == "close"
                 ended |= kind == "ended"
         _each(outputs, lambda output, blocks=blocks: output.write_blocks(blocks))
-        written = time.monotonic()
-        groups += 1
         if time.monotonic() - drawn >= DRAWING_PERIOD:
             drawn = time.monotonic()
             _each(outputs, lambda output: output.draw())
     ending = "" if closed else "the process that recorded ended without closing the recording"
     _each(outputs, lambda output: output.close(ending))
-    if path is not None and groups > MANY_GROUPS:
-        compact(path)
 
 
 def _opened(path: Path | None, viewer: bool) -> list[RunFile]:

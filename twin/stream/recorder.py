@@ -8,14 +8,13 @@ from typing import Any, Self
 
 from twin.platform import Platform
 from twin.recording.recording import Recording
-from twin.signals import Command, Estimate, Reading, Samples, Target
-from twin.stream.rows import Rows, Tick, series
+from twin.signals import Tick
+from twin.stream.rows import Rows, series
 from twin.stream.writer import RecordingWriter
 
 CHUNK = 0.5
 """Rows are handed to the writer after this much recorded time, or of the wall's, whichever comes
-first [s]. A loop that is killed loses this much; if its writer is killed too, a tenth of a second
-of the wall more."""
+first [s]; what is lost when the loop is killed."""
 
 
 class FileRecorder:
@@ -45,24 +44,16 @@ class FileRecorder:
         self._rows = Rows(platform, self._run)
         self._sent_wall = time.monotonic()
 
-    def collect(
-        self,
-        reading: Reading,
-        estimate: Estimate,
-        target: Target,
-        wanted: Command,
-        applied: Command,
-        truth: Mapping[str, Samples],
-    ) -> None:
+    def collect(self, tick: Tick) -> None:
         """One tick.
 
         Raises:
             RecordingError: the writer has failed.
         """
-        self._ticks.append(Tick(reading, estimate, target, wanted, applied, truth))
+        self._ticks.append(tick)
         wall = time.monotonic()
-        if reading.time - self._sent >= CHUNK or wall - self._sent_wall >= CHUNK:
-            self._sent, self._sent_wall = reading.time, wall
+        if tick.reading.time - self._sent >= CHUNK or wall - self._sent_wall >= CHUNK:
+            self._sent, self._sent_wall = tick.reading.time, wall
             self._send()
 
     def close(self) -> None:
@@ -108,17 +99,9 @@ class MemoryRecorder:
         self._provenance = dict(provenance or {})
         self._ticks: list[Tick] = []
 
-    def collect(
-        self,
-        reading: Reading,
-        estimate: Estimate,
-        target: Target,
-        wanted: Command,
-        applied: Command,
-        truth: Mapping[str, Samples],
-    ) -> None:
+    def collect(self, tick: Tick) -> None:
         """One tick."""
-        self._ticks.append(Tick(reading, estimate, target, wanted, applied, truth))
+        self._ticks.append(tick)
 
     def recording(self, run: int = 0) -> Recording:
         """What a file of that run would hold."""

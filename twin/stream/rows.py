@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from twin.platform import Platform
 from twin.recording.recording import Series
-from twin.signals import Command, Estimate, Reading, Samples, Target, stream_named
+from twin.signals import Samples, Tick, stream_named
 
 Array = NDArray[np.float64]
 Item = TypeVar("Item")
@@ -37,20 +37,6 @@ class Header(NamedTuple):
 
     columns: tuple[str, ...]
     unit: str
-
-
-class Tick(NamedTuple):
-    """One round of the loop, as `twin.loop.Observer` gets it.
-
-    Nobody may write to its arrays afterwards: they are read when many ticks have come together.
-    """
-
-    reading: Reading
-    estimate: Estimate
-    target: Target
-    wanted: Command
-    applied: Command
-    truth: Mapping[str, Samples]
 
 
 class Rows:
