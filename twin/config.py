@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from twin.errors import FileError, UnknownName
 
 _REQUIRED: Any = object()
+LARGEST = 1 << 20
+"""A larger file holds no settings [bytes]; it is not read."""
+
 _HEADER = re.compile(r"\s*\[+[^\[\],=]+\]+\s*(#.*)?$")
 
 
@@ -192,12 +195,18 @@ def read_toml(path: Path, error: type[FileError] = FileError) -> Table:
     """Read a TOML file.
 
     Raises:
-        FileError (or the given subclass): the file is missing, not UTF-8, or not TOML.
+        FileError (or the given subclass): the file is missing, too large, not UTF-8, or no TOML.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)
+        if len(content) > LARGEST:
+            raise error(path, "holds more than 1 MiB, so it is no settings", "check the path")
+        text = content.decode("utf-8")
     except FileNotFoundError:
         raise error(path, "there is no such file", "check the path") from None
+    except OSError as problem:
+        raise error(path, f"cannot be read ({problem.strerror})", "check the path") from None
     except UnicodeDecodeError:
         raise error(path, "is not UTF-8 text", "save it as UTF-8") from None
     try:

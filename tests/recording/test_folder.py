@@ -53,12 +53,13 @@ def recording() -> Recording:
     return Recording(streams, facts)
 
 
+@pytest.mark.parametrize("format", ["csv", "parquet", "mat"])
 @pytest.mark.parametrize("origin", ["memory", "rrd"])
-def test_a_csv_folder_reads_back_to_the_last_bit(recording, tmp_path: Path, origin: str):
+def test_a_folder_reads_back_to_the_last_bit(recording, tmp_path: Path, origin: str, format):
     if origin == "rrd":
         write_recording(recording, tmp_path / "a.rrd")
         recording = open_log(tmp_path / "a.rrd")
-    write_folder(recording, tmp_path / "log", truth=True)
+    write_folder(recording, tmp_path / "log", truth=True, format=format)
     copy = open_log(tmp_path / "log")
     assert set(copy) == set(recording)
     for name, series in recording.items():

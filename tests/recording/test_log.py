@@ -1,6 +1,8 @@
 """A measured log is read as it stands, mended aloud, or refused with file, line and remedy."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -151,10 +153,68 @@ def test_repeated_rows_are_dropped_and_counted(tmp_path: Path):
     assert log.repairs == ("gyro (gyro.csv): 2 rows that repeat the one before dropped",)
 
 
+def test_rows_without_a_number_are_left_out_and_counted(tmp_path: Path):
+    toml = GYRO + '[streams.wheel_speed]\nfile = "gyro.csv"\ncolumns = ["w"]\n'
+    toml = toml.replace(GYRO, GYRO + 'columns = ["x", "y", "z"]\n')
+    text = "t,x,y,z,w\n0,1,2,3,\n1,NaN,nan,NA,5\n2,,,,6\n3,4,5,6,\n,,,,\n"
+    log = read_log(folder_with(tmp_path, toml, gyro=text))
+    np.testing.assert_array_equal(log["gyro"].time, [0.0, 3.0])
+    np.testing.assert_array_equal(log["wheel_speed"].time, [1.0, 2.0])
+    assert log.repairs == (
+        "gyro (gyro.csv): 3 rows without a number left out",
+        "wheel_speed (gyro.csv): 3 rows without a number left out",
+    )
+
+
+def test_rows_left_out_keep_the_times_of_a_file_without_times(tmp_path: Path):
+    log = read_log(folder_with(tmp_path, GYRO + "rate = 2.0\n", gyro="x,y,z\n1,2,3\n,,\n4,5,6\n"))
+    np.testing.assert_array_equal(log["gyro"].time, [0.0, 1.0])
+
+
+def test_several_streams_keep_their_own_rates_and_gaps(tmp_path: Path):
+    toml = GYRO + '[streams.attitude]\nfile = "mocap.csv"\ntime_unit = "ms"\n'
+    mocap = "t,w,x,y,z\n" + "".join(f"{t},1,0,0,0\n" for t in (3, 7, 11, 90, 94))
+    log = read_log(folder_with(tmp_path, toml, gyro=ROWS, mocap=mocap))
+    np.testing.assert_allclose(log["attitude"].time, [0.003, 0.007, 0.011, 0.09, 0.094])
+    np.testing.assert_array_equal(log["gyro"].time, [0.0, 1.0, 2.0])
+    assert log.repairs == ()
+
+
+def test_a_scale_to_fit_is_handed_on(tmp_path: Path):
+    folder = folder_with(tmp_path, GYRO + 'unit = "V"\nscale = "fit"\n', gyro=ROWS)
+    log = read_log(folder)
+    assert log.provenance["streams"]["gyro"]["fit_scale"] is True
+    assert log.provenance["streams"]["gyro"]["unit"] == "V"
+    np.testing.assert_array_equal(log["gyro"].value[0], [1.0, 2.0, 3.0])
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
         ("", "gyro.csv: is empty; check the export"),
+        (
+            "t,x,y,z\n0,,,\n1,,,\n",
+            "gyro.csv: has no number in x, y, z; name other `columns`",
+        ),
+        (
+            "t,x,y,z\n0,1,2,3\n,1,2,3\n",
+            "gyro.csv:3: column 't' holds nothing, which is no finite number; "
+            "write the number, or delete the row",
+        ),
+        (
+            "t,x,y,z\n0,1,2,3\n1,inf,2,3\n",
+            "gyro.csv:3: column 'x' holds 'inf', which is no finite number; "
+            "write the number, or delete the row",
+        ),
+        (
+            b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\n",
+            "gyro.csv:3: is not text but binary; export it as CSV",
+        ),
+        (b"\x7fELF" + bytes(5000), "gyro.csv:1: is not text but binary; export it as CSV"),
+        (
+            "x" * 200_000 + "\n1\n",
+            "gyro.csv:1: has no column names (field larger than field limit (131072)); add them",
+        ),
         (b"t,x\0\n0,1\n", "gyro.csv:1: is not text but binary; export it as CSV"),
         (b"t,x\n0,\xff\xfe\n", "gyro.csv:2: is not UTF-8 text; save it as CSV in UTF-8"),
         ("t,x,y,z\n", "gyro.csv:1: has column names but no rows; check the export"),
@@ -215,9 +275,9 @@ def test_a_bad_table_is_refused_with_its_line(tmp_path: Path, text: str | bytes,
             "move it beside",
         ),
         (
-            '[streams.gyro]\nfile = "gyro.parquet"\n',
-            "log.toml:3: streams.gyro.file 'gyro.parquet' is no format that can be read; "
-            "save it as one of .csv",
+            '[streams.gyro]\nfile = "gyro.xlsx"\n',
+            "log.toml:3: streams.gyro.file 'gyro.xlsx' is no format that can be read; "
+            "save it as one of .csv, .parquet, .mat, .mcap",
         ),
         (
             GYRO + 'unit = "degs/s"\n',
@@ -267,13 +327,73 @@ def test_a_bad_log_toml_is_refused_with_its_line(tmp_path: Path, toml: str, sent
     assert complaint(folder_with(tmp_path, toml, gyro=ROWS)) == sentence
 
 
+LONG_LINE = (
+    "holds a line of more than 1 MiB, so it is no table; export it as CSV with one row a line"
+)
+
+
 def test_one_giant_line_is_refused_before_the_rest_is_read(tmp_path: Path):
     folder = folder_with(tmp_path, GYRO, gyro="t,x,y,z\n0,1,2,3\n")
     with (folder / "gyro.csv").open("ab") as file:
         file.truncate(1 << 36)  # sparse: 64 GiB that nobody can hold in memory
+    assert complaint(folder) == f"gyro.csv:3: {LONG_LINE}"
+
+
+def test_one_giant_line_costs_no_memory(tmp_path: Path):
+    folder = folder_with(tmp_path, GYRO, gyro="t")
+    with (folder / "gyro.csv").open("ab") as file:
+        file.truncate(1 << 30)
+    code = (
+        "import re, sys\n"
+        "from twin.errors import LogError\n"
+        "from twin.recording import open_log\n"
+        "try: open_log(sys.argv[1])\n"
+        "except LogError as error: print(error)\n"
+        "print(re.search(r'VmHWM:\\s+(\\d+)', open('/proc/self/status').read())[1])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(folder)], capture_output=True, text=True, check=True
+    )
+    said, peak = done.stdout.splitlines()
+    assert said.endswith(f"gyro.csv:1: {LONG_LINE}")
+    assert int(peak) < 100_000, "kB of memory"
+
+
+def test_an_endless_log_toml_is_refused(tmp_path: Path):
+    folder = folder_with(tmp_path, GYRO, gyro=ROWS)
+    with (folder / "log.toml").open("ab") as file:
+        file.truncate(1 << 36)
     assert complaint(folder) == (
-        "gyro.csv:3: holds a line of more than 1 MiB, so it is no table; "
-        "export it as CSV with one row a line"
+        "log.toml: holds more than 1 MiB, so it is no settings; check the path"
+    )
+
+
+@pytest.mark.parametrize("way", ["symlink", "absolute", "up"])
+def test_a_file_outside_the_folder_is_refused(tmp_path: Path, way: str):
+    folder, secret = tmp_path / "log", tmp_path / "secret.csv"
+    folder.mkdir()
+    secret.write_text(ROWS)
+    (folder / "link.csv").symlink_to(secret)
+    name = {"symlink": "link.csv", "absolute": str(secret), "up": "../secret.csv"}[way]
+    (folder / "log.toml").write_text(f'platform = "sads"\n[streams.gyro]\nfile = "{name}"\n')
+    assert complaint(folder) == (
+        f"log.toml:3: streams.gyro.file {name!r} lies outside the log's folder; move it beside"
+    )
+
+
+def test_what_is_no_file_is_refused(tmp_path: Path):
+    folder = folder_with(tmp_path, GYRO)
+    os.mkfifo(folder / "gyro.csv")
+    assert complaint(folder) == (
+        "log.toml:3: streams.gyro.file 'gyro.csv' is no file; name the file of numbers"
+    )
+
+
+def test_noise_is_stated_for_all_columns_or_for_each(tmp_path: Path):
+    folder = folder_with(tmp_path, GYRO + "noise = [1e-3, 2e-3]\n", gyro=ROWS)
+    assert complaint(folder) == (
+        "log.toml:4: streams.gyro.noise has 2 numbers for 3 columns; "
+        "give one for all, or one a column"
     )
 
 

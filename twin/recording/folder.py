@@ -104,7 +104,7 @@ def _log_toml(recording: Recording, files: Mapping[str, Path], format: str) -> s
         if format == "mat":
             entry["variable"] = _plain(name)
         entry["unit"] = series.unit
-        if _axes_differ(name, series):
+        if format == "mat" or _axes_differ(name, series):  # a matrix has no column names
             entry["axes"] = list(series.columns)
         if stated.get(name, {}).get("noise") is not None:
             entry["noise"] = stated[name]["noise"]

@@ -1,0 +1,244 @@
+"""One [streams.NAME] of a log.toml, checked key by key, and the series in the file it names."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.config import Table
+from twin.errors import UnknownName
+from twin.recording.formats import ENDINGS, NumberFile, OpenFiles
+from twin.recording.quaternions import DIRECTIONS, LAYOUTS, attitude
+from twin.recording.recording import Series
+from twin.recording.rows import Rows, mended
+from twin.signals import Stream, stream_named
+from twin.units import Unit, unit_named
+
+Array = NDArray[np.float64]
+
+WXYZ = ("w", "x", "y", "z")
+LISTED = 8
+"""Columns that an error names; of more it says how many."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What log.toml says of one stream."""
+
+    table: Table
+    name: str
+    path: Path
+    variable: str | None
+    topic: str | None
+    canonical: Stream | None
+    time: str | None
+    time_factor: float
+    start: float
+    rate: float
+    """[Hz]; NaN with a column of times."""
+    columns: tuple[str, ...]
+    axes: tuple[str, ...]
+    unit: Unit
+    scale: float
+    layout: str
+    world_to_body: bool
+    noise: Array | None
+
+    @property
+    def si(self) -> str:
+        """The SI unit of the series."""
+        return self.canonical.unit if self.canonical else self.unit.si
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What the recording says of where the stream is from."""
+        return {
+            "file": self.path.name,
+            "unit": self.table.raw("unit"),
+            "noise": None if self.noise is None else self.noise.tolist(),
+            "fit_scale": self.table.raw("scale") == "fit",
+        }
+
+    @classmethod
+    def read(cls, table: Table, folder: Path, name: str) -> "Entry":
+        """Check the entry.
+
+        Raises:
+            LogError: a key is wrong, with its line.
+        """
+        canonical = _canonical(table, name)
+        turned = canonical is not None and canonical.columns == WXYZ
+        layout = table.text("format", LAYOUTS[0], among=LAYOUTS) if turned else ""
+        direction = table.text("direction", DIRECTIONS[0], among=DIRECTIONS) if turned else ""
+        has_time = "rate" not in table
+        path = _path(table, folder)
+        entry = cls(
+            table=table,
+            name=name,
+            path=path,
+            variable=_part(table, "variable", path, ".mat"),
+            topic=_part(table, "topic", path, ".mcap"),
+            canonical=canonical,
+            time=table.text("time", None) if has_time else None,
+            time_factor=_time_factor(table) if has_time else 1.0,
+            rate=table.number("rate", np.nan, low=1e-6, unit="Hz"),
+            start=0.0 if has_time else table.number("start", 0.0, unit="s"),
+            columns=table.texts("columns", ()),
+            axes=table.texts("axes", ()),
+            unit=_unit(table, name, canonical, layout),
+            scale=_scale(table),
+            layout=layout,
+            world_to_body=direction == DIRECTIONS[1],
+            noise=_noise(table, canonical),
+        )
+        table.close()
+        return entry
+
+    def series(self, files: OpenFiles) -> tuple[Series, tuple[str, ...]]:
+        """Read the file, mend what can be mended; a sentence for each repair.
+
+        Raises:
+            LogError: the file cannot be read, or does not hold what the entry says.
+        """
+        file = files.open(self.path, unit=self.si, variable=self.variable, topic=self.topic)
+        clock = (self.time or file.time) if np.isnan(self.rate) else None
+        columns = self.columns or tuple(name for name in file.values if name != clock)
+        layout = LAYOUTS[0] if file.by_name and not self.columns else self.layout
+        names = self._names(columns, layout)
+        where = f"{self.name} ({self.path.name})"
+        rows = mended(*self._numbers(file, clock, columns), file, columns, clock, where)
+        value, repairs = rows.value * self.unit.factor, rows.repairs
+        if self.unit.offset != 0.0:  # adding 0.0 would turn -0.0 into 0.0
+            value = value + self.unit.offset
+        value = value * self.scale
+        if layout and names == WXYZ:
+            scaled = Rows(rows.time, value, rows.origin, ())
+            value, more = attitude(scaled, layout, self.world_to_body, file, where)
+            repairs = (*repairs, *more)
+        if self.noise is not None and len(self.noise) not in (1, 3 if layout else len(names)):
+            problem = f"has {len(self.noise)} numbers for {len(names)} columns"
+            raise self.table.fail("noise", problem, "give one for all, or one a column")
+        return Series(rows.time, np.ascontiguousarray(value), names, self.si), repairs
+
+    def _numbers(
+        self, file: NumberFile, clock: str | None, columns: tuple[str, ...]
+    ) -> tuple[Array, Array]:
+        """Times [s] and values as the file has them."""
+        if clock is None:
+            value = file.numbers(columns)
+            return self.start + np.arange(len(value)) / self.rate, value
+        if clock in file.clocks and "time_unit" in self.table:
+            problem = f"is given, but {clock} is in seconds by its type"
+            raise self.table.fail("time_unit", problem, "remove it")
+        table = file.numbers((clock, *columns))
+        return table[:, 0] * self.time_factor, table[:, 1:]
+
+    def _names(self, columns: tuple[str, ...], layout: str) -> tuple[str, ...]:
+        expected = self.canonical.columns if self.canonical else ()
+        if layout == "euler_zyx":
+            expected = ("yaw", "pitch", "roll")
+        names = self.axes or expected or columns
+        for axis in self.axes if expected else ():
+            if axis not in expected:
+                hint = f"use some of {', '.join(expected)}"
+                raise self.table.fail("axes", f"names {axis!r}", hint)
+        if len(names) != len(columns) or not columns:
+            raise self._mismatch(columns, names)
+        return names if layout != "euler_zyx" else WXYZ
+
+    def _mismatch(self, columns: tuple[str, ...], names: tuple[str, ...]) -> Exception:
+        listed = ", ".join(columns[:LISTED]) + (", ..." if len(columns) > LISTED else "")
+        remedy = "list the right ones in `columns`, and in `axes` which of the stream they are"
+        if not (self.columns or self.time or "rate" in self.table):
+            remedy = f"give `rate` if the file has no times, else {remedy}"
+        return self.table.fail(
+            "columns" if self.columns else "file",
+            f"gives {self.name} {len(columns)} columns ({listed}) for {', '.join(names)}",
+            remedy,
+        )
+
+
+def _canonical(table: Table, name: str) -> Stream | None:
+    try:
+        return stream_named(name)
+    except UnknownName as unknown:
+        if "unit" in table:
+            return None
+        hint = str(unknown).split("(", 1)[1].rstrip(")")
+        raise table.fail(
+            "unit",
+            f"is missing, and {name} is no stream we know ({hint})",
+            "name the stream so, or add its unit",
+        ) from None
+
+
+def _path(table: Table, folder: Path) -> Path:
+    text = table.text("file")
+    path = folder / text
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise table.fail("file", f"{text!r} lies outside the log's folder", "move it beside")
+    if path.suffix.lower() not in ENDINGS:
+        raise table.fail(
+            "file",
+            f"{text!r} is no format that can be read",
+            f"save it as one of {', '.join(ENDINGS)}",
+        )
+    if not path.exists():
+        raise table.fail("file", f"{text!r} is missing", "add it, or correct the name")
+    if not path.is_file():
+        raise table.fail("file", f"{text!r} is no file", "name the file of numbers")
+    return path
+
+
+def _part(table: Table, key: str, path: Path, ending: str) -> str | None:
+    """The part of a file that a stream is in; such a key is for one format only."""
+    if key in table and path.suffix.lower() != ending:
+        raise table.fail(key, f"is for {ending} files, not for {path.name}", "remove it")
+    return table.text(key, None) if path.suffix.lower() == ending else None
+
+
+def _time_factor(table: Table) -> float:
+    text = table.text("time_unit", "s")
+    try:
+        unit = unit_named(text)
+    except UnknownName as unknown:
+        raise table.fail("time_unit", f"is {text!r}", str(unknown)) from None
+    if unit.si != "s":
+        raise table.fail("time_unit", f"is {text!r}, a unit of {unit.si}", "use s, ms or us")
+    return unit.factor
+
+
+def _unit(table: Table, name: str, canonical: Stream | None, layout: str) -> Unit:
+    si = canonical.unit if canonical else ""
+    if layout == "euler_zyx":
+        si = "rad"
+    text = table.text("unit", si or None)
+    try:
+        unit = unit_named(text)
+    except UnknownName as unknown:
+        raise table.fail("unit", f"is {text!r}", str(unknown)) from None
+    if si and unit.si != si and "scale" not in table:
+        raise table.fail(
+            "unit", f"is {text!r}, but {name} is in {si}", f"use a unit of {si}, or add `scale`"
+        )
+    return unit
+
+
+def _scale(table: Table) -> float:
+    if table.raw("scale", 1.0) == "fit":
+        return 1.0
+    scale = table.number("scale", 1.0)
+    if scale == 0.0:
+        raise table.fail("scale", "is 0", "give the factor to SI")
+    return scale
+
+
+def _noise(table: Table, canonical: Stream | None) -> Array | None:
+    if "noise" not in table:
+        return None
+    unit = canonical.unit if canonical else "its SI unit"
+    if isinstance(table.raw("noise"), list):
+        return table.numbers("noise", None, low=0.0, unit=unit)
+    return table.numbers("noise", 1, low=0.0, unit=unit)

@@ -1,0 +1,180 @@
+"""A CSV file of numbers, read fast; where it is wrong, a second, slow pass finds the line."""
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+from pyarrow import csv as arrow_csv
+
+from twin.errors import LogError, UnknownName
+from twin.recording.formats.number_file import NumberFile
+
+Array = NDArray[np.float64]
+
+LONGEST_LINE = 1 << 20
+"""A line of more bytes is no row of a log [bytes]; reading stops there."""
+
+BLOCK = 1 << 16
+"""Read at once [bytes]."""
+
+BLANKS = ["", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL"]
+"""How programs write that there is no number."""
+
+
+class CsvFile(NumberFile):
+    """A CSV file in memory: its text, and the names in its first row."""
+
+    def __init__(self, path: Path) -> None:
+        """Read the text and the first row; no number is looked at yet.
+
+        Raises:
+            LogError: empty, not text, a line longer than a log's, or no column names.
+        """
+        self._content = _content(path).removeprefix(b"\xef\xbb\xbf")
+        if not self._content.strip():
+            raise LogError(path, "is empty", "check the export")
+        try:
+            self._content.decode("utf-8")
+        except UnicodeDecodeError as problem:
+            line = self._content.count(b"\n", 0, problem.start) + 1
+            raise LogError(
+                path, "is not UTF-8 text", "save it as CSV in UTF-8", line=line
+            ) from None
+        text = self._content.split(b"\n", 1)[0].decode("utf-8").rstrip("\r")
+        try:
+            header = next(csv.reader([text]), [])
+        except csv.Error as problem:
+            raise LogError(path, f"has no column names ({problem})", "add them", line=1) from None
+        super().__init__(path, [name.strip() for name in header])
+        _check_header(path, self.header)
+
+    def numbers(self, names: Sequence[str]) -> Array:
+        for name in names:
+            if name not in self.header:
+                problem = str(UnknownName("column", name, self.header))
+                raise LogError(self.path, problem, "name a column of its first row", line=1)
+        try:
+            table = arrow_csv.read_csv(
+                pa.BufferReader(self._content),
+                read_options=arrow_csv.ReadOptions(column_names=self.header, skip_rows=1),
+                convert_options=arrow_csv.ConvertOptions(
+                    include_columns=list(names),
+                    column_types=dict.fromkeys(names, pa.float64()),
+                    null_values=BLANKS,
+                ),
+            )
+        except pa.ArrowInvalid as problem:
+            raise self._first_error(names) or LogError(
+                self.path, f"is no table of numbers ({problem})", "save it as CSV again"
+            ) from None
+        if table.num_rows == 0:
+            raise LogError(self.path, "has column names but no rows", "check the export", line=1)
+        columns = [np.asarray(table.column(name).to_numpy()) for name in names]
+        return np.stack(columns, axis=-1)
+
+    def fault(self, problem: str, remedy: str, row: int | None = None) -> LogError:
+        """A row stands on a line; blank lines are no rows."""
+        line = None
+        if row is not None:
+            line = next(line for index, (line, _) in enumerate(self._rows()) if index == row)
+        return LogError(self.path, problem, remedy, line=line)
+
+    def not_finite(self, row: int, name: str, value: float) -> LogError:
+        del value
+        text = next(cells for index, (_, cells) in enumerate(self._rows()) if index == row)
+        return self._not_finite(row, name, text[self.header.index(name)].strip())
+
+    def _not_finite(self, row: int, name: str, text: str) -> LogError:
+        return self.fault(
+            f"column {name!r} holds {_quoted(text)}, which is no finite number",
+            "write the number, or delete the row",
+            row,
+        )
+
+    def _rows(self) -> Iterator[tuple[int, list[str]]]:
+        reader = csv.reader(io.StringIO(self._content.decode("utf-8")))
+        next(reader)
+        for row in reader:
+            if row:
+                yield reader.line_num, row
+
+    def _first_error(self, names: Sequence[str]) -> LogError | None:
+        places = [(name, self.header.index(name)) for name in names]
+        for index, (line, row) in enumerate(self._rows()):
+            if len(row) != len(self.header):
+                return LogError(
+                    self.path,
+                    f"is a row of {len(row)} under {len(self.header)} column names",
+                    "complete the row or delete it",
+                    line=line,
+                )
+            for name, place in places:
+                if row[place] not in BLANKS and not _is_finite(row[place]):
+                    return self._not_finite(index, name, row[place].strip())
+        return None
+
+
+def _content(path: Path) -> bytes:
+    """All bytes of the file; a binary one and an endless line are refused while reading."""
+    try:
+        with path.open("rb") as file:
+            return b"".join(_blocks(path, file))
+    except OSError as problem:
+        raise LogError(path, f"cannot be read ({problem.strerror})", "check the path") from None
+
+
+def _blocks(path: Path, file: BinaryIO) -> Iterator[bytes]:
+    line, length, binary = 1, 0, False
+    while block := file.read(BLOCK):
+        first, ended, others = block.partition(b"\n")
+        length, binary = length + len(first), binary or b"\0" in first
+        if length >= LONGEST_LINE:
+            raise LogError(
+                path,
+                "holds a line of more than 1 MiB, so it is no table",
+                "export it as CSV with one row a line",
+                line=line,
+            )
+        if ended:
+            whole, _, rest = others.rpartition(b"\n")
+            if binary or b"\0" in whole:
+                line += 0 if binary else 1 + whole.count(b"\n", 0, whole.index(b"\0"))
+                break
+            line, length, binary = line + 1 + others.count(b"\n"), len(rest), b"\0" in rest
+        yield block
+    else:
+        if not binary:
+            return
+    raise LogError(path, "is not text but binary", "export it as CSV", line=line)
+
+
+def _check_header(path: Path, header: tuple[str, ...]) -> None:
+    if len(header) == 1:
+        for mark, name in ((";", "semicolons"), ("\t", "tabs")):
+            if mark in header[0]:
+                raise LogError(
+                    path, f"separates its columns by {name}", "save it with commas", line=1
+                )
+    if any(_is_finite(name) for name in header):
+        raise LogError(
+            path, "has a number in its first row", "write the column names there", line=1
+        )
+    for name in header:
+        if header.count(name) > 1:
+            raise LogError(path, f"names two columns {name!r}", "give each its own name", line=1)
+
+
+def _is_finite(text: str) -> bool:
+    try:
+        return bool(np.isfinite(float(text))) and "_" not in text
+    except ValueError:
+        return False
+
+
+def _quoted(text: str) -> str:
+    return repr(text if len(text) <= 40 else text[:40] + "...") if text else "nothing"

@@ -1,0 +1,77 @@
+"""A Parquet file; the fields of a struct column are columns by dotted names."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from twin.errors import LogError
+from twin.recording.formats.number_file import NumberFile
+
+Array = NDArray[np.float64]
+
+_TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+"""Ticks a second of Arrow's time units."""
+
+
+class ParquetFile(NumberFile):
+    """A Parquet file in memory. Columns of timestamps and durations are in seconds."""
+
+    def __init__(self, path: Path) -> None:
+        """Read it.
+
+        Raises:
+            LogError: it is no Parquet file, is damaged, or has no rows.
+        """
+        from pyarrow import parquet
+
+        try:
+            table = parquet.ParquetFile(path).read()
+        except (pa.ArrowException, OSError) as problem:
+            text = str(problem).split("\n", 1)[0]
+            raise LogError(path, f"cannot be read as Parquet ({text})", "write it again") from None
+        while any(pa.types.is_struct(column.type) for column in table.columns):
+            table = table.flatten()
+        if table.num_rows == 0 or table.num_columns == 0:
+            raise LogError(path, "has no rows", "check the export")
+        self._table = table
+        clocks = [name for name, kind in _kinds(table) if _is_time(kind)]
+        super().__init__(path, table.column_names, clocks)
+
+    @property
+    def values(self) -> tuple[str, ...]:
+        return self.header
+
+    def numbers(self, names: Sequence[str]) -> Array:
+        return np.stack([self._numbers(self.find(name)) for name in names], axis=-1)
+
+    def fault(self, problem: str, remedy: str, row: int | None = None) -> LogError:
+        where = "" if row is None else f" (row {row + 1})"
+        return LogError(self.path, problem + where, remedy)
+
+    def _numbers(self, name: str) -> Array:
+        column = self._table.column(name)
+        kind = column.type
+        if _is_time(kind):
+            ticks = pc.cast(column, pa.int64()).to_numpy()
+            return np.asarray(ticks, dtype=np.float64) / _TICKS[kind.unit]
+        if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or _is_exact(kind)):
+            raise self.fault(
+                f"column {name!r} holds {kind}, no numbers", "name others in `columns`"
+            )
+        return np.asarray(pc.cast(column, pa.float64(), safe=False).to_numpy())
+
+
+def _kinds(table: pa.Table) -> list[tuple[str, pa.DataType]]:
+    return [(field.name, field.type) for field in table.schema]
+
+
+def _is_time(kind: pa.DataType) -> bool:
+    return pa.types.is_timestamp(kind) or pa.types.is_duration(kind)
+
+
+def _is_exact(kind: pa.DataType) -> bool:
+    return pa.types.is_boolean(kind) or pa.types.is_decimal(kind)
