@@ -8,14 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import PlatformError
+from twin.platform.mjcf_files import check_files
 
 
 def load_mjcf(path: Path) -> mujoco.MjModel:
     """Compile the file.
 
     Raises:
-        PlatformError: MuJoCo refuses it.
+        PlatformError: it names a file outside its folder or has a document type, or MuJoCo
+            refuses it.
     """
+    check_files(path)
     try:
         return mujoco.MjModel.from_xml_path(str(path))
     except ValueError as problem:

@@ -1,0 +1,88 @@
+"""An MJCF from a stranger reaches nothing outside its folder, and expands nothing."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from twin.errors import PlatformError
+from twin.platform.mjcf import load_mjcf
+
+BOMB = (
+    '<?xml version="1.0"?>\n<!DOCTYPE mujoco [\n<!ENTITY a "aaaaaaaaaa">\n'
+    + "".join(
+        f'<!ENTITY {n} "{f"&{p};" * 10}">\n' for p, n in zip("abcdefgh", "bcdefghi", strict=True)
+    )
+    + ']>\n<mujoco model="&i;"/>\n'
+)
+OUTSIDE = "which lies outside the platform's folder; copy it into the folder"
+
+
+def complaint(path: Path) -> str:
+    with pytest.raises(PlatformError) as error:
+        load_mjcf(path)
+    return str(error.value).replace(f"{path.parent}{os.sep}", "")
+
+
+@pytest.fixture
+def platform(tmp_path: Path) -> Path:
+    folder = tmp_path / "platform"
+    folder.mkdir()
+    (tmp_path / "secret.xml").write_text("<mujoco/>")
+    return folder / "platform.xml"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_an_entity_bomb_is_refused_unread(platform: Path, encoding: str):
+    platform.write_text(BOMB.replace("?>", f' encoding="{encoding}"?>', 1), encoding=encoding)
+    assert complaint(platform) == (
+        "platform.xml:2: declares a document type, in which entities can grow without bound; "
+        "remove <!DOCTYPE ...>"
+    )
+
+
+def test_an_external_entity_is_refused_unread(platform: Path):
+    platform.write_text(
+        '<!DOCTYPE mujoco [<!ENTITY x SYSTEM "file:///etc/passwd">]>\n<mujoco model="&x;"/>\n'
+    )
+    assert complaint(platform).startswith("platform.xml:1: declares a document type")
+
+
+@pytest.mark.parametrize(
+    ("body", "line", "name"),
+    [
+        ('<include file="../secret.xml"/>', 2, "../secret.xml"),
+        ('<asset><model name="m" file="../secret.xml"/></asset>', 2, "../secret.xml"),
+        ('<asset><mesh name="m" file="/etc/passwd"/></asset>', 2, "/etc/passwd"),
+        ('<asset><texture type="cube" fileright="../a.png"/></asset>', 2, "../a.png"),
+        ('<compiler meshdir=".."/><asset><mesh file="a.stl"/></asset>', 2, ".."),
+        ('\n<compiler meshdir="a"/><asset><mesh file="../../b.stl"/></asset>', 3, "../../b.stl"),
+        ('<include file="link.xml"/>', 2, "link.xml"),
+    ],
+)
+def test_a_file_outside_the_folder_is_refused(platform: Path, body: str, line: int, name: str):
+    (platform.parent / "link.xml").symlink_to(platform.parent.parent / "secret.xml")
+    platform.write_text(f"<mujoco>\n{body}\n</mujoco>\n")
+    assert complaint(platform) == f"platform.xml:{line}: names {name!r}, {OUTSIDE}"
+
+
+def test_what_is_included_is_looked_at_too(platform: Path):
+    platform.write_text('<mujoco><include file="parts.xml"/></mujoco>\n')
+    parts = platform.parent / "parts.xml"
+    parts.write_text('<mujoco>\n<include file="platform.xml"/>\n<include file="../x"/></mujoco>\n')
+    assert complaint(platform) == f"parts.xml:3: names '../x', {OUTSIDE}"
+
+
+def test_what_is_no_xml_is_refused_with_its_line(platform: Path):
+    platform.write_text("<mujoco>\n<body>\n</mujoco>\n")
+    assert complaint(platform) == "platform.xml:3: is no XML (mismatched tag); mend it"
+
+
+def test_files_in_the_folder_are_for_mujoco_to_read(platform: Path):
+    platform.write_text('<mujoco model="a"><include file="parts.xml"/></mujoco>\n')
+    (platform.parent / "parts.xml").write_text(
+        '<mujoco><worldbody><body name="bus"><geom size="1"/></body></worldbody></mujoco>\n'
+    )
+    assert load_mjcf(platform).body("bus").name == "bus"
+    platform.write_text('<mujoco><include file="gone.xml"/></mujoco>\n')
+    assert "MuJoCo refuses it" in complaint(platform)
