@@ -76,8 +76,8 @@ class Output:
     """(m,)."""
     place: Array
     """(m,) steps into the segment."""
-    row: Index
-    """(m, k) where the residual stands among the rows of its segment."""
+    slot: Index
+    """(m, k) where the residual stands among the rows of its grid instant."""
 
     @property
     def instant(self) -> Index:
@@ -110,9 +110,7 @@ class Output:
         turn = rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(first), last))
         return rotation.multiply(
             first,
-            rotation.from_rotation_vector(
-                _cubic(turn, step * rate_first, step * rate_last, part)
-            ),
+            rotation.from_rotation_vector(_cubic(turn, step * rate_first, step * rate_last, part)),
         )
 
     def residual(self, path: States, step: float, late: float = 0.0) -> Array:
@@ -151,7 +149,7 @@ def outputs_of(
         attitude = name == "attitude"
         columns = ("x", "y", "z") if attitude else series.columns
         k = len(columns)
-        row = instant[:, None] * 0 + width + rank[:, None] * k + np.arange(k)
+        slot = width + rank[:, None] * k + np.arange(k)
         noise, stated = _noise(recording, name, k)
         found.append(
             Output(
@@ -165,7 +163,7 @@ def outputs_of(
                 series.value[inside],
                 segment,
                 place,
-                row,
+                slot,
             )
         )
         width += k * int(rank.max(initial=-1) + 1)

@@ -33,6 +33,10 @@ class States:
     def __getitem__(self, rows: slice) -> "States":
         return States(self.position[rows], self.rate[rows], self.wheel_speed[rows])
 
+    def one(self) -> "States":
+        """With a leading axis of length 1."""
+        return States(self.position[None], self.rate[None], self.wheel_speed[None])
+
     def moved(self, change: Array) -> "States":
         """After a change (..., width); leading axes broadcast."""
         k = self.rate.shape[-1]

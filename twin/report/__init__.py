@@ -1,6 +1,7 @@
 """What the model gets wrong, in words, numbers and an HTML page."""
 
 from twin.report.document import document as document
+from twin.report.identified import identified as identified
 from twin.report.page import write_page as write_page
 from twin.report.streams import with_prediction as with_prediction
 from twin.report.words import sentences as sentences

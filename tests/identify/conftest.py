@@ -1,0 +1,92 @@
+"""Logs of `sads` flown in closed loop with a base that platform.toml does not know."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from twin.clock import SimulatedClock
+from twin.controller import load_controller
+from twin.estimators import load_estimator
+from twin.loop import fly
+from twin.plant.simulated import SimulatedPlant
+from twin.platform import Platform, load_platform
+from twin.predict.base import ENTRIES
+from twin.recording import Recording
+from twin.reference import parse_reference
+from twin.stream.recorder import MemoryRecorder
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Runs of one hidden base."""
+
+    stated: Platform
+    """As the identification is told."""
+    truth: np.ndarray
+    """(9,) J and m r, as flown."""
+    logs: list[Recording]
+
+
+def hidden_base(stated: Platform, rng: np.random.Generator) -> Platform:
+    """Principal moments 4 % off, products of inertia and an offset that nobody stated."""
+    inertia = np.diag(np.diag(stated.inertia) * (1.0 + rng.choice([-0.04, 0.04], 3)))
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        inertia[i, j] = inertia[j, i] = rng.uniform(-0.15, 0.15)
+    offset = stated.center_of_mass_offset + rng.normal(0.0, 5e-4, 3)
+    return replace(stated, inertia=inertia, center_of_mass_offset=offset)
+
+
+def fly_campaign(
+    runs: int,
+    seed: int,
+    duration: float,
+    *,
+    gyro: float = 1e-3,
+    attitude: float = 1e-3,
+    wheel_speed: float = 0.1,
+    vertical: float | None = None,
+) -> Campaign:
+    """Fly `quaternion_pd` on a multisine, all runs as one batch; noise as 1 sigma a sample."""
+    stated = load_platform("sads")
+    if vertical is not None:
+        offset = stated.center_of_mass_offset.copy()
+        offset[2] = vertical * stated.mass
+        stated = replace(stated, center_of_mass_offset=offset)
+    true = hidden_base(stated, np.random.default_rng(seed))
+    noise = {"gyro": gyro, "attitude": attitude, "wheel_speed": wheel_speed}
+    sensors = {
+        name: replace(sensor, noise=np.full(3, noise[name])) if name in noise else sensor
+        for name, sensor in true.sensors.items()
+    }
+    plant = SimulatedPlant(replace(true, sensors=sensors), runs=range(runs), seed=seed)
+    recorder = MemoryRecorder(plant.platform, {"platform": "sads", "source": f"seed {seed}"})
+    fly(
+        plant,
+        load_estimator("filter"),
+        load_controller("quaternion_pd"),
+        parse_reference("multisine:5"),
+        SimulatedClock(),
+        duration=duration,
+        observers=[recorder],
+    )
+    assert not plant.stopped
+    entries = [true.inertia[i, j] for i, j in ENTRIES]
+    return Campaign(
+        stated,
+        np.concatenate([entries, true.center_of_mass_offset]),
+        [recorder.recording(run) for run in range(runs)],
+    )
+
+
+@pytest.fixture(scope="session")
+def flown() -> Callable[..., Campaign]:
+    """Logs on demand."""
+    return fly_campaign
+
+
+@pytest.fixture(scope="session")
+def campaign() -> Campaign:
+    """Two logs of 60 s at the middle grade of noise."""
+    return fly_campaign(2, seed=7, duration=60.0)

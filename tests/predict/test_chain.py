@@ -1,0 +1,87 @@
+"""Taking the states out of a chain of segments is the same as solving for all of them at once."""
+
+import numpy as np
+
+from twin.predict.body import Linearised
+from twin.predict.chain import chain
+
+
+def random_chain(
+    seed: int, segments: int = 5, rows: int = 12, x: int = 3, u: int = 2
+) -> Linearised:
+    print("seed", seed)
+    rng = np.random.default_rng(seed)
+    noise = rng.normal(size=(segments - 1, x, x))
+    return Linearised(
+        rng.normal(size=(segments, rows)),
+        rng.normal(size=(segments, rows, x)),
+        rng.normal(size=(segments, rows, u)),
+        rng.normal(size=(segments - 1, x)),
+        rng.normal(size=(segments - 1, x, x)),
+        rng.normal(size=(segments - 1, x, u)),
+        0.1 * noise @ noise.transpose(0, 2, 1),
+    )
+
+
+def solved_at_once(linear: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """States, shared unknowns, their covariance and chi-square by one dense least squares."""
+    segments, rows, x = linear.state.shape
+    u = linear.shared.shape[-1]
+    matrix, right = [], []
+    for s in range(segments):
+        block = np.zeros((rows, segments * x + u))
+        block[:, s * x : (s + 1) * x] = linear.state[s]
+        block[:, segments * x :] = linear.shared[s]
+        matrix.append(block)
+        right.append(-linear.residual[s])
+    for s in range(segments - 1):
+        block = np.zeros((x, segments * x + u))
+        block[:, s * x : (s + 1) * x] = linear.transition[s]
+        block[:, (s + 1) * x : (s + 2) * x] = -np.eye(x)
+        block[:, segments * x :] = linear.jump_shared[s]
+        white = np.linalg.inv(np.linalg.cholesky(linear.spread[s]))
+        matrix.append(white @ block)
+        right.append(-white @ linear.jump[s])
+    a, b = np.concatenate(matrix), np.concatenate(right)
+    solution = np.linalg.lstsq(a, b, rcond=None)[0]
+    left = a @ solution - b
+    covariance = np.linalg.inv(a.T @ a)[segments * x :, segments * x :]
+    return (
+        solution[: segments * x].reshape(segments, x),
+        solution[segments * x :],
+        covariance,
+        float(left @ left),
+    )
+
+
+def test_a_chain_is_one_least_squares():
+    for seed in range(5):
+        linear = random_chain(seed)
+        link = chain(linear)
+        states, shared, covariance, chi2 = solved_at_once(linear)
+        ours = -np.linalg.lstsq(link.rows[:, 1:], link.rows[:, 0], rcond=None)[0]
+        np.testing.assert_allclose(ours, shared, rtol=1e-6, atol=1e-9)
+        normal = link.rows[:, 1:].T @ link.rows[:, 1:]
+        np.testing.assert_allclose(np.linalg.inv(normal), covariance, rtol=1e-6)
+        np.testing.assert_allclose(link.states(ours), states, rtol=1e-6, atol=1e-8)
+        left = link.rows[:, 0] + link.rows[:, 1:] @ ours
+        np.testing.assert_allclose(left @ left, chi2, rtol=1e-8)
+
+
+def test_a_motion_without_noise_needs_no_noise_to_be_solved():
+    linear = random_chain(11)
+    exact = Linearised(
+        linear.residual,
+        linear.state,
+        linear.shared,
+        linear.jump,
+        linear.transition,
+        linear.jump_shared,
+        np.zeros_like(linear.spread),
+    )
+    link = chain(exact)
+    change = np.array([0.3, -0.2])
+    states = link.states(change)
+    for s in range(len(states) - 1):
+        carried = linear.jump[s] + linear.transition[s] @ states[s] + linear.jump_shared[s] @ change
+        np.testing.assert_allclose(states[s + 1], carried, rtol=1e-6, atol=1e-8)

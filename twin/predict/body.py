@@ -1,0 +1,310 @@
+"""The body predictor: one log, cut into segments that are predicted side by side in batches.
+
+Each segment starts from a state of its own. What the prediction depends on (those states, the base,
+the sensors' biases) is differenced by rollouts, so nothing here knows a particular machine. That a
+segment ends where the next one starts is kept as an equation (multiple shooting), so the segments
+lose nothing against one long prediction, which an unstable machine would not allow.
+"""
+
+import copy
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from twin import rotation
+from twin.errors import UsageError
+from twin.model import Machine
+from twin.predict.base import BaseParameters
+from twin.predict.drive import Drive, Inputs
+from twin.predict.motion import Motion
+from twin.predict.outputs import Grid, outputs_of
+from twin.predict.segments import GROWTH, LONGEST, Segment, growth_rate
+from twin.predict.states import States
+from twin.recording import Recording
+
+Array = NDArray[np.float64]
+
+STEP = 1e-6
+"""Of finite differences: of a state [SI], of a parameter in units of its scale."""
+
+_FORCE = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED.value)
+COARSE = 0.025
+"""The longest step of a prediction [s]."""
+EXACT = 0.1
+"""By how many of its standard deviations a longer step may move an estimate at the very most."""
+STOP_GUARD = np.radians(2.0)
+"""A log that stays so far from the tilt stop is predicted without contacts, at half the cost."""
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """A prediction and what it depends on: S segments of N rows, x the state at each start.
+
+    residual + state x + shared u is white noise of variance 1 in a row that holds a sample; the
+    other rows are zero. The start of a segment is that of the one before it carried on:
+
+        x_{s+1} = jump + transition x_s + jump_shared u + noise of covariance `spread`
+    """
+
+    residual: Array
+    """(S, N)."""
+    state: Array
+    """(S, N, x)."""
+    shared: Array
+    """(S, N, u)."""
+    jump: Array
+    """(S - 1, x)."""
+    transition: Array
+    """(S - 1, x, x)."""
+    jump_shared: Array
+    """(S - 1, x, u)."""
+    spread: Array
+    """(S - 1, x, x)."""
+
+    def with_columns(self, columns: Array) -> "Linearised":
+        """With further shared unknowns (S, N, c) that no motion depends on: a sensor's."""
+        none = np.zeros((*self.jump_shared.shape[:2], columns.shape[-1]))
+        return replace(
+            self,
+            shared=np.concatenate([self.shared, columns], axis=-1),
+            jump_shared=np.concatenate([self.jump_shared, none], axis=-1),
+        )
+
+
+class Body:
+    """Predicts one log of a machine on a given grid; see `body_of`.
+
+    Raises:
+        UsageError: the log has no stream that this machine's model predicts.
+    """
+
+    def __init__(self, machine: Machine, recording: Recording, motion: Motion, grid: Grid) -> None:
+        self.machine = replace(machine, platform=replace(machine.platform, step=grid.step))
+        self.recording = recording
+        self.inputs = Inputs(self.machine, recording)
+        self.grid = grid
+        self._contacts = _near_stop(machine, motion)
+        self.outputs, self._width = outputs_of(
+            recording, self.machine, self.grid, self._predicted()
+        )
+        if not self.outputs:
+            raise UsageError(
+                f"the log has none of the streams that {machine.platform.name} predicts: "
+                + ", ".join(self._predicted())
+            )
+        drives = [
+            self.inputs.drive(Segment(start, start + self.grid.length))
+            for start in self.grid.starts.tolist()
+        ]
+        self._force = np.stack([drive.force for drive in drives])
+        self.start = self._smoothed(motion, drives)
+        self._position = np.stack([drive.joint_position for drive in drives])
+        self._velocity = np.stack([drive.joint_velocity for drive in drives])
+
+    @property
+    def samples(self) -> int:
+        """Numbers predicted."""
+        return sum(output.slot.size for output in self.outputs)
+
+    @property
+    def bias_scale(self) -> Array:
+        """(b,) 1 sigma of the sensors' constant errors, those that have one, output by output."""
+        return np.concatenate([o.bias[o.bias > 0.0] for o in self.outputs])
+
+    @property
+    def bias_names(self) -> tuple[str, ...]:
+        """Of the same."""
+        return tuple(
+            f"{o.stream} {column}"
+            for o in self.outputs
+            for column, size in zip(o.columns, o.bias, strict=True)
+            if size > 0.0
+        )
+
+    def paths(self, model: mujoco.MjModel, start: States) -> States:
+        """States along each prediction, (v, S, steps + 1, .), from starts (v, S, .).
+
+        The model is changed: its step is the grid's.
+        """
+        machine, grid = self.machine, self.grid
+        self._prepare(model)
+        variants = start.rate.shape[0]
+        rows = variants * grid.segments
+        position = np.tile(self._position, (variants, 1))
+        velocity = np.tile(self._velocity, (variants, 1))
+        position[:, machine.base_qpos] = start.position.reshape(rows, -1)
+        velocity[:, machine.base_dof] = start.rate.reshape(rows, -1)
+        if self.inputs.wheels_predicted:
+            velocity[:, machine.wheel_dof] = start.wheel_speed.reshape(rows, -1)
+        batch = Batch(model, rows)
+        batch.bind("qpos")[:] = position
+        batch.bind("qvel")[:] = velocity
+        run = batch.rollout(
+            grid.steps,
+            np.tile(self._force, (variants, 1, 1)),
+            control_spec=_FORCE,
+            record=("qpos", "qvel"),
+        )
+
+        def along(first: Array, rest: Array, columns: slice | NDArray[np.intp]) -> Array:
+            values = np.concatenate([first[:, None, columns], rest[:, :, columns]], axis=1)
+            return values.reshape(variants, grid.segments, grid.steps + 1, -1)
+
+        wheels = machine.wheel_dof if self.inputs.wheels_predicted else slice(0, 0)
+        return States(
+            along(position, run["qpos"], machine.base_qpos),
+            along(velocity, run["qvel"], machine.base_dof),
+            along(velocity, run["qvel"], wheels),
+        )
+
+    def linearise(
+        self, base: BaseParameters, theta: Array, biases: Array, start: States
+    ) -> Linearised:
+        """Predict from `start` (S, .) under a base, and difference everything.
+
+        The shared unknowns are changes of theta and of the biases.
+
+        Raises:
+            TwinError: no rigid body has such a base.
+        """
+        x = start.width
+        variants = start.one()
+        shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
+        path = self.paths(base.model(theta), variants.moved(shifts))
+        rows, ends = self.rows(path), self._ends(path, start)
+        nominal, end = rows[0], ends[0]
+        sizes = STEP * base.scale
+        by_theta = [
+            self.paths(base.model(theta + size * unit), variants)
+            for size, unit in zip(sizes, np.eye(len(theta)), strict=True)
+        ]
+        slopes = [
+            (self.rows(moved)[0] - nominal) / size
+            for moved, size in zip(by_theta, sizes, strict=True)
+        ]
+        end_slopes = [
+            (self._ends(moved, start)[0] - end) / size
+            for moved, size in zip(by_theta, sizes, strict=True)
+        ]
+        bias_columns = self.bias_columns()
+        none = np.zeros((len(end), x, len(biases)))
+        return Linearised(
+            nominal + bias_columns @ biases,
+            np.moveaxis(rows[1:] - nominal, 0, -1) / STEP,
+            np.concatenate([np.stack(slopes, axis=-1), bias_columns], axis=-1),
+            end,
+            np.moveaxis(ends[1:] - end, 0, -1) / STEP,
+            np.concatenate([np.stack(end_slopes, axis=-1), none], axis=-1),
+            np.zeros((len(end), x, x)),
+        )
+
+    def nominal(self, model: mujoco.MjModel) -> list[Array]:
+        """Residuals (m, k) of each output under a model, from the smoothed starts."""
+        path = self.paths(model, self.start.one())
+        return [output.residual(path, self.grid.step)[0] for output in self.outputs]
+
+    def rows(self, path: States) -> Array:
+        """Residuals of v paths, (v, S, N)."""
+        return self.scatter([output.residual(path, self.grid.step) for output in self.outputs])
+
+    def scatter(self, parts: list[Array]) -> Array:
+        """Numbers of each output (v, m, k) to their rows (v, S, N)."""
+        grid = self.grid
+        flat = np.zeros((len(parts[0]), grid.segments, grid.steps + 1, self._width))
+        for output, part in zip(self.outputs, parts, strict=True):
+            flat[:, output.segment[:, None], output.instant[:, None], output.slot] = part
+        return flat.reshape(len(flat), grid.segments, -1)
+
+    def gather(self, rows: Array) -> list[Array]:
+        """Numbers in rows (S, N) back to their outputs, each (m, k)."""
+        cells = rows.reshape(self.grid.segments, self.grid.steps + 1, self._width)
+        return [cells[o.segment[:, None], o.instant[:, None], o.slot] for o in self.outputs]
+
+    def bias_columns(self) -> Array:
+        """(S, N, b) d residual / d bias."""
+        columns: list[Array] = []
+        for index, output in enumerate(self.outputs):
+            for column in np.flatnonzero(output.bias > 0.0):
+                parts = [np.zeros((1, *o.slot.shape)) for o in self.outputs]
+                parts[index][0, :, column] = -1.0 / output.noise[column]
+                columns.append(self.scatter(parts)[0])
+        if not columns:
+            return np.zeros((self.grid.segments, (self.grid.steps + 1) * self._width, 0))
+        return np.stack(columns, axis=-1)
+
+    def _ends(self, path: States, start: States) -> Array:
+        """(v, S - 1, x) where segments end, seen from the starts of the next."""
+        last = States(
+            path.position[:, :-1, -1], path.rate[:, :-1, -1], path.wheel_speed[:, :-1, -1]
+        )
+        return last.less(start[1:])
+
+    def _prepare(self, model: mujoco.MjModel) -> None:
+        self.inputs.prepare(model)
+        model.opt.timestep = self.grid.step
+        if not self._contacts:
+            model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+
+    def _smoothed(self, motion: Motion, drives: list[Drive]) -> States:
+        there = motion.at(self.grid.starts)
+        wheels = self.machine.wheel_dof if self.inputs.wheels_predicted else slice(0, 0)
+        speeds = np.stack([drive.joint_velocity[wheels] for drive in drives])
+        return States(there.position, there.rate, speeds)
+
+    def _predicted(self) -> tuple[str, ...]:
+        if self.machine.platform.base.kind == "hinge":
+            return ("joint_angle", "joint_rate")
+        wheels = ("wheel_speed",) if self.inputs.wheels_predicted else ()
+        return ("attitude", "gyro", *wheels)
+
+
+def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:
+    """The predictor of a log, on the longest step that predicts as well as half of it.
+
+    Commands change between steps, not within them, and the step is at most 25 ms; where halving it
+    could move an estimate by more than a tenth of its standard deviation, it is the platform's.
+    """
+    step = _command_step(machine, recording)
+    grid = _grid(machine, motion, step)
+    coarse = Body(machine, recording, motion, grid)
+    if step <= machine.platform.step:
+        return coarse
+    halved = replace(grid, step=0.5 * step, steps=2 * grid.steps)
+    fine = Body(machine, recording, motion, halved)
+    model = copy.copy(machine.model)
+    for one, other in zip(coarse.nominal(model), fine.nominal(model), strict=True):
+        if float(np.sum(np.square(one - other))) > EXACT**2:
+            return Body(machine, recording, motion, _grid(machine, motion, machine.platform.step))
+    return coarse
+
+
+def _command_step(machine: Machine, recording: Recording) -> float:
+    """The longest step up to COARSE of which a whole number fits between two commands [s]."""
+    periods = [
+        float(np.median(np.diff(recording[name].time)))
+        for name in machine.platform.commands
+        if name in recording and len(recording[name]) > 1
+    ]
+    shortest = min(periods, default=COARSE)
+    step = round(float(shortest / np.ceil(shortest / COARSE - 1e-6)), 9)
+    return max(step, machine.platform.step)
+
+
+def _grid(machine: Machine, motion: Motion, step: float) -> Grid:
+    """Equal segments of at most 10 s and at most exp(3) of growth."""
+    begin, end = float(motion.time[0]), float(motion.time[-1])
+    length = min(LONGEST, GROWTH / max(growth_rate(machine), 1e-9), end - begin)
+    steps = max(int(length / step + 1e-9), 1)
+    segments = max(int(np.ceil((end - begin) / (steps * step) - 1e-6)), 1)
+    return Grid(begin, step, steps, segments)
+
+
+def _near_stop(machine: Machine, motion: Motion) -> bool:
+    """Whether the log comes near the tilt stop."""
+    platform = machine.platform
+    if platform.base.kind != "ball":
+        return True
+    return float(rotation.tilt(motion.position).max()) > platform.tilt_limit - STOP_GUARD

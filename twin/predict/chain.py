@@ -1,0 +1,108 @@
+"""Take the states out of a linearised prediction: what is left depends on shared unknowns only.
+
+A Kalman filter over the starts of the segments, its mean an affine function of the shared unknowns,
+whitens what the segments say of them; a backward pass gives the states back. The first state is
+unknown altogether. Nothing grows along the chain, be the machine unstable or not.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.predict.body import Linearised
+
+Array = NDArray[np.float64]
+
+_NOTHING = 1e-7
+"""A direction of the state that a segment does not show is known this much worse than the best."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """residual + columns u is white noise of variance 1, the states gone.
+
+    An affine function of u is kept as a matrix (x, 1 + u), its constant first.
+    """
+
+    rows: Array
+    """(m, 1 + u) residual and columns."""
+    segment: NDArray[np.intp]
+    """(m,) the segment that each row comes from."""
+    seen: list[Array]
+    """Mean of each start, when its segment has been seen but none after it."""
+    seen_spread: list[Array]
+    """Likewise, its covariance (x, x)."""
+    pull: list[Array]
+    """h^T S^-1 times the innovation of each start."""
+    keep: list[Array]
+    """I - K h of each start."""
+    transition: Array
+
+    def states(self, change: Array) -> Array:
+        """(S, x) smoothed starts for a change (u,) of the shared unknowns.
+
+        Bryson and Frazier's backward pass, which inverts no covariance: without noise in the motion
+        these become singular.
+        """
+        u = np.concatenate([[1.0], change])
+        adjoint = np.zeros(len(self.seen[0]))
+        states: list[Array] = []
+        for s in range(len(self.seen) - 1, -1, -1):
+            after = self.transition[s].T @ adjoint if states else adjoint
+            states.append(self.seen[s] @ u + self.seen_spread[s] @ after)
+            adjoint = self.keep[s].T @ after - self.pull[s] @ u
+        return np.stack(states[::-1])
+
+
+def chain(linear: Linearised) -> Chain:
+    """Eliminate the states of one log."""
+    x = linear.state.shape[-1]
+    stack = np.concatenate([linear.state, linear.residual[..., None], linear.shared], axis=-1)
+    triangle: Array = np.asarray(np.linalg.qr(stack, mode="r"), dtype=np.float64)
+    of_state, affine = triangle[:, :x, :x], triangle[:, :x, x:]
+    rows = list(triangle[:, x:, x:])
+    segment = [np.full(len(block), s) for s, block in enumerate(rows)]
+    first = _regular(np.concatenate([of_state[0], affine[0]], axis=1))
+    inverse = np.linalg.inv(first[:, :x])
+    mean, spread = -inverse @ first[:, x:], inverse @ inverse.T
+    seen, seen_spread = [mean], [spread]
+    pull, kept = [np.zeros_like(mean)], [np.zeros_like(spread)]
+    for s in range(1, len(of_state)):
+        step = linear.transition[s - 1]
+        push = np.column_stack([linear.jump[s - 1], linear.jump_shared[s - 1]])
+        mean, spread = step @ mean + push, step @ spread @ step.T + linear.spread[s - 1]
+        h = of_state[s]
+        innovation = affine[s] + h @ mean
+        lower = np.linalg.cholesky(h @ spread @ h.T + np.eye(x))
+        white = np.linalg.solve(lower, np.column_stack([innovation, h @ spread]))
+        split = innovation.shape[1]
+        rows.append(white[:, :split])
+        segment.append(np.full(x, s))
+        gain = white[:, split:].T
+        mean = mean - gain @ white[:, :split]
+        keep = np.eye(x) - gain @ np.linalg.solve(lower, h)
+        noise = np.linalg.solve(lower.T, gain.T).T
+        spread = keep @ spread @ keep.T + noise @ noise.T
+        seen.append(mean)
+        seen_spread.append(spread)
+        pull.append(h.T @ np.linalg.solve(lower.T, white[:, :split]))
+        kept.append(keep)
+    return Chain(
+        np.concatenate(rows),
+        np.concatenate(segment),
+        seen,
+        seen_spread,
+        pull,
+        kept,
+        linear.transition,
+    )
+
+
+def _regular(triangle: Array) -> Array:
+    """(x, x + 1 + u) rows, with what they do not show of the state held weakly where it is."""
+    x = len(triangle)
+    floor = _NOTHING * float(np.abs(np.diag(triangle)).max())
+    weak = np.column_stack([floor * np.eye(x), np.zeros((x, triangle.shape[1] - x))])
+    joined: Array = np.asarray(np.linalg.qr(np.concatenate([triangle, weak]), mode="r"))
+    return joined[:x]

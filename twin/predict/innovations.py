@@ -1,0 +1,156 @@
+"""Logs and unknowns in, whitened innovations and their columns out; the states are gone.
+
+Shared by all logs: the base. A log's own: its sensors' constant errors, held by the spread that
+platform.toml states of them, and its states, of which nothing is known beforehand.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.predict.base import BaseParameters
+from twin.predict.body import Body, Linearised
+from twin.predict.chain import Chain, chain
+from twin.predict.states import States
+
+Array = NDArray[np.float64]
+
+WEAK = 10.0
+"""A base parameter is held where it is stated with so many of its scales: what the logs do not show
+stays there, and what they show does not notice."""
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Where a prediction stands."""
+
+    theta: Array
+    """(p,) base parameters."""
+    biases: tuple[Array, ...]
+    """(b,) of each log."""
+    starts: tuple[States, ...]
+    """(segments, .) of each log."""
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """A prediction linearised: rows + columns (change of theta, biases) is white, variance 1."""
+
+    at: Unknowns
+    linear: tuple[Linearised, ...]
+    """Of each log, with its states."""
+    chains: tuple[Chain, ...]
+    """Of each log, without."""
+    residual: Array
+    """(m,)."""
+    columns: Array
+    """(m, p + all biases)."""
+    cluster: NDArray[np.intp]
+    """(m,) which segment of which log a row comes from; -1: what was known beforehand."""
+    samples: int
+    """Numbers predicted."""
+
+    @property
+    def normal(self) -> Array:
+        """A^T A."""
+        return self.columns.T @ self.columns
+
+    @property
+    def covariance(self) -> Array:
+        """Of the shared unknowns and the biases."""
+        size = 1.0 / np.linalg.norm(self.columns, axis=0)
+        triangle = np.linalg.inv(np.linalg.qr(self.columns * size, mode="r"))
+        return triangle @ triangle.T * np.outer(size, size)
+
+    @property
+    def chi2(self) -> float:
+        """Of the states' best values, all else as it stands."""
+        return float(self.residual @ self.residual)
+
+    def step(self) -> Array:
+        """Gauss-Newton's change of theta and biases."""
+        size = 1.0 / np.linalg.norm(self.columns, axis=0)
+        return -np.linalg.lstsq(self.columns * size, self.residual, rcond=None)[0] * size
+
+    def moved(self, change: Array) -> Unknowns:
+        """The unknowns after a change of theta and biases, the states at their best for it."""
+        p = len(self.at.theta)
+        edges = p + np.cumsum([0, *map(len, self.at.biases)])
+        own = [change[a:b] for a, b in zip(edges, edges[1:], strict=False)]
+        return Unknowns(
+            self.at.theta + change[:p],
+            tuple(b + d for b, d in zip(self.at.biases, own, strict=True)),
+            tuple(
+                start.moved(link.states(np.concatenate([change[:p], d])))
+                for start, link, d in zip(self.at.starts, self.chains, own, strict=True)
+            ),
+        )
+
+    def left(self) -> list[Array]:
+        """(S, N) what is left of each log's rows when its states are at their best."""
+        return [
+            line.residual
+            + np.einsum("snx,sx->sn", line.state, link.states(np.zeros(line.shared.shape[-1])))
+            for line, link in zip(self.linear, self.chains, strict=True)
+        ]
+
+
+class Problem:
+    """Logs of one machine, predicted together."""
+
+    def __init__(self, bodies: Sequence[Body], base: BaseParameters) -> None:
+        self.bodies = tuple(bodies)
+        self.base = base
+
+    def start(self, theta: Array, biases: Sequence[Array]) -> Unknowns:
+        """With the states as smoothed."""
+        return Unknowns(theta, tuple(biases), tuple(body.start for body in self.bodies))
+
+    def innovations(self, at: Unknowns) -> Innovations:
+        """Predict and linearise.
+
+        Raises:
+            TwinError: no rigid body has such a base.
+        """
+        linear = [
+            body.linearise(self.base, at.theta, bias, start)
+            for body, bias, start in zip(self.bodies, at.biases, at.starts, strict=True)
+        ]
+        chains = [chain(one) for one in linear]
+        p = len(at.theta)
+        weak = WEAK * self.base.scale
+        width = p + sum(map(len, at.biases))
+        blocks = [
+            np.column_stack(
+                [(at.theta - self.base.as_stated) / weak, np.diag(1.0 / weak)]
+                + [np.zeros((p, width - p))]
+            )
+        ]
+        cluster = [np.full(p, -1)]
+        first, before = p, 0
+        for body, link, bias in zip(self.bodies, chains, at.biases, strict=True):
+            rows = np.concatenate([link.rows, _prior(bias, body.bias_scale, p)])
+            own = np.zeros((len(rows), 1 + width))
+            own[:, : 1 + p] = rows[:, : 1 + p]
+            own[:, 1 + first : 1 + first + len(bias)] = rows[:, 1 + p :]
+            blocks.append(own)
+            cluster += [link.segment + before, np.full(len(bias), -1)]
+            first += len(bias)
+            before += body.grid.segments
+        stacked = np.concatenate(blocks)
+        return Innovations(
+            at,
+            tuple(linear),
+            tuple(chains),
+            stacked[:, 0],
+            stacked[:, 1:],
+            np.concatenate(cluster),
+            sum(body.samples for body in self.bodies),
+        )
+
+
+def _prior(bias: Array, scale: Array, p: int) -> Array:
+    """Rows (b, 1 + p + b) that hold biases at 0 by what is stated of them."""
+    return np.column_stack([bias / scale, np.zeros((len(bias), p)), np.diag(1.0 / scale)])

@@ -1,0 +1,84 @@
+"""What an identification found, in lines for a terminal."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.identify import Identification
+from twin.predict.base import NAMES
+from twin.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+def identified(found: Identification) -> list[str]:
+    """The entries with their 95 % intervals, then how far to trust them."""
+    count = len(found.recordings)
+    logs = f"{count} logs together" if count > 1 else "1 log"
+    lines = [f"{found.platform.name}, {found.method}, {logs}; intervals are 95 %"]
+    lines += [f"  {line}" for line in _entries(found)]
+    lines += [f"  {line}" for line in _trust(found)]
+    lines += [f"  Cannot be told: {sentence}." for sentence in found.not_excited]
+    return lines
+
+
+def _entries(found: Identification) -> list[str]:
+    base, platform = found.base, found.platform
+    values = base.entries(found.theta)
+    half = found.quantile * np.sqrt(np.diag(base.map @ found.covariance @ base.map.T))
+    seen = np.abs(base.map).sum(axis=1) > 0.0
+    lines = [
+        f"{name:<5} {_pair(value, width)} kg m^2"
+        for name, value, width, known in zip(NAMES, values, half, seen, strict=True)
+        if known and name.startswith("J")
+    ]
+    moved = _carried(found.recordings[-1], found)
+    for place, extra in [("", np.zeros(3)), (" with the masses as the log left them", moved)]:
+        if place and not extra.any():
+            continue
+        for i, axis in enumerate("xyz"):
+            if not seen[6 + i]:
+                continue
+            value, width = values[6 + i] + extra[i], half[6 + i]
+            lines.append(
+                f"m r_{axis} {_pair(value, width)} kg m"
+                f" = {_pair(value * platform.gravity, width * platform.gravity)} N m"
+                f" = {_pair(value / platform.mass * 1e6, width / platform.mass * 1e6)} um"
+                f" of {platform.mass:g} kg{place}"
+            )
+    return lines
+
+
+def _trust(found: Identification) -> list[str]:
+    if not found.misfit:
+        return []
+    total, *streams = found.misfit
+    lines = [
+        f"chi2 per sample {total.chi2_per_sample:.3f}, "
+        f"a true model keeps {total.low:.3f} to {total.high:.3f}: "
+        + ", ".join(f"{part.name} {part.chi2_per_sample:.3f}" for part in streams)
+    ]
+    if not total.is_noise:
+        lines.append(
+            "The model misses more than noise, so these numbers make up for what it lacks, by an "
+            "amount that no interval knows; `twin compare` says what it is."
+        )
+    if found.fit is not None and not found.fit.converged:
+        lines.append("The fit has not settled: take its numbers as a guess.")
+    return lines
+
+
+def _carried(recording: Recording, found: Identification) -> Array:
+    """(3,) what the sliding masses add to m r at the end of a log [kg m]."""
+    stages = found.platform.stages
+    if not stages or "stage_position" not in recording or not len(recording["stage_position"]):
+        return np.zeros(3)
+    last = recording["stage_position"].value[-1]
+    return np.asarray(sum(s.mass * d * s.axis for s, d in zip(stages, last, strict=True)))
+
+
+def _pair(value: float, half: float) -> str:
+    """Value and half an interval, to the digits that the interval leaves."""
+    if not np.isfinite(half) or half <= 0.0:
+        return f"{value:.4g}"
+    digits = max(1 - int(np.floor(np.log10(half))), 0)
+    return f"{value:.{digits}f} +- {half:.{digits}f}"
