@@ -1,8 +1,5 @@
 """Figures of a comparison, as SVG text to stand in a page."""
 
-from io import StringIO
-from typing import Any
-
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,40 +11,21 @@ from twin.predict.compare import Comparison, FreeRun
 from twin.predict.fit import Fit
 from twin.predict.laws import STANDSTILL
 from twin.predict.torque import Unexplained, unexplained_torque
+from twin.report.style import FIGURE, INK, svg
 from twin.units import fitting
 
 Array = NDArray[np.float64]
 
-INK, MEASURED, BUILT, BEST, BAND = "#1c2733", "#1c2733", "#c2571a", "#1f6f8b", "#d9e3ea"
+MEASURED, BUILT, BEST, BAND = INK, "#c2571a", "#1f6f8b", "#d9e3ea"
 AXES = ("x", "y", "z")
 
 POINTS = 1500
 """Drawn of a long stream: more cannot be told apart, and would make a page of megabytes."""
 
-_STYLE: dict[Any, Any] = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "twin",
-    "font.family": "sans-serif",
-    "font.sans-serif": ["Inter", "Helvetica Neue", "Arial", "DejaVu Sans"],
-    "font.size": 10,
-    "axes.edgecolor": "#9aa7b2",
-    "axes.labelcolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e8edf1",
-    "grid.linewidth": 0.8,
-    "xtick.color": "#55626e",
-    "ytick.color": "#55626e",
-    "lines.linewidth": 1.1,
-    "legend.frameon": False,
-    "figure.constrained_layout.use": True,
-}
-
 
 def motion_figure(comparison: Comparison) -> str:
     """Measured motion and free runs of the model as built and of the best one."""
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(FIGURE):
         output = comparison.predictor.outputs[0]
         attitude = output.stream == "attitude"
         figure = Figure(figsize=(9.6, 1.2 + (2.4 if output.width == 1 else 1.9 * output.width)))
@@ -73,7 +51,7 @@ def motion_figure(comparison: Comparison) -> str:
             panel.set_ylabel(_label(output.stream, axes, k, unit))
         panels[0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         panels[-1].set_xlabel("time [s]")
-        return _svg(figure)
+        return svg(figure)
 
 
 def shown_run(comparison: Comparison) -> FreeRun | None:
@@ -86,7 +64,7 @@ def shown_run(comparison: Comparison) -> FreeRun | None:
 
 def residual_figure(comparison: Comparison) -> str:
     """Residuals over time, with the band in which 95 % of the sensors' noise lies."""
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(FIGURE):
         outputs = comparison.predictor.outputs
         figure = Figure(figsize=(9.6, 1.0 + 2.0 * len(outputs)))
         panels = figure.subplots(len(outputs), 1, sharex=True, squeeze=False)[:, 0]
@@ -106,12 +84,12 @@ def residual_figure(comparison: Comparison) -> str:
             panel.set_ylabel(f"{output.stream}\nresidual [{name}]")
         panels[0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         panels[-1].set_xlabel("time [s]")
-        return _svg(figure)
+        return svg(figure)
 
 
 def torque_figure(comparison: Comparison) -> str:
     """Unexplained torque over rate with the friction that the fit found drawn through it."""
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(FIGURE):
         account = comparison.best
         found = account.explanation.fit
         if not account.explanation.laws:
@@ -138,7 +116,7 @@ def torque_figure(comparison: Comparison) -> str:
             axis = f" {AXES[k]}" if width > 1 else ""
             panel.set_xlabel(f"rate{axis} [{rate_name}]")
             panel.set_ylabel(f"unexplained torque{axis} [{name}]")
-        return _svg(figure)
+        return svg(figure)
 
 
 def _draw_friction(
@@ -188,9 +166,3 @@ def _joined(comparison: Comparison, found: Fit, stream: str) -> tuple[Array, Arr
 def _label(stream: str, columns: tuple[str, ...], k: int, unit: str) -> str:
     name = stream if len(columns) == 1 else f"{stream} {columns[k]}"
     return f"{name} [{unit}]"
-
-
-def _svg(figure: Figure) -> str:
-    text = StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None})
-    return text.getvalue().split("\n", 3)[-1]

@@ -7,6 +7,7 @@ from pathlib import Path
 from twin.predict.compare import Comparison, Transfer, stream_errors
 from twin.predict.fit import Fit
 from twin.report.figures import motion_figure, residual_figure, shown_run, torque_figure
+from twin.report.style import page
 from twin.report.words import (
     base_rows,
     interval,
@@ -17,28 +18,6 @@ from twin.report.words import (
 )
 from twin.units import printed
 
-_STYLE = """
-:root { --ink: #1c2733; --soft: #55626e; --line: #dfe6eb; --accent: #1f6f8b; }
-* { box-sizing: border-box; }
-body { margin: 0; color: var(--ink); background: #fff;
-  font: 16px/1.55 Inter, "Helvetica Neue", Arial, "DejaVu Sans", sans-serif; }
-main { max-width: 60rem; margin: 0 auto; padding: 3rem 1.5rem 5rem; }
-h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 .3rem; font-weight: 650; }
-h2 { font-size: 1.25rem; margin: 3rem 0 .6rem; font-weight: 650; }
-h3 { font-size: 1rem; margin: 2rem 0 .4rem; font-weight: 650; }
-.under { color: var(--soft); margin: 0 0 2rem; }
-.verdict { border-left: 4px solid var(--accent); background: #f4f8fa; padding: .9rem 1.2rem;
-  font-size: 1.1rem; margin: 1.2rem 0; }
-li { margin: .35rem 0; }
-figure { margin: 1.2rem 0 0; } figure svg { width: 100%; height: auto; display: block; }
-figcaption { color: var(--soft); font-size: .9rem; margin-top: .3rem; }
-table { border-collapse: collapse; width: 100%; font-size: .92rem;
-  font-variant-numeric: tabular-nums; }
-th { text-align: left; color: var(--soft); font-weight: 500; border-bottom: 1px solid #b8c4cd; }
-th, td { padding: .4rem .8rem .4rem 0; vertical-align: top; }
-td { border-bottom: 1px solid var(--line); }
-"""
-
 
 def write_page(
     path: Path, comparisons: Sequence[Comparison], transfers: Sequence[Transfer]
@@ -48,14 +27,7 @@ def write_page(
     parts += [_transfer(transfer, comparisons[0]) for transfer in transfers]
     title = "What the model gets wrong: " + ", ".join(map(name_of, comparisons))
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(
-        "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
-        "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
-        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n<main>\n"
-        + "\n".join(parts)
-        + "\n</main>\n</body>\n</html>\n",
-        encoding="utf-8",
-    )
+    path.write_text(page(title, "\n".join(parts)), encoding="utf-8")
 
 
 def _section(comparison: Comparison) -> str:

@@ -1,0 +1,74 @@
+"""How pages and figures look."""
+
+from html import escape
+from io import StringIO
+from typing import Any
+
+from matplotlib.figure import Figure
+
+INK, SOFT = "#1c2733", "#55626e"
+PALETTE = ("#1f6f8b", "#c2571a", "#5b8c3a", "#8a5a9e", "#b8932f", "#7a7f87")
+"""Colours of the columns of a stream, in turn."""
+GAP = "#f6d9d2"
+"""Behind stretches without samples."""
+
+FIGURE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "twin",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["Inter", "Helvetica Neue", "Arial", "DejaVu Sans"],
+    "font.size": 10,
+    "axes.edgecolor": "#9aa7b2",
+    "axes.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e8edf1",
+    "grid.linewidth": 0.8,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "lines.linewidth": 1.1,
+    "legend.frameon": False,
+    "figure.constrained_layout.use": True,
+}
+"""For `matplotlib.rc_context`."""
+
+_PAGE = """
+:root { --ink: #1c2733; --soft: #55626e; --line: #dfe6eb; --accent: #1f6f8b; }
+* { box-sizing: border-box; }
+body { margin: 0; color: var(--ink); background: #fff;
+  font: 16px/1.55 Inter, "Helvetica Neue", Arial, "DejaVu Sans", sans-serif; }
+main { max-width: 60rem; margin: 0 auto; padding: 3rem 1.5rem 5rem; }
+h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 .3rem; font-weight: 650; }
+h2 { font-size: 1.25rem; margin: 3rem 0 .6rem; font-weight: 650; }
+h3 { font-size: 1rem; margin: 2rem 0 .4rem; font-weight: 650; }
+.under { color: var(--soft); margin: 0 0 2rem; }
+.verdict { border-left: 4px solid var(--accent); background: #f4f8fa; padding: .9rem 1.2rem;
+  font-size: 1.1rem; margin: 1.2rem 0; }
+li { margin: .35rem 0; }
+figure { margin: 1.2rem 0 0; } figure svg { width: 100%; height: auto; display: block; }
+figcaption { color: var(--soft); font-size: .9rem; margin-top: .3rem; }
+table { border-collapse: collapse; width: 100%; font-size: .92rem;
+  font-variant-numeric: tabular-nums; }
+th { text-align: left; color: var(--soft); font-weight: 500; border-bottom: 1px solid #b8c4cd; }
+th, td { padding: .4rem .8rem .4rem 0; vertical-align: top; }
+td { border-bottom: 1px solid var(--line); }
+pre { font: .85rem/1.5 "DejaVu Sans Mono", Menlo, Consolas, monospace; overflow-x: auto; }
+"""
+
+
+def page(title: str, body: str) -> str:
+    """A self-contained HTML page."""
+    return (
+        "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
+        f"<title>{escape(title)}</title>\n<style>{_PAGE}</style>\n</head>\n<body>\n<main>\n"
+        f"{body}\n</main>\n</body>\n</html>\n"
+    )
+
+
+def svg(figure: Figure) -> str:
+    """A figure as text to stand in a page."""
+    text = StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None})
+    return text.getvalue().split("\n", 3)[-1]
