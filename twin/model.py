@@ -70,7 +70,7 @@ def compile_model(platform: Platform) -> Machine:
         PlatformError: MuJoCo refuses the MJCF, a named part is missing, or the stated mass
             properties leave no physical bus.
     """
-    model = load_mjcf(platform.model_path)
+    model = load_mjcf(platform.model_path, visuals=False)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     model.opt.timestep = platform.step
     model.opt.gravity[:] = (0.0, 0.0, -platform.gravity)

@@ -13,16 +13,24 @@ Array = NDArray[np.float64]
 IDENTITY: Array = np.array([1.0, 0.0, 0.0, 0.0])
 
 
+def _hamilton() -> Array:
+    """(4, 16) that spreads a quaternion l into the matrix L of l r = L r, row by row."""
+    spread = np.zeros((4, 4, 4))
+    rows = ((0, -1, -2, -3), (1, 0, -3, 2), (2, 3, 0, -1), (3, -2, 1, 0))
+    for k, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            spread[abs(entry), k, j] = -1.0 if entry < 0 else 1.0
+    return spread.reshape(4, 16)
+
+
+_HAMILTON = _hamilton()
+
+
 def multiply(left: Array, right: Array) -> Array:
     """Hamilton product: R(multiply(a, b)) = R(a) R(b)."""
-    lw, lx, ly, lz = left[..., 0], left[..., 1], left[..., 2], left[..., 3]
-    rw, rx, ry, rz = right[..., 0], right[..., 1], right[..., 2], right[..., 3]
-    out = np.empty(np.broadcast_shapes(left.shape, right.shape))
-    out[..., 0] = lw * rw - lx * rx - ly * ry - lz * rz
-    out[..., 1] = lw * rx + lx * rw + ly * rz - lz * ry
-    out[..., 2] = lw * ry - lx * rz + ly * rw + lz * rx
-    out[..., 3] = lw * rz + lx * ry - ly * rx + lz * rw
-    return out
+    # two calls instead of twenty: this runs ten times a tick; the first product is exact
+    rows = (left @ _HAMILTON).reshape(*left.shape[:-1], 4, 4)
+    return np.einsum("...kj,...j->...k", rows, right)
 
 
 def conjugate(q: Array) -> Array:

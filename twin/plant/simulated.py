@@ -241,14 +241,13 @@ class SimulatedPlant(Plant):
     def _set_contacts(self, steps: int) -> None:
         if not np.isfinite(self.platform.tilt_limit) or self.platform.base.kind != "ball":
             return
-        quat = self._qpos[:, self.machine.base_qpos]
+        tilt = self._qpos[:, self.machine.base_qpos][:, 1:3]
         rate = self._qvel[:, self.machine.base_dof]
-        leaning = quat[:, 1] ** 2 + quat[:, 2] ** 2 > self._guard**2
-        reach = _GUARD / (steps * self.platform.step)
-        fast = rate[:, 0] ** 2 + rate[:, 1] ** 2 > (0.5 * reach) ** 2
-        self._flags[:] = np.where(
-            leaning | fast, self._model_flags, self._model_flags | _NO_CONTACT
-        )
+        reach = 0.5 * _GUARD / (steps * self.platform.step)
+        lean = np.einsum("ni,ni->n", tilt, tilt)
+        speed = np.einsum("ni,ni->n", rate, rate)
+        near = (lean > self._guard**2) | (speed > reach**2)
+        self._flags[:] = np.where(near, self._model_flags, self._model_flags | _NO_CONTACT)
 
     def _sample(self, states: Array) -> None:
         """Let every sensor see the states after the last steps, (n, steps, nq + nv)."""

@@ -34,6 +34,8 @@ class Truth:
             if not isinstance(columns, np.ndarray) or columns.size
         }
         self._mass_moment, self._inertia = _mass_laws(machine)
+        self._stages: Array | None = None
+        self._masses = (np.empty(0), np.empty(0))
 
     def measured(self, stream: str, states: Array) -> Array:
         """What a perfect sensor of that stream would show, (n, m, k)."""
@@ -50,11 +52,17 @@ class Truth:
             name: Samples(states[:, None, columns], stamp, mask)
             for name, columns in self._names.items()
         }
-        stages = states[:, self._columns["stage_position"]]
-        offset, inertia = self._mass_moment(stages), self._inertia(stages)
+        offset, inertia = self._mass_properties(states[:, self._columns["stage_position"]])
         streams["truth_center_of_mass_offset"] = Samples(offset[:, None], stamp, mask)
         streams["truth_inertia"] = Samples(inertia[:, None], stamp, mask)
         return streams
+
+    def _mass_properties(self, stages: Array) -> tuple[Array, Array]:
+        """m r and J at these stage positions; stages stand still most of the time."""
+        if self._stages is None or not np.array_equal(stages, self._stages):
+            self._stages = stages
+            self._masses = self._mass_moment(stages), self._inertia(stages)
+        return self._masses
 
 
 def _tight(index: NDArray[np.intp]) -> Columns:
