@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 INK, SOFT = "#1c2733", "#55626e"
 PALETTE = ("#1f6f8b", "#c2571a", "#5b8c3a", "#8a5a9e", "#b8932f", "#7a7f87")
 """Colours of the columns of a stream, in turn."""
-GAP = "#f6d9d2"
+MISSING = "#f6d9d2"
 """Behind stretches without samples."""
 
 FIGURE: dict[Any, Any] = {

@@ -1,0 +1,150 @@
+"""`twin show`: what is in a log, in words, as JSON and drawn."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin import rotation
+from twin.cli.main import main
+from twin.library import library
+from twin.recording import Recording, Series, write_folder
+
+PENDULUM = library("models") / "dfki_pendulum" / "logs" / "sysid"
+XYZ = ("x", "y", "z")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A gyro with two gaps, an attitude turning about the vertical, a stage that stands still."""
+    generator = np.random.default_rng(5)
+    time = np.arange(3000) / 100.0
+    time = time[((time < 10.0) | (time > 10.055)) & ((time < 20.0) | (time > 20.5))]
+    gyro = generator.normal(0.0, 1e-3, (len(time), 3)) + np.array([0.0, 0.0, 0.1])
+    turned = np.zeros((600, 3))
+    turned[:, 2] = np.linspace(0.0, 3.0, 600)
+    turns = rotation.from_rotation_vector(turned)
+    fine = np.arange(600) / 20.0
+    streams = {
+        "gyro": Series(time, gyro, XYZ, "rad/s"),
+        "attitude": Series(fine, turns, ("w", "x", "y", "z"), "1"),
+        "stage_position": Series(fine, np.full((600, 1), 0.02), ("s1",), "m"),
+        "command_wheel_torque": Series(fine, 0.1 * np.sign(turns[:, :1] - 0.5), ("w1",), "N m"),
+    }
+    facts = {"platform": "nowhere", "notes": {"operator": "Ada"}}
+    write_folder(Recording(streams, facts), tmp_path / "log")
+    return tmp_path / "log"
+
+
+def test_the_words_name_rows_rates_gaps_ranges_and_noise(folder: Path, capsys):
+    assert main(["show", str(folder)]) == 0
+    text = capsys.readouterr().out
+    assert f"{folder}: a measured log on nowhere, 30 s, 4 streams\n  operator: Ada\n" in text
+    assert (
+        "gyro: 2943 rows from 0.000 to 29.990 s, 100 Hz, no jitter, 2 gaps, the longest of 0.52 s "
+        "at 19.990 s\n" in text
+    )
+    assert "attitude: 600 rows from 0.000 to 29.950 s, 20 Hz, no jitter, no gap\n" in text
+    assert "    yaw 0 to 172, pitch 0, roll 0 deg\n" in text
+    assert "    s1 20 mm (stands still)\n" in text
+    assert "    w1 -0.1 to 0.1 N m\n" in text
+    noise = text.split("    noise ")[1].split(" deg/s")[0]
+    np.testing.assert_allclose([float(x) for x in noise.split(",")], np.rad2deg(1e-3), rtol=0.1)
+
+
+def test_the_document_holds_the_same_in_si(folder: Path, capsys):
+    assert main(["show", str(folder), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["notes"] == {"operator": "Ada"}
+    streams = {stream["name"]: stream for stream in document["streams"]}
+    gyro = streams["gyro"]
+    assert (gyro["rows"], gyro["unit"]) == (2943, "rad/s")
+    assert gyro["rate"] == pytest.approx(100.0)
+    assert gyro["gaps"]["count"] == 2
+    assert gyro["gaps"]["samples_lost"] == 57
+    np.testing.assert_allclose(gyro["gaps"]["at"], [[19.99, 20.51], [9.99, 10.06]])
+    np.testing.assert_allclose(gyro["noise"], 1e-3, rtol=0.1)
+    assert gyro["columns"][2]["min"] == pytest.approx(0.1, abs=0.005)
+    assert streams["command_wheel_torque"]["noise"] is None
+    assert streams["stage_position"]["noise"] is None
+    assert gyro["stated"]["file"] == "gyro.csv"
+
+
+def test_repairs_and_findings_are_printed(tmp_path: Path, capsys):
+    generator = np.random.default_rng(6)
+    rows = [f"{i / 100},{x:.5f}\n" for i, x in enumerate(generator.normal(0.0, 0.01, 2000))]
+    rows[50:52] = [",\n", "0.51,\n"]
+    (tmp_path / "g.csv").write_text("t,x\n" + "".join(rows))
+    (tmp_path / "log.toml").write_text(
+        'platform = "sads"\n[streams.gyro]\nfile = "g.csv"\naxes = ["x"]\nnoise = 1e-3\n'
+    )
+    assert main(["show", str(tmp_path)]) == 0
+    text = capsys.readouterr().out
+    assert "  repaired: gyro (g.csv): 2 rows without a number left out\n" in text
+    assert "that the log states." in text
+
+
+def test_a_recording_without_rows_or_with_one_is_shown(tmp_path: Path, capsys):
+    from twin.report.contents import contents_document, contents_of, contents_words
+    from twin.report.picture import draw_contents
+
+    one = Series(np.array([1.0]), np.ones((1, 3)), XYZ, "rad/s")
+    none = Series(np.empty(0), np.empty((0, 3)), XYZ, "T")
+    contents = contents_of("a", Recording({"gyro": one, "magnetometer": none}), None)
+    assert contents_words(contents).endswith("gyro: 1 row\n\nmagnetometer: no rows")
+    assert contents_document(contents)["streams"][1]["columns"] == []
+    draw_contents(contents, tmp_path / "a.png")
+    assert (tmp_path / "a.png").exists()
+
+
+@pytest.mark.parametrize("name", ["a.png", "new/a.svg", "a.html"])
+def test_the_picture_has_a_panel_a_stream(tmp_path: Path, name: str, capsys):
+    picture = tmp_path / name
+    assert main(["show", str(PENDULUM), "--picture", str(picture)]) == 0
+    content = picture.read_bytes()
+    if picture.suffix == ".png":
+        assert content.startswith(b"\x89PNG")
+    else:
+        for stream in ("joint_angle", "joint_rate", "command_joint_torque"):
+            assert f">{stream}</text>".encode() in content
+
+
+def test_a_long_stream_keeps_its_peaks_in_the_picture():
+    from twin.report.picture import BINS, _thinned
+
+    time = np.arange(100_000) / 100.0
+    value = np.zeros(100_000)
+    value[70_001] = 5.0
+    value[time > 900.0] = -1.0
+    kept = time[(time < 400.0) | (time > 410.0)], value[(time < 400.0) | (time > 410.0)]
+    thin_time, thin_value = _thinned(*kept, period=0.01)
+    assert len(thin_time) <= 2 * BINS + 10
+    assert np.nanmax(thin_value) == 5.0
+    assert np.isnan(thin_value[np.searchsorted(thin_time[:500], 400.0) - 5 :]).any()
+
+
+def test_a_picture_of_another_format_is_wrong_use(capsys):
+    assert main(["show", str(PENDULUM), "--picture", "a.gif"]) == 2
+    assert "a.gif: a picture ends in one of .png, .svg, .html" in capsys.readouterr().err
+
+
+def test_a_log_that_cannot_be_read_costs_little_memory(tmp_path: Path):
+    (tmp_path / "log.toml").write_text('platform = "sads"\n[streams.gyro]\nfile = "g.csv"\n')
+    with (tmp_path / "g.csv").open("wb") as file:
+        file.truncate(1 << 30)
+    code = (
+        "import re, sys\n"
+        "from twin.cli.main import main\n"
+        "print(main(['show', sys.argv[1]]))\n"
+        "print(re.search(r'VmHWM:\\s+(\\d+)', open('/proc/self/status').read())[1])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True
+    )
+    exit_code, peak = done.stdout.split()
+    assert exit_code == "1"
+    assert "g.csv:1: holds a line of more than 1 MiB" in done.stderr
+    assert int(peak) < 100_000, "kB of memory"

@@ -1,0 +1,54 @@
+"""`twin show LOG`: what is in a log."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+if TYPE_CHECKING:
+    from twin.platform import Platform
+    from twin.recording import Recording
+
+
+@dataclass(frozen=True)
+class Show:
+    """Print what is in a log: streams with rates, gaps, ranges and noise, repairs, what it states.
+
+    Noise is estimated from the data, and held against what the log or its platform states.
+    """
+
+    log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
+    """A recording (.rrd) or a folder with a log.toml."""
+    picture: Annotated[Path | None, tyro.conf.arg(metavar="OUT.png|html")] = None
+    """Draw it, too, one panel a stream: a picture, or a page."""
+    json: bool = False
+    """Print one JSON document instead of text."""
+
+    def run(self) -> int:
+        """Look into it; the exit code."""
+        from twin.recording import open_log
+
+        recording = open_log(self.log)
+
+        from twin.cli.output import print_json
+        from twin.report.contents import contents_document, contents_of, contents_words
+
+        contents = contents_of(str(self.log), recording, _platform(recording))
+        print_json(contents_document(contents)) if self.json else print(contents_words(contents))
+        if self.picture is not None:
+            from twin.report.picture import draw_contents
+
+            draw_contents(contents, self.picture)
+        return 0
+
+
+def _platform(recording: "Recording") -> "Platform | None":
+    """The machine, if it can be found; without it the noise is held against the log's words."""
+    from twin.errors import TwinError
+    from twin.platform import load_platform
+
+    try:
+        return load_platform(str(recording.provenance.get("platform", "")))
+    except TwinError:
+        return None

@@ -1,0 +1,206 @@
+"""What is in a log: each stream's rows, clock, gaps, ranges and noise, in words and as JSON."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import rotation
+from twin.noise import StreamNoise, measure_noise, noise_findings
+from twin.noise.clock import GAP
+from twin.platform import Platform
+from twin.recording import Recording, Series
+from twin.units import fitting, printed, three_digits
+
+Array = NDArray[np.float64]
+
+DERIVED = ("command_", "wanted_", "truth_", "estimate_", "reference_")
+"""Streams that no sensor measured begin so: their scatter is no noise."""
+
+LISTED = 100
+"""Gaps of a stream that the JSON document lists, the longest first."""
+
+
+@dataclass(frozen=True)
+class StreamContents:
+    """What one stream holds."""
+
+    name: str
+    series: Series
+    noise: StreamNoise
+    measured: bool
+    """By a sensor; else `noise` says something of its clock only."""
+    gaps: tuple[tuple[float, float], ...]
+    """First and last instant of the stretches without samples [s], the longest first."""
+
+    @property
+    def shown(self) -> tuple[tuple[str, ...], Array, str]:
+        """Columns, values (m, k) and unit as a person reads them: an attitude as Euler angles."""
+        if self.series.columns == ("w", "x", "y", "z"):
+            angles = np.unwrap(rotation.to_euler_zyx(self.series.value), axis=0)
+            return ("yaw", "pitch", "roll"), angles, "rad"
+        return self.series.columns, self.series.value, self.series.unit
+
+    @property
+    def still(self) -> bool:
+        """Whether every row is the same."""
+        return bool((self.series.value == self.series.value[:1]).all())
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a log holds."""
+
+    source: str
+    """Where the log is from."""
+    recording: Recording
+    streams: tuple[StreamContents, ...]
+    findings: tuple[str, ...]
+    """Sentences: noise that is not as stated, bad clocks."""
+
+
+def contents_of(source: str, recording: Recording, platform: Platform | None) -> Contents:
+    """Look at every stream; the noise is held against the platform's, where one is given."""
+    findings = noise_findings(recording, platform)
+    return Contents(
+        source,
+        recording,
+        tuple(_stream(name, series) for name, series in recording.items()),
+        tuple(finding.sentence for finding in findings),
+    )
+
+
+def _stream(name: str, series: Series) -> StreamContents:
+    noise = measure_noise(series)
+    intervals = np.diff(series.time)
+    wide = np.flatnonzero(intervals > GAP * noise.clock.period)
+    wide = wide[np.argsort(-intervals[wide], kind="stable")]
+    gaps = tuple((float(series.time[i]), float(series.time[i + 1])) for i in wide)
+    return StreamContents(name, series, noise, not name.startswith(DERIVED), gaps)
+
+
+def contents_words(contents: Contents) -> str:
+    """The table that `twin show` prints."""
+    recording, facts = contents.recording, contents.recording.provenance
+    kind = "a measured log" if facts.get("kind") == "log" else "a recording"
+    length = recording.stop - recording.start
+    lines = [
+        f"{contents.source}: {kind} on {facts.get('platform', 'no platform')}, "
+        f"{printed(length, 's')}, {len(recording)} streams"
+    ]
+    lines += [f"  {key}: {text}" for key, text in _stated(facts)]
+    lines += [f"  repaired: {repair}" for repair in recording.repairs]
+    for stream in contents.streams:
+        lines += ["", *_stream_lines(stream)]
+    if contents.findings:
+        lines += ["", *contents.findings]
+    return "\n".join(lines)
+
+
+def _stated(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What the log itself says, short enough for a line each."""
+    known = {key: facts.get(key) for key in ("started", "seed")}
+    known["command"] = " ".join(map(str, cast(list[object], facts.get("command") or [])))
+    known |= cast(Mapping[str, Any], facts.get("environment") or {})
+    known |= cast(Mapping[str, Any], facts.get("notes") or {})
+    return [(key, str(value)) for key, value in known.items() if value not in (None, "")]
+
+
+def _stream_lines(stream: StreamContents) -> list[str]:
+    series, clock = stream.series, stream.noise.clock
+    if len(series) < 2:
+        return [f"{stream.name}: {'1 row' if len(series) else 'no rows'}"]
+    head = (
+        f"{stream.name}: {len(series)} rows from {series.time[0]:.3f} to {series.time[-1]:.3f} s, "
+        f"{three_digits(series.rate)} Hz, {_jitter(clock.jitter)}, {_gaps(stream)}"
+    )
+    columns, values, unit = stream.shown
+    factor, name = fitting(float(np.abs(values).max()), unit)
+    name = "" if name == "1" else f" {name}"
+    low, high = values.min(axis=0) / factor + 0.0, values.max(axis=0) / factor + 0.0
+    ranges = ", ".join(
+        f"{column} {three_digits(a)}" + (f" to {three_digits(b)}" if a < b else "")
+        for column, a, b in zip(columns, low, high, strict=True)
+    )
+    lines = [head, f"    {ranges}{name}{' (stands still)' if stream.still else ''}"]
+    if stream.measured and not stream.still:
+        lines.append(f"    noise {_noise(stream, unit)}")
+    return lines
+
+
+def _jitter(jitter: float) -> str:
+    """What is below a nanosecond is the rounding of the stamps."""
+    return f"jitter {printed(jitter, 's')}" if jitter > 1e-9 else "no jitter"
+
+
+def _gaps(stream: StreamContents) -> str:
+    clock = stream.noise.clock
+    if not stream.gaps:
+        return "no gap"
+    start, stop = stream.gaps[0]
+    count = f"{clock.gaps} gap" if clock.gaps == 1 else f"{clock.gaps} gaps, the longest"
+    return f"{count} of {printed(stop - start, 's')} at {start:.3f} s"
+
+
+def _noise(stream: StreamContents, unit: str) -> str:
+    noise = stream.noise
+    factor, name = fitting(float(noise.white.max()), unit)
+    text = ", ".join(three_digits(sigma / factor) for sigma in noise.white)
+    text += "" if name == "1" else f" {name}"
+    text += " about the body axes" if stream.series.columns == ("w", "x", "y", "z") else ""
+    if noise.quantised.any():
+        text += f", in steps of {printed(float(noise.resolution.max()), unit)}"
+    flagged = int(np.count_nonzero(noise.outliers))
+    return text + (f", {flagged} outlier{'s' if flagged > 1 else ''}" if flagged else "")
+
+
+def contents_document(contents: Contents) -> dict[str, Any]:
+    """What `twin show --json` prints; SI throughout, null where nothing is known."""
+    recording, facts = contents.recording, contents.recording.provenance
+    return {
+        "log": contents.source,
+        "kind": facts.get("kind"),
+        "platform": facts.get("platform"),
+        "start": recording.start,
+        "stop": recording.stop,
+        "time_origin": facts.get("time_origin"),
+        "environment": facts.get("environment"),
+        "notes": facts.get("notes"),
+        "repairs": recording.repairs,
+        "findings": contents.findings,
+        "streams": [_stream_document(stream, facts) for stream in contents.streams],
+    }
+
+
+def _stream_document(stream: StreamContents, facts: Mapping[str, Any]) -> dict[str, Any]:
+    series, noise = stream.series, stream.noise
+    stated = cast(Mapping[str, Any], facts.get("streams") or {}).get(stream.name)
+    rows = len(series)
+    known = stream.measured and not stream.still
+    return {
+        "name": stream.name,
+        "unit": series.unit,
+        "rows": rows,
+        "start": series.time[0] if rows else None,
+        "stop": series.time[-1] if rows else None,
+        "rate": series.rate,
+        "jitter": noise.clock.jitter,
+        "gaps": {
+            "count": noise.clock.gaps,
+            "samples_lost": noise.clock.lost,
+            "longest": noise.clock.longest_gap,
+            "at": stream.gaps[:LISTED],
+        },
+        "repeated": noise.clock.repeated,
+        "columns": [
+            {"name": name, "min": column.min(), "max": column.max()}
+            for name, column in zip(series.columns, series.value.T, strict=True)
+            if rows
+        ],
+        "noise": noise.white if known else None,
+        "resolution": noise.resolution if known else None,
+        "outliers": int(np.count_nonzero(noise.outliers)) if known else None,
+        "stated": stated,
+    }
