@@ -11,6 +11,7 @@ import pytest
 from twin import rotation
 from twin.errors import LogError
 from twin.library import library
+from twin.recording import open_log
 from twin.recording.log import read_log
 
 PENDULUM = library("models") / "dfki_pendulum" / "logs"
@@ -403,6 +404,16 @@ def test_a_quaternion_of_no_length_is_refused(tmp_path: Path):
     assert complaint(folder) == (
         "a.csv:3: attitude has a quaternion of length 0; check `format` and `columns`, "
         "or delete the row"
+    )
+
+
+def test_a_file_of_numbers_alone_is_refused_with_what_it_needs(tmp_path: Path):
+    (tmp_path / "a.mcap").write_bytes(b"")
+    with pytest.raises(LogError) as error:
+        open_log(tmp_path / "a.mcap")
+    assert str(error.value).endswith(
+        "a.mcap: is a file of numbers that does not say what they are; put it into a folder with "
+        "a log.toml that does (docs/logs.md), and name the folder"
     )
 
 

@@ -87,6 +87,16 @@ def test_repairs_and_findings_are_printed(tmp_path: Path, capsys):
     assert "that the log states." in text
 
 
+def test_values_whose_scale_is_to_be_fitted_stay_in_their_own_unit(tmp_path: Path, capsys):
+    (tmp_path / "g.csv").write_text("x\n" + "".join(f"{i % 7}\n" for i in range(500)))
+    (tmp_path / "log.toml").write_text(
+        'platform = "sads"\n[streams.gyro]\nfile = "g.csv"\nrate = 10\naxes = ["x"]\n'
+        'unit = "mV"\nscale = "fit"\n'
+    )
+    assert main(["show", str(tmp_path)]) == 0
+    assert "    x 0 to 0.006 V (its scale is to be fitted)\n" in capsys.readouterr().out
+
+
 def test_a_recording_without_rows_or_with_one_is_shown(tmp_path: Path, capsys):
     from twin.report.contents import contents_document, contents_of, contents_words
     from twin.report.picture import draw_contents

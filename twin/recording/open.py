@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from twin.errors import RecordingError
+from twin.errors import LogError, RecordingError
+from twin.recording.formats import ENDINGS
 from twin.recording.log import read_log
 from twin.recording.read import read_recording
 from twin.recording.recording import Recording
@@ -13,7 +14,7 @@ def open_log(path: str | Path) -> Recording:
 
     Raises:
         RecordingError: no such thing, or an `.rrd` that cannot be read.
-        LogError: a folder that cannot be read.
+        LogError: a folder that cannot be read, or a file that belongs into one.
     """
     path = Path(path)
     if path.is_dir() or path.name == "log.toml":
@@ -21,5 +22,11 @@ def open_log(path: str | Path) -> Recording:
     if not path.exists():
         raise RecordingError(
             path, "there is no such log", "name an .rrd, or a folder that holds a log.toml"
+        )
+    if path.suffix.lower() in ENDINGS:
+        raise LogError(
+            path,
+            "is a file of numbers that does not say what they are",
+            "put it into a folder with a log.toml that does (docs/logs.md), and name the folder",
         )
     return read_recording(path)

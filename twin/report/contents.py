@@ -12,7 +12,7 @@ from twin.noise import StreamNoise, measure_noise, noise_findings
 from twin.noise.clock import GAP
 from twin.platform import Platform
 from twin.recording import Recording, Series
-from twin.units import fitting, printed, three_digits
+from twin.units import fitting, printed, three_digits, unit_named
 
 Array = NDArray[np.float64]
 
@@ -34,6 +34,8 @@ class StreamContents:
     """By a sensor; else `noise` says something of its clock only."""
     gaps: tuple[tuple[float, float], ...]
     """First and last instant of the stretches without samples [s], the longest first."""
+    unscaled: str
+    """The SI unit that the values are still in, where their scale is to be fitted; else empty."""
 
     @property
     def shown(self) -> tuple[tuple[str, ...], Array, str]:
@@ -41,7 +43,7 @@ class StreamContents:
         if self.series.columns == ("w", "x", "y", "z"):
             angles = np.unwrap(rotation.to_euler_zyx(self.series.value), axis=0)
             return ("yaw", "pitch", "roll"), angles, "rad"
-        return self.series.columns, self.series.value, self.series.unit
+        return self.series.columns, self.series.value, self.unscaled or self.series.unit
 
     @property
     def still(self) -> bool:
@@ -67,18 +69,25 @@ def contents_of(source: str, recording: Recording, platform: Platform | None) ->
     return Contents(
         source,
         recording,
-        tuple(_stream(name, series) for name, series in recording.items()),
+        tuple(_stream(name, series, _entry(recording, name)) for name, series in recording.items()),
         tuple(finding.sentence for finding in findings),
     )
 
 
-def _stream(name: str, series: Series) -> StreamContents:
+def _entry(recording: Recording, name: str) -> Mapping[str, Any]:
+    """What the log states of a stream."""
+    stated = cast(Mapping[str, Any], recording.provenance.get("streams") or {})
+    return stated.get(name) or {}
+
+
+def _stream(name: str, series: Series, entry: Mapping[str, Any]) -> StreamContents:
     noise = measure_noise(series)
     intervals = np.diff(series.time)
     wide = np.flatnonzero(intervals > GAP * noise.clock.period)
     wide = wide[np.argsort(-intervals[wide], kind="stable")]
     gaps = tuple((float(series.time[i]), float(series.time[i + 1])) for i in wide)
-    return StreamContents(name, series, noise, not name.startswith(DERIVED), gaps)
+    unscaled = unit_named(entry.get("unit") or series.unit).si if entry.get("fit_scale") else ""
+    return StreamContents(name, series, noise, not name.startswith(DERIVED), gaps, unscaled)
 
 
 def contents_words(contents: Contents) -> str:
@@ -88,7 +97,7 @@ def contents_words(contents: Contents) -> str:
     length = recording.stop - recording.start
     lines = [
         f"{contents.source}: {kind} on {facts.get('platform', 'no platform')}, "
-        f"{printed(length, 's')}, {len(recording)} streams"
+        f"{printed(length, 's')}, {len(recording)} stream{'s' if len(recording) > 1 else ''}"
     ]
     lines += [f"  {key}: {text}" for key, text in _stated(facts)]
     lines += [f"  repaired: {repair}" for repair in recording.repairs]
@@ -124,7 +133,9 @@ def _stream_lines(stream: StreamContents) -> list[str]:
         f"{column} {three_digits(a)}" + (f" to {three_digits(b)}" if a < b else "")
         for column, a, b in zip(columns, low, high, strict=True)
     )
-    lines = [head, f"    {ranges}{name}{' (stands still)' if stream.still else ''}"]
+    remark = " (stands still)" if stream.still else ""
+    remark += " (its scale is to be fitted)" if stream.unscaled else ""
+    lines = [head, f"    {ranges}{name}{remark}"]
     if stream.measured and not stream.still:
         lines.append(f"    noise {_noise(stream, unit)}")
     return lines
@@ -170,13 +181,14 @@ def contents_document(contents: Contents) -> dict[str, Any]:
         "notes": facts.get("notes"),
         "repairs": recording.repairs,
         "findings": contents.findings,
-        "streams": [_stream_document(stream, facts) for stream in contents.streams],
+        "streams": [
+            _stream_document(stream, _entry(recording, stream.name)) for stream in contents.streams
+        ],
     }
 
 
-def _stream_document(stream: StreamContents, facts: Mapping[str, Any]) -> dict[str, Any]:
+def _stream_document(stream: StreamContents, entry: Mapping[str, Any]) -> dict[str, Any]:
     series, noise = stream.series, stream.noise
-    stated = cast(Mapping[str, Any], facts.get("streams") or {}).get(stream.name)
     rows = len(series)
     known = stream.measured and not stream.still
     return {
@@ -202,5 +214,5 @@ def _stream_document(stream: StreamContents, facts: Mapping[str, Any]) -> dict[s
         "noise": noise.white if known else None,
         "resolution": noise.resolution if known else None,
         "outliers": int(np.count_nonzero(noise.outliers)) if known else None,
-        "stated": stated,
+        "stated": entry or None,
     }
