@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from twin.predict.body import Linearised
 from twin.predict.chain import chain
+from twin.predict.linearised import Linearised
 
 
 def random_chain(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from twin.errors import TwinError, UnknownName, UsageError
 from twin.identify.excitation import common_scale, not_excited
 from twin.identify.momentum import MomentumFit, gyro_bias, momentum_fit
-from twin.identify.prediction_error import NORMAL, Fit, fit
+from twin.identify.prediction_error import NORMAL, Fit, fit, fit_disturbed
 from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.base import BaseParameters, base_parameters
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Method = Literal["prediction-error", "momentum"]
 METHODS: tuple[str, ...] = get_args(Method)
 
-WORTH = 0.25
+WORTH = 1.0
 """What an estimated noise knows of its own variance: as much as this share of its samples would."""
 
 
@@ -61,9 +61,16 @@ class Identification:
     not_excited: tuple[str, ...]
     """A sentence each."""
     misfit: tuple[Misfit, ...] = ()
-    """Of all innovations, then stream by stream; empty for a method that has none."""
+    """Of a motion that follows the model exactly: of all innovations, then stream by stream; empty
+    for a method that has none."""
     fit: Fit | None = None
     """Of the prediction-error method."""
+
+    @property
+    def disturbance(self) -> float:
+        """Of the white torque about each base axis that stands for what the model lacks
+        [N m s^0.5]; 0 where it lacks nothing."""
+        return 0.0 if self.fit is None else float(np.sqrt(self.fit.innovations.intensity))
 
     @property
     def half_widths(self) -> Array:
@@ -82,6 +89,7 @@ class Identification:
                 part.name: {"value": part.chi2_per_sample, "band": [part.low, part.high]}
                 for part in self.misfit
             }
+            document["disturbance"] = self.disturbance
         return document
 
 
@@ -126,9 +134,12 @@ def identify(
     bodies = [body_of(machine, log, motion) for log, motion in pairs]
     problem = Problem(bodies, base)
     biases = [_biases(body) for body in bodies]
-    found = fit(problem, problem.start(_start(base, first), biases))
+    start = problem.start(_start(base, first), biases)
+    found = fit(problem, start)
     misfit = _misfit(problem, found)
-    covariance, quantile = found.covariance(misfit[0].is_noise)
+    if not misfit[0].is_noise:
+        found = fit_disturbed(problem, found.at if found.converged else start)
+    covariance, quantile = found.covariance()
     half = quantile * np.sqrt(np.diag(covariance))
     return Identification(
         method,

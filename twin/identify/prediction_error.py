@@ -1,13 +1,16 @@
 """The base by prediction error: Gauss-Newton on the whitened innovations of all logs together.
 
-Maximum likelihood under the model: measured joints and sensors with white noise, the states of the
-machine exact. L. Ljung, System Identification, 2nd ed. (1999), chapter 7.
+Maximum likelihood under the model: sensors with white noise, and a motion that follows the
+machine's equations exactly; where that leaves more than noise, under a white torque besides.
+L. Ljung, System Identification, 2nd ed. (1999), chapter 7.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 from scipy.stats import norm
 from scipy.stats import t as student
 
@@ -20,6 +23,11 @@ ITERATIONS = 12
 HALVINGS = 6
 CONVERGED = 0.02
 """Largest step, in standard deviations, at which the iteration ends."""
+ENOUGH = 2.0
+"""Segments a parameter that make their scatter worth looking at."""
+DECADES = (-14.0, 2.0)
+"""Powers of ten between which the intensity is sought, per squared scale of the base: the random
+walk of the rate [rad^2/s^3]."""
 WORSE = 1.5
 """A step is halved when chi-square grows by more than this factor."""
 
@@ -41,54 +49,95 @@ class Fit:
         """The unknowns."""
         return self.innovations.at
 
-    def covariance(self, is_noise: bool) -> tuple[Array, float]:
+    def covariance(self) -> tuple[Array, float]:
         """Covariance (p, p) of the base, and the quantile that makes 95 % intervals of it.
 
-        Where the model leaves only noise, (A^T A)^-1. Where it leaves more, that is no measure: the
-        segments' own gradients scatter by what the model lacks, and by how much they do is taken
-        instead (sandwich estimate, segments as clusters) wherever it is wider.
+        (A^T A)^-1. Where a disturbance had to be fitted, it is not as white as it was taken to be:
+        there the scatter of the segments' own gradients is a second opinion (sandwich estimate,
+        segments as clusters), and the wider of the two is kept, if there are segments enough.
         """
         now, p = self.innovations, len(self.at.theta)
         inverse = now.covariance
-        if is_noise:
-            return inverse[:p, :p], NORMAL
         _, cluster = np.unique(now.cluster, return_inverse=True)
-        scores = np.zeros((int(cluster.max()) + 1, len(inverse)))
+        clusters = int(cluster.max()) + 1
+        if now.intensity == 0.0 or clusters < ENOUGH * len(inverse):
+            return inverse[:p, :p], NORMAL
+        scores = np.zeros((clusters, len(inverse)))
         np.add.at(scores, cluster, now.columns * now.residual[:, None])
-        freedom = max(len(scores) - len(inverse), 1)
-        sandwich = inverse @ (scores.T @ scores) @ inverse * len(scores) / freedom
-        chi2 = max(now.chi2 / now.samples, 1.0)
-        wider = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(inverse), chi2))
+        freedom = clusters - len(inverse)
+        sandwich = inverse @ (scores.T @ scores) @ inverse * clusters / freedom
+        wider = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(inverse), 1.0))
         scaled = inverse * np.outer(wider, wider)
         return scaled[:p, :p], float(student.ppf(0.975, freedom))
 
 
 def fit(problem: Problem, start: Unknowns) -> Fit:
-    """Fit the base, the biases and the states.
+    """Fit the base, the biases and the states of a motion that follows the model exactly.
 
     Raises:
         TwinError: no rigid body has the base that the iteration starts from.
     """
-    now = problem.innovations(start)
+    return _iterate(problem, problem.innovations(start), problem.innovations)
+
+
+def fit_disturbed(problem: Problem, start: Unknowns) -> Fit:
+    """Likewise, of a motion that a white torque disturbs; its intensity is fitted too.
+
+    That torque stands for whatever the model lacks: the states may leave the model's path, and what
+    the path says of the base counts for less.
+
+    Raises:
+        TwinError: no rigid body has the base that the iteration starts from.
+    """
+
+    def innovations(at: Unknowns) -> Innovations:
+        exact = problem.innovations(at)
+        return _most_likely(problem, exact)
+
+    return _iterate(problem, innovations(start), innovations)
+
+
+def _iterate(
+    problem: Problem, now: Innovations, innovations: Callable[[Unknowns], Innovations]
+) -> Fit:
     for _ in range(ITERATIONS):
         step = now.step()
         size = float(np.max(np.abs(step) / np.sqrt(np.diag(now.covariance))))
         if size < CONVERGED:
             return Fit(now, converged=True)
-        moved = _moved(problem, now, step)
+        moved = _moved(now, step, innovations)
         if moved is None:
             break
         now = moved
     return Fit(now, converged=False)
 
 
-def _moved(problem: Problem, now: Innovations, step: Array) -> Innovations | None:
+def _moved(
+    now: Innovations, step: Array, innovations: Callable[[Unknowns], Innovations]
+) -> Innovations | None:
     """After the largest part of a step that does not make things worse; None without any."""
     for halving in range(HALVINGS):
         try:
-            tried = problem.innovations(now.moved(0.5**halving * step))
+            tried = innovations(now.moved(0.5**halving * step))
         except TwinError:
             continue
-        if tried.chi2 <= WORSE * max(now.chi2, float(now.samples)):
+        before, after = now.chi2 + now.logarithm, tried.chi2 + tried.logarithm
+        if after <= before + (WORSE - 1.0) * max(now.chi2, float(now.samples)):
             return tried
     return None
+
+
+def _most_likely(problem: Problem, exact: Innovations) -> Innovations:
+    """With the intensity of the torque at which the logs are most likely."""
+    size = float(np.max(problem.base.scale)) ** 2
+
+    def with_decade(decade: float) -> Innovations:
+        return problem.whiten(exact.at, exact.exact, size * 10.0**decade)
+
+    best = minimize_scalar(
+        lambda decade: with_decade(float(decade)).cost,
+        bounds=DECADES,
+        method="bounded",
+        options={"xatol": 0.05},
+    )
+    return with_decade(float(best.x))

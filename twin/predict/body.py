@@ -7,7 +7,7 @@ lose nothing against one long prediction, which an unstable machine would not al
 """
 
 import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -19,6 +19,8 @@ from twin.errors import UsageError
 from twin.model import Machine
 from twin.predict.base import BaseParameters
 from twin.predict.drive import Drive, Inputs
+from twin.predict.kalman import Local
+from twin.predict.linearised import Linearised
 from twin.predict.motion import Motion
 from twin.predict.outputs import Grid, outputs_of
 from twin.predict.segments import GROWTH, LONGEST, Segment, growth_rate
@@ -37,41 +39,6 @@ EXACT = 0.1
 """By how many of its standard deviations a longer step may move an estimate at the very most."""
 STOP_GUARD = np.radians(2.0)
 """A log that stays so far from the tilt stop is predicted without contacts, at half the cost."""
-
-
-@dataclass(frozen=True)
-class Linearised:
-    """A prediction and what it depends on: S segments of N rows, x the state at each start.
-
-    residual + state x + shared u is white noise of variance 1 in a row that holds a sample; the
-    other rows are zero. The start of a segment is that of the one before it carried on:
-
-        x_{s+1} = jump + transition x_s + jump_shared u + noise of covariance `spread`
-    """
-
-    residual: Array
-    """(S, N)."""
-    state: Array
-    """(S, N, x)."""
-    shared: Array
-    """(S, N, u)."""
-    jump: Array
-    """(S - 1, x)."""
-    transition: Array
-    """(S - 1, x, x)."""
-    jump_shared: Array
-    """(S - 1, x, u)."""
-    spread: Array
-    """(S - 1, x, x)."""
-
-    def with_columns(self, columns: Array) -> "Linearised":
-        """With further shared unknowns (S, N, c) that no motion depends on: a sensor's."""
-        none = np.zeros((*self.jump_shared.shape[:2], columns.shape[-1]))
-        return replace(
-            self,
-            shared=np.concatenate([self.shared, columns], axis=-1),
-            jump_shared=np.concatenate([self.jump_shared, none], axis=-1),
-        )
 
 
 class Body:
@@ -162,10 +129,13 @@ class Body:
 
     def linearise(
         self, base: BaseParameters, theta: Array, biases: Array, start: States
-    ) -> Linearised:
+    ) -> tuple[Linearised, Local]:
         """Predict from `start` (S, .) under a base, and difference everything.
 
         The shared unknowns are changes of theta and of the biases.
+
+        Returns:
+            The prediction as if the motion were exact, and how noise in it would travel.
 
         Raises:
             TwinError: no rigid body has such a base.
@@ -173,7 +143,8 @@ class Body:
         x = start.width
         variants = start.one()
         shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
-        path = self.paths(base.model(theta), variants.moved(shifts))
+        model = base.model(theta)
+        path = self.paths(model, variants.moved(shifts))
         rows, ends = self.rows(path), self._ends(path, start)
         nominal, end = rows[0], ends[0]
         sizes = STEP * base.scale
@@ -191,7 +162,7 @@ class Body:
         ]
         bias_columns = self.bias_columns()
         none = np.zeros((len(end), x, len(biases)))
-        return Linearised(
+        linear = Linearised(
             nominal + bias_columns @ biases,
             np.moveaxis(rows[1:] - nominal, 0, -1) / STEP,
             np.concatenate([np.stack(slopes, axis=-1), bias_columns], axis=-1),
@@ -200,6 +171,7 @@ class Body:
             np.concatenate([np.stack(end_slopes, axis=-1), none], axis=-1),
             np.zeros((len(end), x, x)),
         )
+        return linear, self._local(model, path)
 
     def nominal(self, model: mujoco.MjModel) -> list[Array]:
         """Residuals (m, k) of each output under a model, from the smoothed starts."""
@@ -234,6 +206,53 @@ class Body:
         if not columns:
             return np.zeros((self.grid.segments, (self.grid.steps + 1) * self._width, 0))
         return np.stack(columns, axis=-1)
+
+    def _local(self, model: mujoco.MjModel, path: States) -> Local:
+        """From paths whose first is nominal, each other with one number of its start shifted."""
+        grid = self.grid
+        shifted = States(path.position[1:], path.rate[1:], path.wheel_speed[1:])
+        nominal = States(path.position[:1], path.rate[:1], path.wheel_speed[:1])
+        # (S, K, x of the instant, x of the start)
+        reach = np.moveaxis(shifted.less(nominal), 0, -1) / STEP
+        carried = np.linalg.solve(
+            reach[:, :-1].transpose(0, 1, 3, 2), reach[:, 1:].transpose(0, 1, 3, 2)
+        ).transpose(0, 1, 3, 2)
+        x = reach.shape[-1]
+        measured = np.zeros((grid.segments, grid.steps + 1, self._width, x))
+        for output in self.outputs:
+            late = (output.place - output.instant) * grid.step
+            for column, noise in enumerate(output.noise):
+                at = (output.segment, output.instant, output.slot[:, column])
+                measured[(*at, self._first(output.stream) + column)] = 1.0 / noise
+                if output.stream in ("attitude", "joint_angle"):
+                    k = path.rate.shape[-1]
+                    measured[(*at, k + column)] = late / noise
+        return Local(
+            measured, np.asarray(carried, dtype=np.float64), self._pushed(model), grid.step
+        )
+
+    def _first(self, stream: str) -> int:
+        """Where the numbers that a stream measures stand in a state."""
+        k = self.start.rate.shape[-1]
+        return {"attitude": 0, "joint_angle": 0, "wheel_speed": 2 * k}.get(stream, k)
+
+    def _pushed(self, model: mujoco.MjModel) -> Array:
+        """(S, x, k) change of the state by a unit impulse on each base axis."""
+        machine, k = self.machine, self.start.rate.shape[-1]
+        data = mujoco.MjData(model)
+        pushed = np.zeros((self.grid.segments, self.start.width, k))
+        for s in range(self.grid.segments):
+            data.qpos[:] = self._position[s]
+            data.qpos[machine.base_qpos] = self.start.position[s]
+            mujoco.mj_forward(model, data)
+            for axis in range(k):
+                force, change = np.zeros((2, 1, model.nv))
+                force[0, machine.base_dof.start + axis] = 1.0
+                mujoco.mj_solveM(model, data, change, force)
+                pushed[s, k : 2 * k, axis] = change[0, machine.base_dof]
+                if self.inputs.wheels_predicted:
+                    pushed[s, 2 * k :, axis] = change[0, machine.wheel_dof]
+        return pushed
 
     def _ends(self, path: States, start: States) -> Array:
         """(v, S - 1, x) where segments end, seen from the starts of the next."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.predict.body import Linearised
+from twin.predict.linearised import Linearised
 
 Array = NDArray[np.float64]
 
@@ -38,6 +38,8 @@ class Chain:
     keep: list[Array]
     """I - K h of each start."""
     transition: Array
+    logarithm: float
+    """Log-determinant of the covariance that was divided out."""
 
     def states(self, change: Array) -> Array:
         """(S, x) smoothed starts for a change (u,) of the shared unknowns.
@@ -67,6 +69,7 @@ def chain(linear: Linearised) -> Chain:
     inverse = np.linalg.inv(first[:, :x])
     mean, spread = -inverse @ first[:, x:], inverse @ inverse.T
     seen, seen_spread = [mean], [spread]
+    logarithm = 2.0 * float(np.log(np.abs(np.diag(first))).sum())
     pull, kept = [np.zeros_like(mean)], [np.zeros_like(spread)]
     for s in range(1, len(of_state)):
         step = linear.transition[s - 1]
@@ -75,6 +78,7 @@ def chain(linear: Linearised) -> Chain:
         h = of_state[s]
         innovation = affine[s] + h @ mean
         lower = np.linalg.cholesky(h @ spread @ h.T + np.eye(x))
+        logarithm += 2.0 * float(np.log(np.diag(lower)).sum())
         white = np.linalg.solve(lower, np.column_stack([innovation, h @ spread]))
         split = innovation.shape[1]
         rows.append(white[:, :split])
@@ -96,6 +100,7 @@ def chain(linear: Linearised) -> Chain:
         pull,
         kept,
         linear.transition,
+        logarithm,
     )
 
 

@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.predict.base import BaseParameters
-from twin.predict.body import Body, Linearised
+from twin.predict.body import Body
 from twin.predict.chain import Chain, chain
+from twin.predict.kalman import Local, whitened
+from twin.predict.linearised import Linearised
 from twin.predict.states import States
 
 Array = NDArray[np.float64]
 
-WEAK = 10.0
+WEAK = 1.0
 """A base parameter is held where it is stated with so many of its scales: what the logs do not show
 stays there, and what they show does not notice."""
 
@@ -39,8 +41,12 @@ class Innovations:
     """A prediction linearised: rows + columns (change of theta, biases) is white, variance 1."""
 
     at: Unknowns
+    exact: tuple[tuple[Linearised, Local], ...]
+    """Of each log, as if the motion were exact, and how noise in it travels."""
+    intensity: float
+    """Of the white torque about each base axis that is taken into account [(N m)^2 s]."""
     linear: tuple[Linearised, ...]
-    """Of each log, with its states."""
+    """Of each log, with that torque and its states."""
     chains: tuple[Chain, ...]
     """Of each log, without."""
     residual: Array
@@ -51,6 +57,8 @@ class Innovations:
     """(m,) which segment of which log a row comes from; -1: what was known beforehand."""
     samples: int
     """Numbers predicted."""
+    logarithm: float
+    """Log-determinant of the covariance that was divided out."""
 
     @property
     def normal(self) -> Array:
@@ -68,6 +76,12 @@ class Innovations:
     def chi2(self) -> float:
         """Of the states' best values, all else as it stands."""
         return float(self.residual @ self.residual)
+
+    @property
+    def cost(self) -> float:
+        """Twice the negative log-likelihood, up to a constant, after a Gauss-Newton step."""
+        left = self.residual + self.columns @ self.step()
+        return float(left @ left) + self.logarithm
 
     def step(self) -> Array:
         """Gauss-Newton's change of theta and biases."""
@@ -108,17 +122,32 @@ class Problem:
         """With the states as smoothed."""
         return Unknowns(theta, tuple(biases), tuple(body.start for body in self.bodies))
 
-    def innovations(self, at: Unknowns) -> Innovations:
+    def innovations(self, at: Unknowns, intensity: float = 0.0) -> Innovations:
         """Predict and linearise.
 
         Raises:
             TwinError: no rigid body has such a base.
         """
-        linear = [
+        exact = [
             body.linearise(self.base, at.theta, bias, start)
             for body, bias, start in zip(self.bodies, at.biases, at.starts, strict=True)
         ]
+        return self.whiten(at, exact, intensity)
+
+    def whiten(
+        self, at: Unknowns, exact: Sequence[tuple[Linearised, Local]], intensity: float
+    ) -> Innovations:
+        """What was linearised at some unknowns, under a white torque of this intensity."""
+        linear: list[Linearised] = []
+        logarithm = 0.0
+        for one, local in exact:
+            if intensity > 0.0:
+                axes = local.pushed.shape[-1]
+                one, own = whitened(one, local, np.full(axes, intensity))
+                logarithm += own
+            linear.append(one)
         chains = [chain(one) for one in linear]
+        logarithm += sum(link.logarithm for link in chains)
         p = len(at.theta)
         weak = WEAK * self.base.scale
         width = p + sum(map(len, at.biases))
@@ -142,12 +171,15 @@ class Problem:
         stacked = np.concatenate(blocks)
         return Innovations(
             at,
+            tuple(exact),
+            intensity,
             tuple(linear),
             tuple(chains),
             stacked[:, 0],
             stacked[:, 1:],
             np.concatenate(cluster),
             sum(body.samples for body in self.bodies),
+            logarithm,
         )
 
 

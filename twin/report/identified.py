@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from twin.identify import Identification
 from twin.predict.base import NAMES
 from twin.recording import Recording
+from twin.units import printed
 
 Array = NDArray[np.float64]
 
@@ -59,8 +60,10 @@ def _trust(found: Identification) -> list[str]:
     ]
     if not total.is_noise:
         lines.append(
-            "The model misses more than noise, so these numbers make up for what it lacks, by an "
-            "amount that no interval knows; `twin compare` says what it is."
+            "The model misses more than noise. A white torque of "
+            f"{printed(found.disturbance, 'N m')} in a band of 1 Hz about each axis was fitted in "
+            "place of what it lacks; the intervals know of that torque, not of its cause: see "
+            "`twin compare`."
         )
     if found.fit is not None and not found.fit.converged:
         lines.append("The fit has not settled: take its numbers as a guess.")

@@ -1,0 +1,84 @@
+"""White innovations where the motion itself is noisy: a Kalman filter within each segment.
+
+Each segment's filter starts from a known state, so it runs beside the others, all in one pass; what
+it says is affine in that state and in the shared unknowns, and `chain` puts the segments together.
+Its gain depends on the path only, so residual and columns go through as right-hand sides of one
+filter.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.predict.linearised import Linearised
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Local:
+    """How noise travels: S segments, K grid instants, W rows an instant, x numbers of a state."""
+
+    measured: Array
+    """(S, K, W, x) d(measured / noise) / d(state at the instant)."""
+    carried: Array
+    """(S, K - 1, x, x) from one instant to the next."""
+    pushed: Array
+    """(S, x, c) change of the state by a unit impulse on each of c degrees of freedom."""
+    step: float
+    """[s]."""
+
+
+def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linearised, float]:
+    """With white generalised forces of these intensities at work.
+
+    Args:
+        linear: of a motion without noise.
+        local: along the same paths.
+        intensity: (c,) [(N m)^2 s].
+
+    Returns:
+        The same with innovations for residuals, and the log-determinant of their covariance.
+    """
+    segments, instants, width, x = local.measured.shape
+    stack = np.concatenate([linear.state, linear.residual[..., None], linear.shared], axis=-1)
+    stack = stack.reshape(segments, instants, width, -1)
+    force = local.pushed * (intensity * local.step)
+    noise = force @ local.pushed.transpose(0, 2, 1)
+    mean = np.zeros((segments, x, stack.shape[-1]))
+    spread = np.zeros((segments, x, x))
+    white = np.empty_like(stack)
+    logarithm = 0.0
+    eye = np.eye(width)
+    for k in range(instants):
+        if k:
+            carry = local.carried[:, k - 1]
+            mean = carry @ mean
+            spread = carry @ spread @ carry.transpose(0, 2, 1) + noise
+        h = local.measured[:, k]
+        across = h @ spread
+        covariance = across @ h.transpose(0, 2, 1) + eye
+        lower = np.linalg.cholesky(covariance)
+        both = np.concatenate([stack[:, k] - h @ mean, across], axis=-1)
+        both = np.linalg.solve(lower, both)
+        white[:, k] = both[..., : stack.shape[-1]]
+        gain = both[..., stack.shape[-1] :].transpose(0, 2, 1)
+        mean = mean + gain @ white[:, k]
+        spread = spread - gain @ gain.transpose(0, 2, 1)
+        logarithm += 2.0 * float(np.log(np.diagonal(lower, axis1=1, axis2=2)).sum())
+    white = white.reshape(segments, instants * width, -1)
+    ends = mean[:-1]
+    return (
+        replace(
+            linear,
+            state=white[..., :x],
+            residual=white[..., x],
+            shared=white[..., x + 1 :],
+            transition=linear.transition + ends[..., :x],
+            jump=linear.jump + ends[..., x],
+            jump_shared=linear.jump_shared + ends[..., x + 1 :],
+            spread=spread[:-1],
+        ),
+        logarithm,
+    )
