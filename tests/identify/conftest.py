@@ -88,5 +88,5 @@ def flown() -> Callable[..., Campaign]:
 
 @pytest.fixture(scope="session")
 def campaign() -> Campaign:
-    """Two logs of 60 s at the middle grade of noise."""
-    return fly_campaign(2, seed=7, duration=60.0)
+    """Two logs of 50 s at the middle grade of noise."""
+    return fly_campaign(2, seed=7, duration=50.0)

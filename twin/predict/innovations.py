@@ -52,7 +52,7 @@ class Innovations:
     residual: Array
     """(m,)."""
     columns: Array
-    """(m, p + all biases)."""
+    """(m, p + all biases), then what was added."""
     cluster: NDArray[np.intp]
     """(m,) which segment of which log a row comes from; -1: what was known beforehand."""
     samples: int
@@ -134,6 +134,21 @@ class Problem:
         ]
         return self.whiten(at, exact, intensity)
 
+    def with_columns(self, now: Innovations, columns: Sequence[Array]) -> Innovations:
+        """With further unknowns, shared by all logs, that no motion depends on: a sensor's.
+
+        The last entries of its step over their standard deviations are score tests.
+
+        Args:
+            now: where to add them.
+            columns: of each log (S, N, c), d residual / d unknown.
+        """
+        exact = [
+            (linear.with_columns(more), local)
+            for (linear, local), more in zip(now.exact, columns, strict=True)
+        ]
+        return self.whiten(now.at, exact, now.intensity)
+
     def whiten(
         self, at: Unknowns, exact: Sequence[tuple[Linearised, Local]], intensity: float
     ) -> Innovations:
@@ -148,9 +163,10 @@ class Problem:
             linear.append(one)
         chains = [chain(one) for one in linear]
         logarithm += sum(link.logarithm for link in chains)
-        p = len(at.theta)
+        p, biases = len(at.theta), sum(map(len, at.biases))
         weak = WEAK * self.base.scale
-        width = p + sum(map(len, at.biases))
+        added = exact[0][0].shared.shape[-1] - p - len(at.biases[0])
+        width = p + biases + added
         blocks = [
             np.column_stack(
                 [(at.theta - self.base.as_stated) / weak, np.diag(1.0 / weak)]
@@ -160,10 +176,11 @@ class Problem:
         cluster = [np.full(p, -1)]
         first, before = p, 0
         for body, link, bias in zip(self.bodies, chains, at.biases, strict=True):
-            rows = np.concatenate([link.rows, _prior(bias, body.bias_scale, p)])
+            rows = np.concatenate([link.rows, _prior(bias, body.bias_scale, p, added)])
             own = np.zeros((len(rows), 1 + width))
             own[:, : 1 + p] = rows[:, : 1 + p]
-            own[:, 1 + first : 1 + first + len(bias)] = rows[:, 1 + p :]
+            own[:, 1 + first : 1 + first + len(bias)] = rows[:, 1 + p : 1 + p + len(bias)]
+            own[:, 1 + p + biases :] = rows[:, 1 + p + len(bias) :]
             blocks.append(own)
             cluster += [link.segment + before, np.full(len(bias), -1)]
             first += len(bias)
@@ -183,6 +200,7 @@ class Problem:
         )
 
 
-def _prior(bias: Array, scale: Array, p: int) -> Array:
-    """Rows (b, 1 + p + b) that hold biases at 0 by what is stated of them."""
-    return np.column_stack([bias / scale, np.zeros((len(bias), p)), np.diag(1.0 / scale)])
+def _prior(bias: Array, scale: Array, p: int, added: int) -> Array:
+    """Rows (b, 1 + p + b + added) that hold biases at 0 by what is stated of them."""
+    none = np.zeros((len(bias), p)), np.zeros((len(bias), added))
+    return np.column_stack([bias / scale, none[0], np.diag(1.0 / scale), none[1]])
