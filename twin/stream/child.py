@@ -1,7 +1,7 @@
 """The process that writes a recording: `python -m twin.stream.child`, fed by `RecordingWriter`.
 
-A thread empties the pipe from the first moment on, so that the loop's rows are safe here while
-Rerun is still being imported. When the pipe closes, be it that the loop is done or that it was
+A thread empties the pipe from the first moment on, so that the loop never waits for the disk. When
+the pipe closes, be it that the loop is done or that it was
 killed, what has come is written and the file is closed.
 """
 

@@ -14,6 +14,9 @@ from twin.stream.runfile import RunFile
 DRAWING_PERIOD = 0.25
 """Between updates of plots and scene [s of the wall]."""
 
+READY = "r"
+"""What the loop waits for on this process's output before its first tick."""
+
 TOGETHER = 2
 """Messages written in one group where the writer lags: a second of the recording, so that a file
 cut short lacks no more than its last second."""
@@ -37,6 +40,8 @@ def write(path: Path | None, viewer: bool, frames: queue.SimpleQueue[bytes | Non
             if kind == "start":
                 outputs = _opened(path, viewer)
                 _each(outputs, lambda output, content=content: output.start(*content))
+                _each(outputs, lambda output: output.flush())
+                print(READY, end="", flush=True)
             elif kind == "declare":
                 _each(outputs, lambda output, content=content: output.declare(*content))
             elif kind == "rows":

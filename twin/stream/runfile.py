@@ -78,6 +78,10 @@ class RunFile:
             rows[stream] = decode(joined(pieces), self._widths[stream])
         self.write(rows)
 
+    def flush(self) -> None:
+        """Return when what was written is in the file."""
+        self._file.flush()
+
     def close(self, ending: str = "") -> None:
         """Complete the file; `ending` says how the recording ended, if not well."""
         self.draw()

@@ -25,6 +25,9 @@ from twin.platform import Platform
 from twin.recording.lock import mark_running
 from twin.stream.rows import Block, Header
 
+READY_TIMEOUT = 60.0
+"""[s] for the process to come up; it takes one, most of which passes while a machine compiles."""
+
 CLOSE_TIMEOUT = 120.0
 """[s] for the process to write what is left; it is seldom a second behind."""
 
@@ -54,9 +57,23 @@ class RecordingWriter:
         self._closed = False
 
     def start(self, platform: Platform, provenance: Mapping[str, Any]) -> None:
-        """Say what is recorded, before the first rows."""
+        """Say what is recorded; returns when the process is ready for rows.
+
+        Raises:
+            RecordingError: it has ended, or does not come up.
+        """
         self._litter = False
         self._send("start", platform, dict(provenance))
+        ready = self._process.stdout
+        assert ready is not None
+        if not select.select([ready], [], [], READY_TIMEOUT)[0]:
+            raise RecordingError(
+                self._name,
+                f"the process that writes it is not ready after {READY_TIMEOUT:.0f} s",
+                "is the computer overloaded, or the disk stuck?",
+            )
+        if not ready.read(1):
+            raise self._failure()
 
     def declare(self, headers: Mapping[str, Header]) -> None:
         """Say what streams are, before their first rows; repetition does no harm."""
@@ -102,6 +119,8 @@ class RecordingWriter:
         for remark in self._said():
             logging.getLogger(__name__).warning(remark)
         self._words.close()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
         if self._litter and self._path is not None:
             self._path.unlink(missing_ok=True)
 
@@ -158,7 +177,7 @@ class RecordingWriter:
         return subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
             stderr=self._words,
             # Rerun's log is for its developers; what goes wrong it raises.
             env=os.environ | {"PYTHONPATH": os.pathsep.join(search), "RUST_LOG": "off"},
