@@ -94,10 +94,12 @@ def tilt(q: Array) -> Array:
 
 def from_rotation_vector(phi: Array) -> Array:
     """exp(phi / 2) as a quaternion; phi [rad] is axis times angle."""
-    angle = np.sqrt(np.einsum("...i,...i->...", phi, phi))
+    half = 0.5 * np.sqrt(np.einsum("...i,...i->...", phi, phi))
     out = np.empty((*phi.shape[:-1], 4))
-    out[..., 0] = np.cos(0.5 * angle)
-    out[..., 1:] = phi * (0.5 * np.sinc(angle / (2.0 * np.pi)))[..., None]
+    out[..., 0] = np.cos(half)
+    # sin(x) / x is 1 to the last bit long before x is so small
+    nonzero = np.maximum(half, 1e-150)
+    out[..., 1:] = phi * (0.5 * np.sin(nonzero) / nonzero)[..., None]
     return out
 
 

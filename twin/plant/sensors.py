@@ -2,7 +2,7 @@
 
 A stream whose period is no multiple of the physics step is sampled at the next step and stamped so.
 Latency delays the arrival, never the stamp: a sample's time is when its value was true. Noise comes
-from one Philox generator a run and stream, so neither another run nor another stream changes it.
+from one SFC64 generator a run and stream, so neither another run nor another stream changes it.
 """
 
 import zlib
@@ -34,7 +34,7 @@ class SimulatedSensor:
         self._whole_period = whole if abs(self._period - whole) < _EPS * whole else 0
         key = zlib.crc32(sensor.stream.encode())
         self._generators = [
-            np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, run, key])))
+            np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, run, key])))
             for run in runs
         ]
         self._noise = _Ahead(self._draw_noise)

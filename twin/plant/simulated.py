@@ -261,10 +261,10 @@ class SimulatedPlant(Plant):
 
     def _stop_diverged(self, last: Array) -> None:
         rate = last[:, self.machine.model.nq :][:, self.machine.base_dof]
-        # a sum is finite only if every term is: one pass over the whole state
-        sane = np.isfinite(last.sum(axis=1)) & (np.abs(rate).max(axis=1) < _ABSURD_RATE)
-        if sane.all():
+        # a sum is finite only if every term is: one pass over all runs at once
+        if np.isfinite(last.sum()) and np.abs(rate).max() < _ABSURD_RATE:
             return
+        sane = np.isfinite(last).all(axis=1) & (np.abs(rate).max(axis=1) < _ABSURD_RATE)
         for run in np.flatnonzero(~sane & self._alive):
             finite = np.isfinite(last[run]).all()
             self._stop(
