@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 Method = Literal["prediction-error", "momentum"]
 METHODS: tuple[str, ...] = get_args(Method)
 
+SURE = 0.2
+"""Of a parameter's scale: half an interval with which the momentum's answer is worth starting from.
+"""
 WORTH = 1.0
 """What an estimated noise knows of its own variance: as much as this share of its samples would."""
 
@@ -156,8 +159,9 @@ def identify(
 
 
 def _start(base: BaseParameters, first: MomentumFit) -> Array:
-    """The momentum's answer where some rigid body has it and it knows it, else as stated."""
-    known = first.quantile * np.sqrt(np.diag(first.covariance)) < base.scale
+    """The momentum's answer where it is sure, if some rigid body has it, else as stated."""
+    half = first.quantile * np.sqrt(np.diag(first.covariance))
+    known = half < SURE * base.scale
     theta = np.where(known, first.theta, base.as_stated)
     try:
         base.model(theta)
