@@ -17,13 +17,9 @@ DRAWING_PERIOD = 0.25
 READY = "r"
 """What the loop waits for on this process's output before its first tick."""
 
-TOGETHER = 2
-"""Messages written in one group where the writer lags: a second of the recording, so that a file
-cut short lacks no more than its last second."""
-
 
 def write(path: Path | None, viewer: bool, frames: queue.SimpleQueue[bytes | None]) -> None:
-    """Write what comes until None does, in the order of time and in small groups.
+    """Write what comes until None does, message by message: in the order of time.
 
     The streams are safe in the file first; what is drawn from them follows a few times a second.
     """
@@ -31,26 +27,21 @@ def write(path: Path | None, viewer: bool, frames: queue.SimpleQueue[bytes | Non
     closed = ended = False
     drawn = time.monotonic()
     while not ended:
-        blocks: dict[str, list[Block]] = {}
-        payloads = [frames.get()]
-        while len(payloads) < TOGETHER and not frames.empty():
-            payloads.append(frames.get())
-        for payload in payloads:
-            kind, *content = ("ended",) if payload is None else pickle.loads(payload)
-            if kind == "start":
-                outputs = _opened(path, viewer)
-                _each(outputs, lambda output, content=content: output.start(*content))
-                _each(outputs, lambda output: output.flush())
-                print(READY, end="", flush=True)
-            elif kind == "declare":
-                _each(outputs, lambda output, content=content: output.declare(*content))
-            elif kind == "rows":
-                for stream, block in content[0].items():
-                    blocks.setdefault(stream, []).append(Block(*block))
-            else:
-                closed |= kind == "close"
-                ended |= kind == "ended"
-        _each(outputs, lambda output, blocks=blocks: output.write_blocks(blocks))
+        payload = frames.get()
+        kind, *content = ("ended",) if payload is None else pickle.loads(payload)
+        if kind == "start":
+            outputs = _opened(path, viewer)
+            _each(outputs, lambda output, content=content: output.start(*content))
+            _each(outputs, lambda output: output.flush())
+            print(READY, end="", flush=True)
+        elif kind == "declare":
+            _each(outputs, lambda output, content=content: output.declare(*content))
+        elif kind == "rows":
+            blocks = {stream: Block(*block) for stream, block in content[0].items()}
+            _each(outputs, lambda output, blocks=blocks: output.write_blocks(blocks))
+        else:
+            closed |= kind == "close"
+            ended |= kind == "ended"
         if time.monotonic() - drawn >= DRAWING_PERIOD:
             drawn = time.monotonic()
             _each(outputs, lambda output: output.draw())

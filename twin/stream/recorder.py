@@ -12,9 +12,12 @@ from twin.signals import Tick
 from twin.stream.rows import Rows, series
 from twin.stream.writer import RecordingWriter
 
-CHUNK = 0.5
-"""Rows are handed to the writer after this much recorded time, or of the wall's, whichever comes
-first [s]; what is lost when the loop is killed."""
+CHUNK = 0.9
+"""Rows are handed to the writer after this much recorded time [s]: a file that is cut short lacks
+no more than its last second."""
+
+CHUNK_WALL = 0.5
+"""Or after this much of the wall's time [s], whichever comes first: what is lost with the loop."""
 
 
 class FileRecorder:
@@ -52,7 +55,7 @@ class FileRecorder:
         """
         self._ticks.append(tick)
         wall = time.monotonic()
-        if tick.reading.time - self._sent >= CHUNK or wall - self._sent_wall >= CHUNK:
+        if tick.reading.time - self._sent >= CHUNK or wall - self._sent_wall >= CHUNK_WALL:
             self._sent, self._sent_wall = tick.reading.time, wall
             self._send()
 

@@ -117,11 +117,6 @@ def decode(block: Block, width: int) -> tuple[Array, Array]:
     return time[valid], value[valid]
 
 
-def joined(blocks: Iterable[Block]) -> Block:
-    """Blocks of one stream, one after the other."""
-    return Block(*(b"".join(part) for part in zip(*blocks, strict=True)))
-
-
 def series(header: Header, block: Block) -> Series:
     """A block as a stream in memory, in the order of its times."""
     time, value = decode(block, len(header.columns))

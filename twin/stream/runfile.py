@@ -1,6 +1,6 @@
 """A recording as a person sees it: the streams, the machine in 3D, derived plots, a blueprint."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from twin.recording.rrd import RrdFile, scalars
 from twin.recording.schema import SCHEMA
 from twin.stream.blueprint import blueprint
 from twin.stream.plots import Plots
-from twin.stream.rows import Block, Header, decode, joined
+from twin.stream.rows import Block, Header, decode
 from twin.stream.scene import Scene
 
 Array = NDArray[np.float64]
@@ -71,12 +71,9 @@ class RunFile:
         if self._scene is not None:
             self._file.send(self._scene.motion(rows))
 
-    def write_blocks(self, blocks: Mapping[str, Sequence[Block]]) -> None:
+    def write_blocks(self, blocks: Mapping[str, Block]) -> None:
         """Append rows as they came through the pipe."""
-        rows: dict[str, tuple[Array, Array]] = {}
-        for stream, pieces in blocks.items():
-            rows[stream] = decode(joined(pieces), self._widths[stream])
-        self.write(rows)
+        self.write({name: decode(block, self._widths[name]) for name, block in blocks.items()})
 
     def flush(self) -> None:
         """Return when what was written is in the file."""
