@@ -27,7 +27,7 @@ METHODS: tuple[str, ...] = get_args(Method)
 SURE = 0.2
 """Of a parameter's scale: half an interval with which the momentum's answer is worth starting from.
 """
-WORTH = 1.0
+WORTH = 0.4
 """What an estimated noise knows of its own variance: as much as this share of its samples would."""
 
 
@@ -141,7 +141,7 @@ def identify(
     found = fit(problem, start)
     misfit = _misfit(problem, found)
     if not misfit[0].is_noise:
-        found = fit_disturbed(problem, found.at if found.converged else start)
+        found = fit_disturbed(problem, found, start)
     covariance, quantile = found.covariance()
     half = quantile * np.sqrt(np.diag(covariance))
     return Identification(

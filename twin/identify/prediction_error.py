@@ -28,6 +28,11 @@ ENOUGH = 2.0
 DECADES = (-14.0, 2.0)
 """Powers of ten between which the intensity is sought, per squared scale of the base: the random
 walk of the rate [rad^2/s^3]."""
+NEAR = 2.0
+"""How far from its first value, in decades, the intensity is sought again."""
+WORTHWHILE = 10.0
+"""By how much a disturbance must lower twice the negative log-likelihood to be believed: by chance
+it does so once in a thousand logs."""
 WORSE = 1.5
 """A step is halved when chi-square grows by more than this factor."""
 
@@ -77,29 +82,35 @@ def fit(problem: Problem, start: Unknowns) -> Fit:
     Raises:
         TwinError: no rigid body has the base that the iteration starts from.
     """
-    return _iterate(problem, problem.innovations(start), problem.innovations)
+    return _iterate(problem.innovations(start), problem.innovations)
 
 
-def fit_disturbed(problem: Problem, start: Unknowns) -> Fit:
+def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
     """Likewise, of a motion that a white torque disturbs; its intensity is fitted too.
 
     That torque stands for whatever the model lacks: the states may leave the model's path, and what
     the path says of the base counts for less.
 
-    Raises:
-        TwinError: no rigid body has the base that the iteration starts from.
+    Args:
+        problem: the logs.
+        exact: their fit without that torque; returned as it is if the torque explains nothing.
+        start: where to begin if that fit has not converged.
     """
+    now = exact.innovations if exact.converged else problem.innovations(start)
+    first = _most_likely(problem, now, DECADES)
+    if exact.converged and first.cost > now.cost - WORTHWHILE:
+        return exact
+    size = float(np.max(problem.base.scale)) ** 2
 
     def innovations(at: Unknowns) -> Innovations:
-        exact = problem.innovations(at)
-        return _most_likely(problem, exact)
+        decade = float(np.log10(first.intensity / size))
+        near = (max(decade - NEAR, DECADES[0]), min(decade + NEAR, DECADES[1]))
+        return _most_likely(problem, problem.innovations(at), near)
 
-    return _iterate(problem, innovations(start), innovations)
+    return _iterate(first, innovations)
 
 
-def _iterate(
-    problem: Problem, now: Innovations, innovations: Callable[[Unknowns], Innovations]
-) -> Fit:
+def _iterate(now: Innovations, innovations: Callable[[Unknowns], Innovations]) -> Fit:
     for _ in range(ITERATIONS):
         step = now.step()
         size = float(np.max(np.abs(step) / np.sqrt(np.diag(now.covariance))))
@@ -127,7 +138,7 @@ def _moved(
     return None
 
 
-def _most_likely(problem: Problem, exact: Innovations) -> Innovations:
+def _most_likely(problem: Problem, exact: Innovations, decades: tuple[float, float]) -> Innovations:
     """With the intensity of the torque at which the logs are most likely."""
     size = float(np.max(problem.base.scale)) ** 2
 
@@ -136,7 +147,7 @@ def _most_likely(problem: Problem, exact: Innovations) -> Innovations:
 
     best = minimize_scalar(
         lambda decade: with_decade(float(decade)).cost,
-        bounds=DECADES,
+        bounds=decades,
         method="bounded",
         options={"xatol": 0.05},
     )

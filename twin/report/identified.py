@@ -58,7 +58,9 @@ def _trust(found: Identification) -> list[str]:
         f"a true model keeps {total.low:.3f} to {total.high:.3f}: "
         + ", ".join(f"{part.name} {part.chi2_per_sample:.3f}" for part in streams)
     ]
-    if not total.is_noise:
+    if not total.is_noise and not found.disturbance:
+        lines.append("More is left than noise, but no torque explains it: look at the sensors.")
+    elif not total.is_noise:
         lines.append(
             "The model misses more than noise. A white torque of "
             f"{printed(found.disturbance, 'N m')} in a band of 1 Hz about each axis was fitted in "
