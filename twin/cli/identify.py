@@ -1,5 +1,6 @@
 """`twin identify LOG...`: inertia and mass moment, with intervals and what the logs cannot tell."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -27,6 +28,9 @@ class Identify:
 
     def run(self) -> int:
         """Identify and print."""
+        # Many small factorisations: threads of the linear algebra would only wait for each other.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
         from twin.cli.output import print_json
         from twin.errors import UsageError
         from twin.identify import identify
