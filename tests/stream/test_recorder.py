@@ -152,9 +152,13 @@ def test_a_writer_that_dies_is_said_in_a_sentence_and_nothing_hangs(sads, tmp_pa
     recorder.start(sads, {"schema": 1})
     os.kill(recorder._writer._process.pid, signal.SIGKILL)
     recorder._writer._process.wait()
-    with pytest.raises(RecordingError, match="process that writes it has ended.*was it killed"):
+
+    def record_a_second() -> None:
         for tick in range(21):
             recorder.collect(tick_at(0.05 * tick, [1.0]))
+
+    with pytest.raises(RecordingError, match="process that writes it has ended.*was it killed"):
+        record_a_second()
     with pytest.raises(RecordingError, match="has ended"):
         recorder.close()
 
