@@ -127,3 +127,13 @@ def test_the_clock_counts_jitter_gaps_and_what_was_lost():
     assert clock.longest_gap == pytest.approx(0.51, abs=1e-3)
     assert clock.period == pytest.approx(0.01, rel=1e-2)
     assert clock.jitter == pytest.approx(2e-4 * np.sqrt(2.0), rel=0.05)
+
+
+def test_rows_without_a_number_are_left_out():
+    draw = np.random.default_rng(SEED)
+    time = np.arange(3000) * 0.02
+    value = from_rotation_vector(1e-3 * draw.standard_normal((3000, 3)))
+    value[1000:1010] = np.nan
+    noise = measure_noise(Series(time, value, ("w", "x", "y", "z"), "1"))
+    np.testing.assert_allclose(noise.white, 1e-3, rtol=0.1)
+    assert noise.outliers.sum() == 10

@@ -67,8 +67,9 @@ def _white(series: Series) -> tuple[Array, Array, Mask, Array]:
     steps = np.array([resolution_of(column) for column in series.value.T])
     # a rotation vector is twice the vector part of its quaternion
     resolution = np.full(3, 2.0 * steps.max(initial=0.0)) if attitude else steps
-    value = angles(series.value) if attitude else series.value
-    finite = np.isfinite(value).all(axis=1)
+    finite = np.isfinite(series.value).all(axis=1)
+    value = np.full((len(series), len(resolution)), np.nan)
+    value[finite] = angles(series.value[finite]) if attitude else series.value[finite]
     flagged: Mask = np.logical_not(finite)
     flagged[finite] = outliers(value[finite], resolution)
     white = white_noise(series.time[~flagged], value[~flagged])
