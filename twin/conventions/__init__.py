@@ -1,0 +1,5 @@
+"""Whether a log was read rightly: units, axes, signs, quaternions, time bases, clocks."""
+
+from twin.conventions.finding import ConventionFinding as ConventionFinding
+from twin.conventions.search import check_conventions as check_conventions
+from twin.conventions.search import corrected as corrected

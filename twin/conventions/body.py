@@ -1,0 +1,153 @@
+"""A recording of one body: its hypotheses, ranked with the wheels too, and weighed in pairs."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.conventions.axes import SIMPLE
+from twin.conventions.changes import axes_change, lag_change
+from twin.conventions.evidence import evidence, inflation
+from twin.conventions.gravity import upright_of
+from twin.conventions.hypothesis import Hypothesis
+from twin.conventions.momentum import INERTIA_ERROR, RIGID, Exchange, momentum_of
+from twin.conventions.motion import motion_hypotheses
+from twin.conventions.turning import Turning
+from twin.conventions.wheels import WheelReading, Wheels, factor_of
+from twin.platform import Platform
+from twin.recording import Recording
+
+Array = NDArray[np.float64]
+
+BODIES = 12
+"""So many of the best hypotheses about the body's motion are held against the wheels."""
+LIKELY = 3
+"""So many readings of the wheels are kept for each."""
+RIVALS = 12
+"""So many of the best of all are left to be weighed in pairs."""
+ANSWERED = 0.7
+"""Share of the body's momentum without which a factor of the wheels is not believed."""
+LATE_WHEELS = 3
+"""For so many of the best bodies the wheels may be late too."""
+
+
+class Body:
+    """Ranking is by misfit; `weigh` decides, pair by pair, as `evidence.py` says."""
+
+    def __init__(self, recording: Recording, platform: Platform | None, turning: Turning) -> None:
+        self._recording = recording
+        self._turning = turning
+        self._upright = upright_of(recording, platform)
+        momentum = momentum_of(recording, platform)
+        self._wheels = Wheels(recording, platform, momentum) if platform and momentum else None
+        self._inflation = 1.0
+        self._upright_inflation = 1.0
+
+    def of_motion(self) -> list[Hypothesis]:
+        """Without the wheels; the best, and the log as read, best first."""
+        listed = motion_hypotheses(self._recording, self._turning, self._upright)
+        ranked = sorted(listed, key=lambda h: h.score)
+        kept = ranked[:BODIES]
+        if all(h.corrections for h in kept):
+            kept.append(next(h for h in ranked if not h.corrections))
+        self._inflation = inflation(self._turn(kept[0]))
+        if self._upright is not None and self._upright.has_accelerometer:
+            left = self._upright.residual(kept[0].attitude, kept[0].force)
+            self._upright_inflation = inflation(left)
+        kept = [replace(h, misfit=h.misfit / self._inflation) for h in kept]
+        return sorted(kept, key=lambda h: h.score)
+
+    def wheel_factor(self, bodies: list[Hypothesis]) -> float:
+        """By what the wheel speeds must be multiplied to answer that of the likeliest bodies which
+        they answer best; 1 where they leave most of it unanswered."""
+        if self._wheels is None:
+            return 1.0
+        momentum = self._wheels.momentum
+        found = [factor_of(momentum, self._exchange(body, RIGID)) for body in bodies[:LATE_WHEELS]]
+        factor, share = max(found, key=lambda pair: pair[1])
+        return factor if share > ANSWERED else 1.0
+
+    def with_wheels(self, bodies: list[Hypothesis]) -> list[Hypothesis]:
+        """Those of `of_motion` with every likely reading of the wheels, best first."""
+        wheels = self._wheels
+        if wheels is None:
+            return bodies
+        wheels.judge(self._exchange(bodies[0]))
+        full: list[Hypothesis] = []
+        for place, body in enumerate(bodies):
+            exchange = self._exchange(body)
+            near = wheels.readings(exchange, far=False)[:LIKELY]
+            likely = [wheels.as_read(exchange), *(r for r in near if not r.plain)]
+            full += [self._joined(body, reading, late=False) for reading in likely]
+            if place < LATE_WHEELS or not body.corrections:
+                late = wheels.readings(exchange, far=True)[:LIKELY]
+                full += [self._joined(body, reading, late=True) for reading in late]
+        full.sort(key=lambda h: h.score)
+        chosen = full[:RIVALS] + [h for h in full[RIVALS:] if not h.corrections]
+        return sorted((self._polished(h, wheels) for h in chosen), key=lambda h: h.score)
+
+    def weigh(self, one: Hypothesis, other: Hypothesis) -> float:
+        """Evidence for the one over the other [nats], their costs taken off."""
+        parts = (evidence(*residuals) for residuals in self._residuals(one, other))
+        return sum(parts, other.cost - one.cost)
+
+    def _residuals(
+        self, one: Hypothesis, other: Hypothesis
+    ) -> Iterator[tuple[Array, Array, float]]:
+        """What both leave, relation by relation, and the relation's inflation."""
+        yield self._turn(one), self._turn(other), self._inflation
+        up = self._upright
+        if up is not None and up.has_accelerometer:
+            left = [up.residual(h.attitude, h.force) for h in (one, other)]
+            yield left[0], left[1], self._upright_inflation
+        wheels, mine, theirs = self._wheels, one.wheels, other.wheels
+        if wheels is None or mine is None or theirs is None:
+            return
+        left = [wheels.residual(self._exchange(h), r) for h, r in ((one, mine), (other, theirs))]
+        yield left[0], left[1], wheels.inflation
+        if wheels.drive is not None:
+            left = [wheels.drive.residual(r.axes, r.command, r.lag) for r in (mine, theirs)]
+            yield left[0], left[1], wheels.drive.inflation
+
+    def _joined(self, body: Hypothesis, reading: WheelReading, *, late: bool) -> Hypothesis:
+        names = self._recording["wheel_speed"].columns
+        axes = (
+            axes_change("wheel_speed", reading.axes, names),
+            axes_change("command_wheel_torque", reading.command, names),
+        )
+        changes = [change for change in axes if change is not None]
+        cost = sum(change.cost for change in changes) + (SIMPLE if late else 0.0)
+        clock = lag_change("wheel_speed", reading.lag) if late else None
+        return replace(
+            body,
+            corrections=(*body.corrections, *changes, *([clock] if clock else [])),
+            cost=body.cost + cost,
+            misfit=body.misfit + reading.misfit,
+            wheels=reading,
+        )
+
+    def _polished(self, h: Hypothesis, wheels: Wheels) -> Hypothesis:
+        """The same with the wheels' lag sought more finely."""
+        assert h.wheels is not None
+        finer = wheels.polished(self._exchange(h), h.wheels)
+        clock = lag_change("wheel_speed", finer.lag)
+        corrections = tuple(
+            clock if clock and (c.stream, c.kind) == ("wheel_speed", "clock_lag") else c
+            for c in h.corrections
+        )
+        misfit = h.misfit - h.wheels.misfit + finer.misfit
+        return replace(h, corrections=corrections, misfit=misfit, wheels=finer)
+
+    def _exchange(self, body: Hypothesis, inertia_error: float = INERTIA_ERROR) -> Exchange:
+        assert self._wheels is not None
+        return self._wheels.momentum.exchange(
+            body.attitude,
+            body.gyro,
+            gyro_lag=body.gyro_lag,
+            attitude_lag=body.attitude_lag,
+            inertia_error=inertia_error,
+        )
+
+    def _turn(self, h: Hypothesis) -> Array:
+        return self._turning.residual(h.attitude, h.gyro, h.gyro_lag - h.attitude_lag)

@@ -1,0 +1,150 @@
+"""The wrong conventions that a stream of each kind can have, each as a correction."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.conventions.axes import (
+    ODD,
+    SIMPLE,
+    cost_of,
+    entries,
+    quaternion_matrices,
+    signed_permutations,
+    words_for,
+)
+from twin.conventions.correction import Correction, as_tuple, stated
+from twin.recording import Recording
+from twin.units import unit_named
+
+Array = NDArray[np.float64]
+
+UNITS = {
+    "rad": ("rad", "deg", "mrad", "rev"),
+    "rad/s": ("rad/s", "deg/s", "rpm", "mrad/s", "rev/s", "mdeg/s"),
+    "m/s^2": ("m/s^2", "g", "mg"),
+    "T": ("T", "uT", "G", "mG", "nT"),
+}
+"""What a stream may really be in, by its SI unit."""
+
+TOLD = 0.2
+"""A smaller lag is a latency or a filter's; a diagnosis may find it, here it is not told [s]."""
+CLOSE = 0.35
+"""A factor fits a unit when the logarithm of their ratio is below this: 1.4 either way."""
+
+
+def unit_changes(recording: Recording, stream: str) -> list[Correction]:
+    """Every other unit that a stream may really be in."""
+    text = stated(recording, stream).get("unit")
+    read = unit_named(str(text) if text else recording[stream].unit)
+    return [
+        Correction(
+            stream,
+            "unit",
+            f"{stream} looks like {name}, read as {text or recording[stream].unit}",
+            (f'unit = "{name}"',),
+            SIMPLE,
+            factor=unit_named(name).factor / read.factor,
+        )
+        for name in UNITS.get(read.si, ())
+        if unit_named(name).factor != read.factor
+    ]
+
+
+def unit_change(recording: Recording, stream: str, factor: float) -> Correction | None:
+    """The unit by which values read must be multiplied by about `factor` to be right in SI.
+
+    None where no unit of the stream's kind is near, or none nearer than the one that was read.
+    """
+    options = unit_changes(recording, stream)
+    off = [abs(float(np.log(option.factor / factor))) for option in options]
+    best = int(np.argmin(off)) if off else 0
+    near = bool(off) and off[best] < min(CLOSE, abs(float(np.log(factor))))
+    return options[best] if near else None
+
+
+def axes_changes(recording: Recording, stream: str) -> Iterator[tuple[Array, Correction | None]]:
+    """Every signed permutation of a stream's axes; None for the identity."""
+    names = recording[stream].columns
+    for axes in signed_permutations(len(names)):
+        yield axes, axes_change(stream, axes, names)
+
+
+def axes_change(stream: str, axes: Array, names: Sequence[str]) -> Correction | None:
+    """The correction whose right values are `axes` times those read; None where it changes none."""
+    if (axes == np.eye(len(axes))).all():
+        return None
+    listed = ", ".join(f'"{entry}"' for entry in entries(axes, names))
+    line = f"columns = [{listed}]" if len(names) > 1 else "scale = -1.0"
+    return Correction(
+        stream,
+        "axes",
+        words_for(stream, axes, names),
+        (line,),
+        cost_of(axes),
+        axes=as_tuple(axes),
+    )
+
+
+def attitude_changes(recording: Recording) -> Iterator[tuple[Array, Correction | None]]:
+    """(4 x 4, correction) every way in which the attitude may have been misread."""
+    facts = stated(recording, "attitude")
+    backwards = facts.get("direction") == "world_to_body"
+    wrong = ("world-to-body", "body-to-world")[backwards]
+    direction = f'direction = "{wrong.replace("-", "_")}"'
+    # a stated direction was applied after the order, so the order is mended before it
+    undo = np.diag([1.0, -1.0, -1.0, -1.0]) if backwards else np.eye(4)
+    for name, matrix in quaternion_matrices():
+        order = name.split()[0] if name else ""
+        if order in ("xyzw", "wxyz"):
+            if facts.get("format", order) == order and "format" in facts:
+                continue
+            right = undo @ matrix @ undo
+            words = f"the attitude's scalar stands {'last' if order == 'xyzw' else 'first'}"
+            lines = (f'format = "{order}"',)
+            cost = SIMPLE + (order == "wxyz" and facts.get("format") != "xyzw") * 2.0
+            if name.endswith("inverse"):
+                words += f", and it is {wrong}"
+                lines, cost = (*lines, direction), cost + SIMPLE
+            yield right, Correction("attitude", "order", words, lines, cost, axes=as_tuple(right))
+        elif name == "inverse":
+            words = f"attitude is {wrong}"
+            yield (
+                matrix,
+                Correction(
+                    "attitude", "direction", words, (direction,), SIMPLE, axes=as_tuple(matrix)
+                ),
+            )
+        elif name == "axes":
+            axes = matrix[1:, 1:]
+            listed = ", ".join(f'"{entry}"' for entry in ("w", *entries(axes, ("x", "y", "z"))))
+            yield (
+                matrix,
+                Correction(
+                    "attitude",
+                    "axes",
+                    words_for("attitude", axes, ("x", "y", "z")),
+                    (f"columns = [{listed}]",),
+                    min(cost_of(axes), ODD),
+                    axes=as_tuple(matrix),
+                ),
+            )
+        else:
+            yield matrix, None
+
+
+def lag_change(stream: str, lag: float) -> Correction | None:
+    """A clock that is off by `lag` [s]; positive: its stamps are late. None where a latency may be
+    behind it."""
+    if abs(lag) < TOLD:
+        return None
+    where = f"{abs(lag):.2f} s {'behind' if lag > 0.0 else 'ahead of'} the other streams"
+    return Correction(
+        stream,
+        "clock_lag",
+        f"{stream} {'lags' if lag > 0.0 else 'runs'} {where}",
+        (f"clock_lag = {lag:.3f}",),
+        SIMPLE,
+        lag=lag,
+    )

@@ -1,0 +1,61 @@
+"""One wrong convention of one stream, and how its values and stamps are put right."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.recording import Recording, Series
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Correction:
+    """right value = factor * axes @ value read, true at time_factor * stamp - lag."""
+
+    stream: str
+    kind: str
+    """`unit`, `axes`, `order`, `direction`, `time_unit` or `clock_lag`."""
+    words: str
+    """What is wrong, without a capital or a full stop: "gyro looks like deg/s, read as rad/s"."""
+    lines: tuple[str, ...]
+    """Of [streams.<stream>] in log.toml."""
+    cost: float = 0.0
+    """How unusual the mistake is [nats]."""
+    factor: float = 1.0
+    axes: tuple[tuple[float, ...], ...] = ()
+    """Square, as wide as the stream; empty: as they are."""
+    time_factor: float = 1.0
+    lag: float = 0.0
+    """[s], positive: stamped late."""
+
+    def apply(self, series: Series) -> Series:
+        """The stream as it should have been read."""
+        value = series.value
+        if self.axes:
+            value = value @ np.array(self.axes).T
+        if self.factor != 1.0:
+            value = value * self.factor
+        return replace(series, time=series.time * self.time_factor - self.lag, value=value)
+
+
+def apply_all(recording: Recording, corrections: Iterable[Correction]) -> Recording:
+    """The recording with every named stream corrected, in the order given."""
+    streams: dict[str, Series] = dict(recording.streams)
+    for correction in corrections:
+        if correction.stream in streams:
+            streams[correction.stream] = correction.apply(streams[correction.stream])
+    return replace(recording, streams=streams)
+
+
+def stated(recording: Recording, stream: str) -> Mapping[str, object]:
+    """What log.toml says of a stream; empty for a recording of our own."""
+    streams = recording.provenance.get("streams") or {}
+    return streams.get(stream) or {}
+
+
+def as_tuple(axes: Array) -> tuple[tuple[float, ...], ...]:
+    """A matrix that a frozen dataclass can hold."""
+    return tuple(tuple(float(entry) for entry in row) for row in axes)

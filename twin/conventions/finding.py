@@ -1,0 +1,52 @@
+"""A wrong convention as it is told: a sentence, its evidence, what else would fit, and the cure."""
+
+from dataclasses import dataclass
+
+from twin.conventions.correction import Correction
+
+CLEAR = 7.0
+"""Nats by which another reading must beat the log as read, its cost taken off."""
+TIED = 4.0
+"""Nats by which the best reading must beat another, or both are named."""
+CERTAIN = 100.0
+"""Evidence stated for a unit: a factor of six or more, not a matter of likelihood [nats]."""
+
+
+@dataclass(frozen=True)
+class ConventionFinding:
+    """A stream that looks as if it had been read wrongly."""
+
+    correction: Correction
+    evidence: float
+    """By how much the data prefer it to the log as read [nats], its own improbability taken off."""
+    alternatives: tuple[str, ...] = ()
+    """Other readings that fit as well, in words; the motion is too poor to tell."""
+
+    @property
+    def stream(self) -> str:
+        """Which stream."""
+        return self.correction.stream
+
+    @property
+    def kind(self) -> str:
+        """`unit`, `axes`, `order`, `direction`, `time_unit` or `clock_lag`."""
+        return self.correction.kind
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether something else fits as well."""
+        return bool(self.alternatives)
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Of [streams.<stream>] in log.toml, corrected."""
+        return self.correction.lines
+
+    @property
+    def sentence(self) -> str:
+        """For a person."""
+        words = self.correction.words[0].upper() + self.correction.words[1:]
+        if not self.ambiguous:
+            return f"{words}."
+        others = "; or ".join(self.alternatives)
+        return f"{words}; or {others}: the motion is too poor to tell."

@@ -1,0 +1,126 @@
+"""Streams of any rate as means over the cells of one grid, so that they can be compared."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import rotation
+from twin.noise import noise_of
+from twin.recording import Recording, Series
+
+Array = NDArray[np.float64]
+
+CELLS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+"""Widths of a cell [s]."""
+USUAL = 0.2
+"""No narrower without need [s]."""
+KEPT = 0.97
+"""A cell is no wider than lets its means keep this share of the gyro's power beyond noise."""
+QUIET = 1e-4
+"""Nor wider than brings the noise down to this share of the power: what is averaged away is noise,
+and two noises multiplied look like evidence."""
+LONGEST_LAG = 2.0
+"""Clock offsets are looked for up to this [s]."""
+FEWEST = 20
+"""Cells without which nothing is said."""
+
+
+class Means:
+    """A series that can be averaged over any intervals: the integral of its linear interpolation,
+    or of what holds until the next row (a command)."""
+
+    def __init__(self, series: Series, *, held: bool = False) -> None:
+        finite = np.isfinite(series.value).all(axis=1)
+        self.time, value = series.time[finite], series.value[finite]
+        if series.columns == ("w", "x", "y", "z") and len(value) > 1:
+            # q and -q are one attitude; their mean is none
+            flips = np.einsum("ij,ij->i", value[1:], value[:-1]) < 0.0
+            value = value * np.where(np.cumsum(np.r_[False, flips]) % 2, -1.0, 1.0)[:, None]
+        between = value[:-1] if held else 0.5 * (value[1:] + value[:-1])
+        steps = between * np.diff(self.time)[:, None]
+        self._integral = np.concatenate([np.zeros((1, value.shape[1])), np.cumsum(steps, axis=0)])
+        self.noise = 0.0 if held else float(np.sqrt(np.mean(np.square(noise_of(series)))))
+        self.rate = series.rate
+
+    def over(self, edges: Array) -> Array:
+        """(n, k) means between n + 1 edges [s]."""
+        sums = np.empty((len(edges), self._integral.shape[1]))
+        for k, column in enumerate(self._integral.T):
+            sums[:, k] = np.interp(edges, self.time, column)
+        return (sums[1:] - sums[:-1]) / (edges[1:] - edges[:-1])[:, None]
+
+    def cell_noise(self, cell: float) -> float:
+        """1 sigma of a mean over `cell` [s]."""
+        return self.noise / np.sqrt(max(self.rate * cell, 1.0))
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Cells between the latest start and the earliest end of the streams, less the longest lag."""
+
+    start: float
+    cell: float
+    count: int
+    longest_lag: float
+
+    @property
+    def edges(self) -> Array:
+        """(count + 1,) [s]."""
+        return self.start + self.cell * np.arange(self.count + 1, dtype=np.float64)
+
+    @property
+    def around_edges(self) -> Array:
+        """(count + 2,) edges of the cells that have `edges` for their centres."""
+        return self.start + self.cell * (np.arange(self.count + 2, dtype=np.float64) - 0.5)
+
+
+def grid_of(recording: Recording, *streams: str, narrowest: float | None = None) -> Grid | None:
+    """The grid on which these streams can be compared; None where they share too little time.
+
+    Its cells are as wide as the body's motion allows, or `narrowest` [s] and a sample wide.
+    """
+    if any(name not in recording or len(recording[name]) < FEWEST for name in streams):
+        return None
+    start = max(float(recording[name].time[0]) for name in streams)
+    stop = min(float(recording[name].time[-1]) for name in streams)
+    slowest = max(1.0 / recording[name].rate for name in streams)
+    cell = max(narrowest, slowest) if narrowest else _cell(recording)
+    longest = min(LONGEST_LAG, 0.1 * max(stop - start, 0.0))
+    margin = longest + max(cell, slowest)
+    count = int((stop - start - 2.0 * margin) / cell)
+    return Grid(start + margin, cell, count, longest) if count >= FEWEST else None
+
+
+def _cell(recording: Recording) -> float:
+    """As wide as the body's motion allows and its noise asks for."""
+    name = next((n for n in ("gyro", "joint_rate") if n in recording), None)
+    if name is None or len(recording[name]) < FEWEST:
+        return CELLS[-1]
+    means = Means(recording[name])
+    start, stop = float(means.time[0]), float(means.time[-1])
+    power, best = 0.0, CELLS[0]
+    for cell in CELLS:
+        count = int((stop - start) / cell)
+        if count < 2 * FEWEST:
+            break
+        values = means.over(start + cell * np.arange(count + 1, dtype=np.float64))
+        noise = values.shape[1] * means.cell_noise(cell) ** 2
+        # the variance of count values is known to sqrt(2 / count) of itself
+        doubt = 2.0 * noise * np.sqrt(2.0 / count)
+        found = float(np.sum(np.var(values, axis=0))) - noise
+        power = max(power, found - doubt)
+        if found + doubt < KEPT * power:
+            break
+        best = cell
+        if cell >= USUAL and noise < QUIET * power:
+            break
+    return best
+
+
+def attitude_rates(attitude: Array, cell: float) -> tuple[Array, Array]:
+    """Body and world rates (n, 3) [rad/s] between n + 1 attitudes."""
+    turn = rotation.multiply(rotation.conjugate(attitude[:-1]), attitude[1:])
+    body = rotation.to_rotation_vector(turn) / cell
+    between = rotation.normalized(attitude[:-1] + attitude[1:])
+    return body, rotation.rotate(between, body)

@@ -1,0 +1,140 @@
+"""A hinge's rate against its angle: unit, sign and clock of the one are those of the other.
+
+Which of the two is wrong the two alone cannot tell, so a sign or a clock is told of either.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.conventions.axes import SIMPLE
+from twin.conventions.changes import CLOSE, axes_change, lag_change, unit_changes
+from twin.conventions.correction import Correction, apply_all
+from twin.conventions.evidence import evidence, inflation, whitened, without
+from twin.conventions.finding import CERTAIN, CLEAR, TIED, ConventionFinding
+from twin.conventions.grid import Grid, Means, grid_of
+from twin.conventions.turning import NEAR, far_lags
+from twin.recording import Recording
+
+Array = NDArray[np.float64]
+
+SIGNIFICANT = 8.0
+"""Sigmas of correlation without which nothing is said."""
+
+
+class Hinge:
+    """joint_angle and joint_rate on one grid."""
+
+    def __init__(self, recording: Recording, grid: Grid) -> None:
+        self.grid = grid
+        angle, self._rate = Means(recording["joint_angle"]), Means(recording["joint_rate"])
+        self._turned = np.diff(angle.over(grid.around_edges), axis=0) / grid.cell
+        self._angle_noise = angle.cell_noise(grid.cell) / grid.cell
+        self._rate_noise = self._rate.cell_noise(grid.cell)
+
+    def residual(self, sign: float, lag: float) -> Array:
+        """(n, 1) what is left of the angle's rate, in units of its noise."""
+        left = self._turned - sign * self._rate.over(self.grid.edges + lag)
+        white = whitened(left, self._angle_noise, self._rate_noise)
+        return without(np.ones((len(left), 1)), white)
+
+    def factor(self) -> float | None:
+        """Size of what the rate must be multiplied by, or None where the two do not go together."""
+        turned = self._turned - self._turned.mean()
+        best, size = 0.0, None
+        for lag in np.concatenate([NEAR, far_lags(self.grid.longest_lag)]):
+            rate = self._rate.over(self.grid.edges + float(lag))
+            rate = rate - rate.mean()
+            power = float(np.sum(np.square(turned))) * float(np.sum(np.square(rate)))
+            shared = abs(float(np.sum(turned * rate))) / np.sqrt(power) if power > 0.0 else 0.0
+            if shared > best:
+                # between the two regressions, each of which takes one side for free of noise
+                best, size = shared, float(np.std(turned) / np.std(rate))
+        sigmas = best * np.sqrt(len(turned) / max(1.0 - best**2, 1e-12))
+        return size if sigmas > SIGNIFICANT else None
+
+
+@dataclass(frozen=True)
+class _Option:
+    """A sign and a lag of the rate, and what of them can be told, of either stream."""
+
+    sign: float
+    lag: float
+    cost: float
+    readings: tuple[tuple[Correction, ...], ...]
+
+    @property
+    def words(self) -> list[str]:
+        return [", and ".join(c.words for c in reading) for reading in self.readings]
+
+
+def joint_findings(recording: Recording) -> list[ConventionFinding]:
+    """What is wrong with joint_rate or joint_angle, for a hinge with one of each."""
+    units = _unit(recording)
+    found = [
+        ConventionFinding(unit, CERTAIN, tuple(other.words for other in units[1:]))
+        for unit in units[:1]
+    ]
+    if len(units) > 1:
+        return found
+    hinge = _hinge_of(apply_all(recording, units))
+    if hinge is None or hinge.factor() is None:
+        return found
+    options = list(_options(hinge))
+    left = [hinge.residual(option.sign, option.lag) for option in options]
+    power = [0.5 * float(np.sum(np.square(r))) for r in left]
+    inflated = inflation(left[int(np.argmin(power))])
+    scores = [p / inflated + option.cost for p, option in zip(power, options, strict=True)]
+    best = int(np.argmin(scores))
+    certainty = evidence(left[best], left[0], inflated) - options[best].cost
+    if not options[best].readings or certainty < CLEAR:
+        return found
+    words = options[best].words[1:]
+    for option, residual in zip(options, left, strict=True):
+        rival = evidence(left[best], residual, inflated) + option.cost - options[best].cost
+        if option is not options[best] and rival < TIED:
+            words += option.words
+    return found + [
+        ConventionFinding(c, certainty, tuple(words)) for c in options[best].readings[0]
+    ]
+
+
+def _options(hinge: Hinge) -> Iterator[_Option]:
+    for lags in (NEAR, far_lags(hinge.grid.longest_lag)):
+        for sign in (1.0, -1.0):
+            misfit = [float(np.sum(np.square(hinge.residual(sign, float(lag))))) for lag in lags]
+            lag = float(lags[int(np.argmin(misfit))])
+            readings: list[tuple[Correction, ...]] = []
+            for stream, own in (("joint_rate", lag), ("joint_angle", -lag)):
+                changes = (
+                    axes_change(stream, np.array([[sign]]), ("",)),
+                    lag_change(stream, own) if lags is not NEAR else None,
+                )
+                told = tuple(change for change in changes if change is not None)
+                readings += [told] if told else []
+            cost = SIMPLE * ((sign < 0.0) + (lags is not NEAR))
+            yield _Option(sign, lag, cost, tuple(readings))
+
+
+def _unit(recording: Recording) -> list[Correction]:
+    """Units of rate or angle that would make the two agree; empty where they do."""
+    hinge = _hinge_of(recording)
+    factor = hinge.factor() if hinge is not None else None
+    if factor is None or abs(np.log(factor)) < CLOSE:
+        return []
+    options = unit_changes(recording, "joint_rate") + unit_changes(recording, "joint_angle")
+    off = [
+        abs(np.log(factor / o.factor) if o.stream == "joint_rate" else np.log(factor * o.factor))
+        for o in options
+    ]
+    return [option for option, distance in zip(options, off, strict=True) if distance < CLOSE]
+
+
+def _hinge_of(recording: Recording) -> Hinge | None:
+    streams = ("joint_angle", "joint_rate")
+    if any(n in recording and len(recording[n].columns) != 1 for n in streams):
+        return None
+    grid = grid_of(recording, *streams)
+    return Hinge(recording, grid) if grid is not None else None

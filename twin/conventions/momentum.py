@@ -1,0 +1,172 @@
+"""The wheels against the body: what one gains in momentum the other gives.
+
+H = R (J w + sum a_i I_i Omega_i) in world axes changes by gravity alone, dH/dt = (R m r) x g. With
+J from the platform that leaves, linear in what is unknown: H at the start, m r, a constant torque,
+the gyro's bias, and what J is off by. They are projected out (J's error, with its prior, is held to
+a few tenths), and what the wheels do beyond that must answer the body.
+
+J. L. Schwartz and C. D. Hall, System identification of a spherical air-bearing spacecraft
+simulator, AAS 04-122: the momentum integral.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import rotation
+from twin.conventions.axes import signed_permutations
+from twin.conventions.grid import Grid, Means, grid_of
+from twin.platform import Platform
+from twin.recording import Recording
+
+Array = NDArray[np.float64]
+
+INERTIA_ERROR = 0.15
+"""1 sigma of an entry of J, of its mean moment: what a CAD model or an old payload leaves."""
+RIGID = 0.02
+"""For finding the unit of the wheels, J is held nearly as it is stated."""
+ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """Body motion on a grid, and what of the wheels it can and cannot tell."""
+
+    body: Array
+    """(rows,) momentum of the body in world axes, in units of its noise, unknowns projected out."""
+    basis: Array
+    """(rows, c) of the unknowns."""
+    share: Array
+    """(n, 3, wheels) world momentum per wheel speed, in units of the noise."""
+
+    def wheels(self, speed: Array) -> Array:
+        """(rows, wheels, wheels): what wheel i gives if it turned as column j of (n, wheels)."""
+        product = self.share[:, :, :, None] * speed[:, None, None, :]
+        count = speed.shape[1]
+        flat = np.zeros((len(self.body), count * count))
+        flat[: product[..., 0, 0].size] = product.reshape(-1, count * count)
+        return (flat - self.basis @ (self.basis.T @ flat)).reshape(-1, count, count)
+
+
+class Momentum:
+    """Wheels and body on one grid."""
+
+    def __init__(self, recording: Recording, platform: Platform, grid: Grid) -> None:
+        self.grid = grid
+        self._platform = platform
+        self._gyro = Means(recording["gyro"])
+        self._attitude = Means(recording["attitude"])
+        self._wheels = Means(recording["wheel_speed"])
+        self._stages = (
+            Means(recording["stage_position"])
+            if platform.stages and "stage_position" in recording
+            else None
+        )
+        self._axes = np.array([wheel.axis for wheel in platform.wheels])
+        self._inertia = np.array([wheel.inertia for wheel in platform.wheels])
+
+    @property
+    def wheels(self) -> int:
+        """How many."""
+        return len(self._axes)
+
+    def speed(self, lag: float) -> Array:
+        """(n, wheels) mean speed in each cell if it is late by `lag` [s]."""
+        return self._wheels.over(self.grid.edges + lag)
+
+    def exchange(
+        self,
+        attitude: Array,
+        gyro: Array,
+        *,
+        gyro_lag: float = 0.0,
+        attitude_lag: float = 0.0,
+        inertia_error: float = INERTIA_ERROR,
+    ) -> Exchange:
+        """The body's side, read as the 4 x 4 `attitude` and the 3 x 3 `gyro` say.
+
+        J may be off by `inertia_error` of its mean moment; the larger, the less is known of the
+        common scale of body and wheels.
+        """
+        edges = self.grid.edges
+        q = rotation.normalized(self._attitude.over(edges + attitude_lag) + 1e-9) @ attitude.T
+        turn = rotation.matrix(rotation.normalized(q))
+        rate = self._gyro.over(edges + gyro_lag) @ gyro.T
+        inertia = self._platform.inertia
+        body = _apply(turn, rate @ inertia.T) - self._stage_impulse(turn)
+        noise = self._noise()
+        columns = self._unknowns(turn, rate) / noise
+        size = 3 * len(turn)
+        rows = np.zeros((size + len(ENTRIES), columns.shape[2]))
+        rows[:size] = columns.reshape(size, -1)
+        spread = inertia_error * np.trace(inertia) / 3.0
+        rows[size:, -len(ENTRIES) :] = np.eye(len(ENTRIES)) / spread
+        basis = np.linalg.qr(rows)[0]
+        flat = np.zeros(len(rows))
+        flat[:size] = (body / noise).ravel()
+        share = np.einsum("nij,wj->niw", turn, self._axes) * (self._inertia / noise)
+        return Exchange(flat - basis @ (basis.T @ flat), basis, share)
+
+    def _unknowns(self, turn: Array, rate: Array) -> Array:
+        """(n, 3, 18): start, steady torque, m r, gyro bias, error of J."""
+        count = len(turn)
+        along = np.linspace(-1.0, 1.0, count)[:, None, None] * np.eye(3)
+        # (R m r) x g with g = (0, 0, -g), summed up; columns scaled to be of the order of one
+        summed = _up_to_centres(turn, self.grid.cell)
+        gravity = np.zeros_like(summed)
+        gravity[:, 0], gravity[:, 1] = -summed[:, 1], summed[:, 0]
+        basis = np.zeros((len(ENTRIES), 3, 3))
+        for entry, (i, j) in zip(basis, ENTRIES, strict=True):
+            entry[i, j] = entry[j, i] = 1.0
+        error = np.einsum("nij,ejk,nk->nie", turn, basis, rate)
+        constant = np.broadcast_to(np.eye(3), (count, 3, 3))
+        return np.concatenate([constant, along, gravity, turn, error], axis=2)
+
+    def _stage_impulse(self, turn: Array) -> Array:
+        """(n, 3) momentum that gravity gave through the stages away from 0."""
+        if self._stages is None:
+            return np.zeros((len(turn), 3))
+        masses = np.array([stage.mass for stage in self._platform.stages])
+        axes = np.array([stage.axis for stage in self._platform.stages])
+        offset = _apply(turn, self._stages.over(self.grid.edges) * masses @ axes)
+        torque = np.cross(offset, [0.0, 0.0, -self._platform.gravity])
+        return _up_to_centres(torque, self.grid.cell)
+
+    def _noise(self) -> float:
+        """1 sigma of H in a cell [N m s]."""
+        cell = self.grid.cell
+        moments = np.diag(self._platform.inertia)
+        body = np.sqrt(np.mean(moments**2)) * self._gyro.cell_noise(cell)
+        wheels = np.sqrt(np.mean(self._inertia**2)) * self._wheels.cell_noise(cell)
+        speed = self._wheels.over(self.grid.edges)
+        held = np.sqrt(np.mean(np.sum(np.square(self._inertia * speed), axis=1)))
+        # an attitude error turns what the wheels hold
+        return float(np.sqrt(body**2 + wheels**2 + (held * self._attitude.cell_noise(cell)) ** 2))
+
+
+def wheel_axes(platform: Platform) -> Array:
+    """(count, wheels, wheels) which column is each wheel, and with which sign."""
+    return signed_permutations(len(platform.wheels))
+
+
+def momentum_of(recording: Recording, platform: Platform | None) -> Momentum | None:
+    """None without a platform with wheels on a ball, or without the streams."""
+    if platform is None or platform.base.kind != "ball" or not platform.wheels:
+        return None
+    wheels = recording.streams.get("wheel_speed")
+    if wheels is None or wheels.value.shape[1] != len(platform.wheels):
+        return None
+    if "gyro" not in recording or recording["gyro"].columns != ("x", "y", "z"):
+        return None
+    grid = grid_of(recording, "gyro", "attitude", "wheel_speed")
+    return Momentum(recording, platform, grid) if grid is not None else None
+
+
+def _apply(turn: Array, vectors: Array) -> Array:
+    return np.einsum("nij,nj->ni", turn, vectors)
+
+
+def _up_to_centres(means: Array, cell: float) -> Array:
+    """Integral up to the centre of each cell."""
+    return (np.cumsum(means, axis=0) - 0.5 * means) * cell

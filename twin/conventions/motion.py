@@ -1,0 +1,73 @@
+"""Hypotheses about gyro, attitude and accelerometer: thousands, ranked by what they leave over."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.conventions.axes import SIMPLE, signed_permutations
+from twin.conventions.changes import attitude_changes, axes_changes, lag_change
+from twin.conventions.correction import Correction
+from twin.conventions.gravity import Upright
+from twin.conventions.hypothesis import Hypothesis
+from twin.conventions.turning import NEAR, Turning, far_lags, vector_axes
+from twin.recording import Recording
+
+Array = NDArray[np.float64]
+
+DEAREST = 20.0
+"""No hypothesis whose axes cost more is looked at [nats]."""
+
+Force = tuple[Array, Correction | None, float]
+"""Axes of an accelerometer, the correction to them, and their misfit [nats]."""
+
+
+def motion_hypotheses(
+    recording: Recording, turning: Turning, upright: Upright | None
+) -> Iterator[Hypothesis]:
+    """Every reading of the attitude with every axes of the gyro, each in step, and with the one or
+    the other late; the log as read among them."""
+    place = {axes.tobytes(): index for index, axes in enumerate(signed_permutations(3))}
+    near, far = turning.match(NEAR), turning.match(far_lags(turning.grid.longest_lag))
+    gyros = list(axes_changes(recording, "gyro"))
+    for attitude, attitude_change in attitude_changes(recording):
+        family, turned = vector_axes(attitude)
+        lean = upright.penalty(attitude) if upright is not None else 0.0
+        forces = list(_forces(recording, upright, attitude))
+        for gyro, gyro_change in gyros:
+            index = family, place[(turned.T @ gyro + 0.0).tobytes()]
+            for force, force_change, force_misfit in forces:
+                axes = [c for c in (attitude_change, gyro_change, force_change) if c is not None]
+                cost = lean + sum(change.cost for change in axes)
+                if axes and cost > DEAREST:
+                    continue
+                for late, match in (("", near), ("gyro", far), ("attitude", far)):
+                    lag = float(match.lag[index])
+                    own = -lag if late == "attitude" else lag
+                    clock = lag_change(late, own) if late else None
+                    yield Hypothesis(
+                        corrections=(*axes, *([clock] if clock else [])),
+                        cost=cost + (SIMPLE if late else 0.0),
+                        misfit=0.5 * float(match.misfit[index]) + force_misfit,
+                        attitude=attitude,
+                        gyro=gyro,
+                        force=force,
+                        gyro_lag=0.0 if late == "attitude" else own,
+                        attitude_lag=own if late == "attitude" else 0.0,
+                    )
+
+
+def _forces(recording: Recording, upright: Upright | None, attitude: Array) -> Iterator[Force]:
+    """The accelerometer as read, and in its best axes for an attitude."""
+    if upright is None or not upright.has_accelerometer:
+        yield np.eye(3), None, 0.0
+        return
+    misfit = 0.5 * upright.match(attitude)
+    as_read, *others = [
+        (axes, change, float(left))
+        for (axes, change), left in zip(
+            axes_changes(recording, "accelerometer"), misfit, strict=True
+        )
+    ]
+    yield as_read
+    yield min(others, key=lambda force: force[2] + (force[1].cost if force[1] else 0.0))

@@ -1,0 +1,110 @@
+"""Is a log read rightly? Units first, then axes, order, direction and clock in one search."""
+
+import numpy as np
+
+from twin.conventions.body import Body
+from twin.conventions.changes import CLOSE, unit_change, unit_changes
+from twin.conventions.correction import Correction, apply_all
+from twin.conventions.finding import CERTAIN, CLEAR, TIED, ConventionFinding
+from twin.conventions.gravity import accelerometer_factor
+from twin.conventions.hypothesis import Hypothesis
+from twin.conventions.joint import joint_findings
+from twin.conventions.time_base import time_unit_changes
+from twin.conventions.turning import NEAR, far_lags, turning_of
+from twin.platform import Platform
+from twin.recording import Recording
+from twin.units import STANDARD_GRAVITY
+
+SIGNIFICANT = 8.0
+"""Sigmas of correlation without which a gyro's unit is not spoken of."""
+
+
+def check_conventions(
+    recording: Recording, platform: Platform | None = None
+) -> list[ConventionFinding]:
+    """Look for streams that were read in a wrong convention.
+
+    Nothing but physics that needs no parameters, or rough ones: a rate is the derivative of an
+    angle; an accelerometer at rest shows g, upwards; a wheel gives what the body takes. Noise,
+    latencies up to 0.1 s, biases and an inertia off by a few tenths are no findings.
+
+    Args:
+        recording: what was read; a simulation's true states are not looked at.
+        platform: its wheels and inertia; without one, the wheels are not checked.
+
+    Returns:
+        A finding for each wrong stream, none for a right log. Findings with `alternatives` belong
+        to a log whose motion is too poor to choose among several readings.
+    """
+    recording = recording.without_truth()
+    plain = time_unit_changes(recording, platform)
+    recording = apply_all(recording, plain)
+    for unit in (_accelerometer_unit(recording, platform), _gyro_unit(recording)):
+        plain += unit
+        recording = apply_all(recording, unit)
+    turning = turning_of(recording)
+    if turning is None:
+        return [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
+    body = Body(recording, platform, turning)
+    bodies = body.of_motion()
+    if "wheel_speed" in recording:
+        unit = unit_change(recording, "wheel_speed", body.wheel_factor(bodies))
+        if unit is not None:
+            plain.append(unit)
+            recording = apply_all(recording, [unit])
+            body = Body(recording, platform, turning)
+            bodies = body.of_motion()
+    found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
+    return found + _choose(body, body.with_wheels(bodies))
+
+
+def _choose(body: Body, ranked: list[Hypothesis]) -> list[ConventionFinding]:
+    """What the best hypothesis says, if it clearly beats the log as read; with its equals."""
+    as_read = [h for h in ranked if not h.corrections]
+    best = ranked[0]
+    for rival in ranked[1:]:
+        best = rival if body.weigh(rival, best) > 0.0 else best
+    equals = [h for h in ranked if h is not best and body.weigh(best, h) < TIED]
+    # of those that the data cannot tell apart, one that says less than another says enough
+    simplest = [h for h in [best, *equals] if not any(o.says_less_than(h) for o in [best, *equals])]
+    best = simplest[0]
+    certainty = min(body.weigh(best, h) for h in as_read)
+    if not best.corrections or certainty < CLEAR:
+        return []
+    others = dict.fromkeys(h.words for h in simplest[1:] if h.words != best.words)
+    return [ConventionFinding(c, certainty, tuple(others)) for c in best.corrections]
+
+
+def corrected(recording: Recording, findings: list[ConventionFinding]) -> Recording:
+    """The recording as it should have been read, by the findings that name one reading only."""
+    sure = [finding.correction for finding in findings if not finding.ambiguous]
+    return apply_all(recording, sure)
+
+
+def _accelerometer_unit(recording: Recording, platform: Platform | None) -> list[Correction]:
+    factor = accelerometer_factor(recording, platform.gravity if platform else STANDARD_GRAVITY)
+    change = unit_change(recording, "accelerometer", factor) if factor is not None else None
+    return [] if change is None else [change]
+
+
+def _gyro_unit(recording: Recording) -> list[Correction]:
+    """The unit in which the gyro follows the attitude; none for the one it was read in.
+
+    The noise goes with the unit, and with it how much of the motion is seen: each unit is tried
+    with its own, and must then ask for no other.
+    """
+    if turning_of(recording) is None:
+        return []
+    best, sigmas = list[Correction](), SIGNIFICANT
+    for option in ([], *([change] for change in unit_changes(recording, "gyro"))):
+        turning = turning_of(apply_all(recording, option))
+        if turning is None:
+            continue
+        factor, seen = turning.factor(
+            np.concatenate([NEAR[::5], far_lags(turning.grid.longest_lag, 0.25)])
+        )
+        if abs(np.log(factor)) < CLOSE and seen > sigmas:
+            if not option:
+                return []
+            best, sigmas = option, seen
+    return best

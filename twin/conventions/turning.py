@@ -1,0 +1,147 @@
+"""The gyro against the attitude: a rate is the change of an angle, on any body, without parameters.
+
+The attitude's rate between the centres of two cells minus the gyro's mean leaves noise and a bias
+if both are read rightly. Its spectrum is known (white from the gyro, its square rising with
+frequency from the attitude), so it is whitened, and the bias projected out. All 48 axes at all lags
+cost one correlation matrix each: for a signed permutation S, abs(S w)^2 = abs(w)^2, so only
+trace(S' C) differs.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import rotation
+from twin.conventions.axes import signed_permutations
+from twin.conventions.evidence import drift, forgetting, whitened, without
+from twin.conventions.grid import Grid, Means, attitude_rates, grid_of
+from twin.recording import Recording
+
+Array = NDArray[np.float64]
+
+SMALL_LAG = 0.1
+"""A lag up to this is a latency or a filter's, no wrong convention [s]."""
+NEAR = np.linspace(-SMALL_LAG, SMALL_LAG, 11)
+SHIFTS = (-0.4, -0.2, 0.0, 0.2, 0.4)
+"""Of a cell: a mean of means over these is the mean of a triangle."""
+STEP = 0.05
+"""Between the large lags tried [s]."""
+
+
+def far_lags(longest: float, step: float = STEP) -> Array:
+    """Lags beyond the small ones, up to the longest [s]."""
+    lags = np.arange(SMALL_LAG + step, longest + 1e-9, step)
+    return np.concatenate([-lags[::-1], lags])
+
+
+@dataclass(frozen=True)
+class Match:
+    """How well a gyro in axes S at its best lag follows the attitude."""
+
+    misfit: Array
+    """(families, 48) squared norm of the whitened residual."""
+    lag: Array
+    """(families, 48) gyro behind attitude [s]."""
+
+
+class Turning:
+    """Gyro and attitude on one grid. Families: 0, the attitude's body rate; 1, its world rate,
+    which is the body rate of the inverse attitude but for the sign."""
+
+    def __init__(self, recording: Recording, grid: Grid) -> None:
+        self.grid = grid
+        self._gyro = Means(recording["gyro"])
+        attitude = Means(recording["attitude"])
+        self.attitude = rotation.normalized(attitude.over(grid.around_edges) + 1e-9)
+        self.rates = attitude_rates(self.attitude, grid.cell)
+        self._angle_noise = attitude.cell_noise(grid.cell) / grid.cell
+        self._rate_noise = self._gyro.cell_noise(grid.cell)
+
+    def gyro(self, lag: float) -> Array:
+        """(n, 3) rate between the centres of two cells if the gyro is late by `lag` [s]: the mean
+        of means, as the difference of two mean attitudes is."""
+        edges = self.grid.edges + lag
+        return np.mean([self._gyro.over(edges + s * self.grid.cell) for s in SHIFTS], axis=0)
+
+    def whiten(self, rate: Array) -> Array:
+        """A rate or rate difference, in units of its noise, without bias."""
+        nuisance = drift(len(rate), forgetting(self._angle_noise, self._rate_noise))
+        return without(nuisance, whitened(rate, self._angle_noise, self._rate_noise))
+
+    def residual(self, attitude: Array, gyro: Array, lag: float) -> Array:
+        """(n, 3) for a quaternion read as the 4 x 4 and a gyro as the 3 x 3 matrix say."""
+        inverse, axes = vector_axes(attitude)
+        return self.whiten(self.rates[inverse] @ axes.T - self.gyro(lag) @ gyro.T)
+
+    def match(self, lags: Array) -> Match:
+        """Both families and all axes, each at the best of these lags."""
+        turned = [self.whiten(rate) for rate in self.rates]
+        axes = signed_permutations(3)
+        misfit = np.empty((len(lags), 2, len(axes)))
+        for row, lag in zip(misfit, lags, strict=True):
+            gyro = self.whiten(self.gyro(float(lag)))
+            for entry, rate in zip(row, turned, strict=True):
+                shared = np.einsum("sij,ij->s", axes, rate.T @ gyro)
+                entry[:] = np.sum(np.square(rate)) + np.sum(np.square(gyro)) - 2.0 * shared
+        return Match(*least(lags, misfit))
+
+    def factor(self, lags: Array) -> tuple[float, float]:
+        """By what the gyro's values must be multiplied to follow the attitude, and how many sigmas
+        their correlation is.
+
+        Free of axes and direction: of the reading that correlates best.
+        """
+        turned = [self.whiten(rate) for rate in self.rates]
+        axes = signed_permutations(3)
+        sigmas, factor = 0.0, 1.0
+        own_noise = 3.0 * self.grid.count * _power_of_noise(self._angle_noise, self._rate_noise)
+        for lag in lags:
+            gyro = self.whiten(self.gyro(float(lag)))
+            power = max(float(np.sum(np.square(gyro))), 1e-300)
+            for rate in turned:
+                shared = float(np.einsum("sij,ij->s", axes, rate.T @ gyro).max())
+                if shared > sigmas * np.sqrt(power):
+                    sigmas = shared / np.sqrt(power)
+                    factor = shared / max(power - own_noise, 0.05 * power)
+        return factor, sigmas
+
+
+def least(lags: Array, misfit: Array) -> tuple[Array, Array]:
+    """Least of misfits (lags, ...) and where: between evenly spaced lags by the parabola through
+    three; at the ends, and across a hole in the lags, at the lag itself."""
+    at = np.argmin(misfit, axis=0)
+    inner = np.clip(at, 1, len(lags) - 2)
+    low, mid, high = (np.take_along_axis(misfit, (inner + k)[None], axis=0)[0] for k in (-1, 0, 1))
+    before, after = lags[inner] - lags[inner - 1], lags[inner + 1] - lags[inner]
+    even = (at == inner) & np.isclose(before, after)
+    bend = np.where(even, low - 2.0 * mid + high, 1.0)
+    bend = np.where(bend > 0.0, bend, np.inf)
+    share = np.where(even, np.clip(0.5 * (low - high) / bend, -0.5, 0.5), 0.0)
+    value = np.take_along_axis(misfit, at[None], axis=0)[0] - 0.25 * (low - high) * share * even
+    return value, lags[at] + share * before
+
+
+def vector_axes(attitude: Array) -> tuple[int, Array]:
+    """What a quaternion read as A q does to body rates: (0, S), rate = S rate_body, or (1, S),
+    rate = S rate_world, of the quaternion as read.
+
+    rate = 2 vec((A q)* (A dq/dt)), taken at q = 1, where body and world are one.
+    """
+    start = rotation.conjugate(attitude[:, 0])
+    axes = rotation.multiply(start, attitude.T[1:])[:, 1:].T
+    return int(np.linalg.det(attitude) < 0.0), axes
+
+
+def turning_of(recording: Recording) -> Turning | None:
+    """None without gyro and attitude, or with too little of them."""
+    if "gyro" not in recording or recording["gyro"].columns != ("x", "y", "z"):
+        return None
+    grid = grid_of(recording, "gyro", "attitude")
+    return Turning(recording, grid) if grid is not None else None
+
+
+def _power_of_noise(angle_noise: float, rate_noise: float) -> float:
+    """Power of the gyro's own noise behind the whitening filter, a sample."""
+    pole = forgetting(angle_noise, rate_noise)
+    return (1.0 - pole) ** 2 / (1.0 - pole**2)
