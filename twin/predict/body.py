@@ -7,7 +7,7 @@ lose nothing against one long prediction, which an unstable machine would not al
 """
 
 import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -25,6 +25,7 @@ from twin.predict.motion import Motion
 from twin.predict.outputs import Grid, outputs_of
 from twin.predict.segments import GROWTH, LONGEST, Segment, growth_rate
 from twin.predict.states import States
+from twin.predict.tangent import carried_forces
 from twin.recording import Recording
 
 Array = NDArray[np.float64]
@@ -41,6 +42,18 @@ STOP_GUARD = np.radians(2.0)
 """A log that stays so far from the tilt stop is predicted without contacts, at half the cost."""
 
 
+@dataclass(frozen=True)
+class Exact:
+    """A prediction linearised as if the motion were exact, and how noise in it would travel."""
+
+    linear: Linearised
+    local: Local
+    path: States
+    """(1, S, steps + 1, .)."""
+    answer: Array
+    """(S, x, nv) change of a state by a unit impulse on each degree of freedom."""
+
+
 class Body:
     """Predicts one log of a machine on a given grid; see `body_of`.
 
@@ -51,6 +64,7 @@ class Body:
     def __init__(self, machine: Machine, recording: Recording, motion: Motion, grid: Grid) -> None:
         self.machine = replace(machine, platform=replace(machine.platform, step=grid.step))
         self.recording = recording
+        self.motion = motion
         self.inputs = Inputs(self.machine, recording)
         self.grid = grid
         self._contacts = _near_stop(machine, motion)
@@ -91,10 +105,20 @@ class Body:
             if size > 0.0
         )
 
-    def paths(self, model: mujoco.MjModel, start: States) -> States:
+    @property
+    def empty_rows(self) -> Array:
+        """(S, N) zeros."""
+        return np.zeros((self.grid.segments, (self.grid.steps + 1) * self._width))
+
+    def paths(self, model: mujoco.MjModel, start: States, push: Array | None = None) -> States:
         """States along each prediction, (v, S, steps + 1, .), from starts (v, S, .).
 
         The model is changed: its step is the grid's.
+
+        Args:
+            model: the machine's, with the base parameters to try.
+            start: of each segment.
+            push: (S, steps, nv) generalised force added to the drive.
         """
         machine, grid = self.machine, self.grid
         self._prepare(model)
@@ -106,12 +130,13 @@ class Body:
         velocity[:, machine.base_dof] = start.rate.reshape(rows, -1)
         if self.inputs.wheels_predicted:
             velocity[:, machine.wheel_dof] = start.wheel_speed.reshape(rows, -1)
+        force = self._force if push is None else self._force + push
         batch = Batch(model, rows)
         batch.bind("qpos")[:] = position
         batch.bind("qvel")[:] = velocity
         run = batch.rollout(
             grid.steps,
-            np.tile(self._force, (variants, 1, 1)),
+            np.tile(force, (variants, 1, 1)),
             control_spec=_FORCE,
             record=("qpos", "qvel"),
         )
@@ -128,14 +153,16 @@ class Body:
         )
 
     def linearise(
-        self, base: BaseParameters, theta: Array, biases: Array, start: States
-    ) -> tuple[Linearised, Local]:
-        """Predict from `start` (S, .) under a base, and difference everything.
+        self,
+        base: BaseParameters,
+        theta: Array,
+        biases: Array,
+        start: States,
+        push: Array | None = None,
+    ) -> Exact:
+        """Predict from `start` (S, .) under a base and an added force, and difference everything.
 
         The shared unknowns are changes of theta and of the biases.
-
-        Returns:
-            The prediction as if the motion were exact, and how noise in it would travel.
 
         Raises:
             TwinError: no rigid body has such a base.
@@ -144,12 +171,12 @@ class Body:
         variants = start.one()
         shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
         model = base.model(theta)
-        path = self.paths(model, variants.moved(shifts))
+        path = self.paths(model, variants.moved(shifts), push)
         rows, ends = self.rows(path), self._ends(path, start)
         nominal, end = rows[0], ends[0]
         sizes = STEP * base.scale
         by_theta = [
-            self.paths(base.model(theta + size * unit), variants)
+            self.paths(base.model(theta + size * unit), variants, push)
             for size, unit in zip(sizes, np.eye(len(theta)), strict=True)
         ]
         slopes = [
@@ -171,7 +198,16 @@ class Body:
             np.concatenate([np.stack(end_slopes, axis=-1), none], axis=-1),
             np.zeros((len(end), x, x)),
         )
-        return linear, self._local(model, path)
+        answer = self._answer(model)
+        return Exact(linear, self._local(answer, path), path[:1], answer)
+
+    def force_columns(self, exact: Exact, forces: Array) -> tuple[Array, Array]:
+        """What forces (S, steps, nv, a) do: d residual (S, N, a), d segment's end (S - 1, x, a)."""
+        change = carried_forces(exact.local.carried, exact.answer, forces, self.grid.step)
+        parts = [
+            np.moveaxis(o.moved_by(change, self._first(o.stream)), -1, 0) for o in self.outputs
+        ]
+        return np.moveaxis(self.scatter(parts), 0, -1), change[:-1, -1]
 
     def nominal(self, model: mujoco.MjModel) -> list[Array]:
         """Residuals (m, k) of each output under a model, from the smoothed starts."""
@@ -207,7 +243,7 @@ class Body:
             return np.zeros((self.grid.segments, (self.grid.steps + 1) * self._width, 0))
         return np.stack(columns, axis=-1)
 
-    def _local(self, model: mujoco.MjModel, path: States) -> Local:
+    def _local(self, answer: Array, path: States) -> Local:
         """From paths whose first is nominal, each other with one number of its start shifted."""
         grid = self.grid
         shifted = States(path.position[1:], path.rate[1:], path.wheel_speed[1:])
@@ -227,32 +263,29 @@ class Body:
                 if output.stream in ("attitude", "joint_angle"):
                     k = path.rate.shape[-1]
                     measured[(*at, k + column)] = late / noise
-        return Local(
-            measured, np.asarray(carried, dtype=np.float64), self._pushed(model), grid.step
-        )
+        pushed = answer[..., self.machine.base_dof]
+        return Local(measured, np.asarray(carried, dtype=np.float64), pushed, grid.step)
 
     def _first(self, stream: str) -> int:
         """Where the numbers that a stream measures stand in a state."""
         k = self.start.rate.shape[-1]
         return {"attitude": 0, "joint_angle": 0, "wheel_speed": 2 * k}.get(stream, k)
 
-    def _pushed(self, model: mujoco.MjModel) -> Array:
-        """(S, x, k) change of the state by a unit impulse on each base axis."""
+    def _answer(self, model: mujoco.MjModel) -> Array:
+        """(S, x, nv) change of the state by a unit impulse on each degree of freedom."""
         machine, k = self.machine, self.start.rate.shape[-1]
         data = mujoco.MjData(model)
-        pushed = np.zeros((self.grid.segments, self.start.width, k))
+        answer = np.zeros((self.grid.segments, self.start.width, model.nv))
+        change = np.zeros((model.nv, model.nv))
         for s in range(self.grid.segments):
             data.qpos[:] = self._position[s]
             data.qpos[machine.base_qpos] = self.start.position[s]
             mujoco.mj_forward(model, data)
-            for axis in range(k):
-                force, change = np.zeros((2, 1, model.nv))
-                force[0, machine.base_dof.start + axis] = 1.0
-                mujoco.mj_solveM(model, data, change, force)
-                pushed[s, k : 2 * k, axis] = change[0, machine.base_dof]
-                if self.inputs.wheels_predicted:
-                    pushed[s, 2 * k :, axis] = change[0, machine.wheel_dof]
-        return pushed
+            mujoco.mj_solveM(model, data, change, np.eye(model.nv))
+            answer[s, k : 2 * k] = change.T[machine.base_dof]
+            if self.inputs.wheels_predicted:
+                answer[s, 2 * k :] = change.T[machine.wheel_dof]
+        return answer
 
     def _ends(self, path: States, start: States) -> Array:
         """(v, S - 1, x) where segments end, seen from the starts of the next."""

@@ -42,19 +42,26 @@ class Chain:
     """Log-determinant of the covariance that was divided out."""
 
     def states(self, change: Array) -> Array:
-        """(S, x) smoothed starts for a change (u,) of the shared unknowns.
+        """(S, x) smoothed starts for a change (u,) of the shared unknowns."""
+        return self.backward(change)[0]
 
-        Bryson and Frazier's backward pass, which inverts no covariance: without noise in the motion
-        these become singular.
+    def backward(self, change: Array) -> tuple[Array, Array]:
+        """Smoothed starts (S, x), and their adjoints (S, x): what all from a start on says of it.
+
+        A start is its mean before it was seen, and its covariance then times its adjoint. Bryson
+        and Frazier's backward pass, which inverts no covariance: without noise in the motion these
+        become singular.
         """
         u = np.concatenate([[1.0], change])
         adjoint = np.zeros(len(self.seen[0]))
         states: list[Array] = []
+        adjoints: list[Array] = []
         for s in range(len(self.seen) - 1, -1, -1):
             after = self.transition[s].T @ adjoint if states else adjoint
             states.append(self.seen[s] @ u + self.seen_spread[s] @ after)
             adjoint = self.keep[s].T @ after - self.pull[s] @ u
-        return np.stack(states[::-1])
+            adjoints.append(adjoint)
+        return np.stack(states[::-1]), np.stack(adjoints[::-1])
 
 
 def chain(linear: Linearised) -> Chain:

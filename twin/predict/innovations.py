@@ -1,20 +1,22 @@
 """Logs and unknowns in, whitened innovations and their columns out; the states are gone.
 
-Shared by all logs: the base. A log's own: its sensors' constant errors, held by the spread that
-platform.toml states of them, and its states, of which nothing is known beforehand.
+Shared by all logs: the base, and the strengths of what was added to the model. A log's own: its
+sensors' constant errors, held by the spread that platform.toml states of them, and its states, of
+which nothing is known beforehand.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.predict.base import BaseParameters
-from twin.predict.body import Body
+from twin.predict.body import Body, Exact
 from twin.predict.chain import Chain, chain
-from twin.predict.kalman import Local, whitened
+from twin.predict.kalman import whitened
 from twin.predict.linearised import Linearised
+from twin.predict.perturbation import Added, Perturbation
 from twin.predict.states import States
 
 Array = NDArray[np.float64]
@@ -22,6 +24,8 @@ Array = NDArray[np.float64]
 WEAK = 1.0
 """A base parameter is held where it is stated with so many of its scales: what the logs do not show
 stays there, and what they show does not notice."""
+HELD = 1e-9
+"""Likewise of a base that is not to move."""
 
 
 @dataclass(frozen=True)
@@ -34,15 +38,18 @@ class Unknowns:
     """(b,) of each log."""
     starts: tuple[States, ...]
     """(segments, .) of each log."""
+    strengths: Array
+    """(a,) of the perturbations."""
 
 
 @dataclass(frozen=True)
 class Innovations:
-    """A prediction linearised: rows + columns (change of theta, biases) is white, variance 1."""
+    """A prediction linearised: rows + columns (change of theta, biases, strengths) is white,
+    variance 1."""
 
     at: Unknowns
-    exact: tuple[tuple[Linearised, Local], ...]
-    """Of each log, as if the motion were exact, and how noise in it travels."""
+    exact: tuple[Exact, ...]
+    """Of each log."""
     intensity: float
     """Of the white torque about each base axis that is taken into account [(N m)^2 s]."""
     linear: tuple[Linearised, ...]
@@ -52,7 +59,7 @@ class Innovations:
     residual: Array
     """(m,)."""
     columns: Array
-    """(m, p + all biases), then what was added."""
+    """(m, p + all biases + a), then what was only added to be scored."""
     cluster: NDArray[np.intp]
     """(m,) which segment of which log a row comes from; -1: what was known beforehand."""
     samples: int
@@ -67,7 +74,7 @@ class Innovations:
 
     @property
     def covariance(self) -> Array:
-        """Of the shared unknowns and the biases."""
+        """Of all that has a column."""
         size = 1.0 / np.linalg.norm(self.columns, axis=0)
         triangle = np.linalg.inv(np.linalg.qr(self.columns * size, mode="r"))
         return triangle @ triangle.T * np.outer(size, size)
@@ -84,22 +91,24 @@ class Innovations:
         return float(left @ left) + self.logarithm
 
     def step(self) -> Array:
-        """Gauss-Newton's change of theta and biases."""
+        """Gauss-Newton's change of theta, biases and strengths."""
         size = 1.0 / np.linalg.norm(self.columns, axis=0)
         return -np.linalg.lstsq(self.columns * size, self.residual, rcond=None)[0] * size
 
     def moved(self, change: Array) -> Unknowns:
-        """The unknowns after a change of theta and biases, the states at their best for it."""
-        p = len(self.at.theta)
+        """The unknowns after a change of them, the states at their best for it."""
+        p, a = len(self.at.theta), len(self.at.strengths)
         edges = p + np.cumsum([0, *map(len, self.at.biases)])
-        own = [change[a:b] for a, b in zip(edges, edges[1:], strict=False)]
+        own = [change[i:j] for i, j in zip(edges, edges[1:], strict=False)]
+        added = change[edges[-1] : edges[-1] + a]
         return Unknowns(
             self.at.theta + change[:p],
             tuple(b + d for b, d in zip(self.at.biases, own, strict=True)),
             tuple(
-                start.moved(link.states(np.concatenate([change[:p], d])))
+                start.moved(link.states(np.concatenate([change[:p], d, added])))
                 for start, link, d in zip(self.at.starts, self.chains, own, strict=True)
             ),
+            self.at.strengths + added,
         )
 
     def left(self) -> list[Array]:
@@ -114,13 +123,35 @@ class Innovations:
 class Problem:
     """Logs of one machine, predicted together."""
 
-    def __init__(self, bodies: Sequence[Body], base: BaseParameters) -> None:
+    def __init__(
+        self,
+        bodies: Sequence[Body],
+        base: BaseParameters,
+        perturbations: Sequence[Perturbation] = (),
+        *,
+        held: bool = False,
+    ) -> None:
+        """Pose it.
+
+        Args:
+            bodies: the logs.
+            base: what is fitted of the machine.
+            perturbations: what is fitted besides, each by its strength.
+            held: leave the base where a fit starts.
+        """
         self.bodies = tuple(bodies)
         self.base = base
+        self.perturbations = tuple(perturbations)
+        self.held = held
+        self._added = [Added.to(body, self.perturbations) for body in self.bodies]
 
-    def start(self, theta: Array, biases: Sequence[Array]) -> Unknowns:
-        """With the states as smoothed."""
-        return Unknowns(theta, tuple(biases), tuple(body.start for body in self.bodies))
+    def start(
+        self, theta: Array, biases: Sequence[Array], strengths: Array | None = None
+    ) -> Unknowns:
+        """With the states as smoothed, and strengths of 0 unless given."""
+        if strengths is None:
+            strengths = np.zeros(len(self.perturbations))
+        return Unknowns(theta, tuple(biases), tuple(body.start for body in self.bodies), strengths)
 
     def innovations(self, at: Unknowns, intensity: float = 0.0) -> Innovations:
         """Predict and linearise.
@@ -128,11 +159,28 @@ class Problem:
         Raises:
             TwinError: no rigid body has such a base.
         """
-        exact = [
-            body.linearise(self.base, at.theta, bias, start)
-            for body, bias, start in zip(self.bodies, at.biases, at.starts, strict=True)
-        ]
+        exact: list[Exact] = []
+        for body, added, bias, start in zip(
+            self.bodies, self._added, at.biases, at.starts, strict=True
+        ):
+            one = body.linearise(self.base, at.theta, bias, start, added.push(at.strengths))
+            residual = one.linear.residual + added.readings(one.path, at.strengths)
+            one = replace(one, linear=replace(one.linear, residual=residual))
+            exact.append(_with(one, added, at.strengths))
         return self.whiten(at, exact, intensity)
+
+    def with_perturbations(
+        self, now: Innovations, perturbations: Sequence[Perturbation]
+    ) -> list[Exact]:
+        """What was linearised there with further columns, of strengths that are 0; to be whitened.
+
+        The last entries of a step over their standard deviations are score tests.
+        """
+        more = tuple(perturbations)
+        return [
+            _with(one, Added.to(body, more), np.zeros(len(more)))
+            for body, one in zip(self.bodies, now.exact, strict=True)
+        ]
 
     def with_columns(self, now: Innovations, columns: Sequence[Array]) -> Innovations:
         """With further unknowns, shared by all logs, that no motion depends on: a sensor's.
@@ -144,35 +192,30 @@ class Problem:
             columns: of each log (S, N, c), d residual / d unknown.
         """
         exact = [
-            (linear.with_columns(more), local)
-            for (linear, local), more in zip(now.exact, columns, strict=True)
+            replace(one, linear=one.linear.with_columns(more))
+            for one, more in zip(now.exact, columns, strict=True)
         ]
         return self.whiten(now.at, exact, now.intensity)
 
-    def whiten(
-        self, at: Unknowns, exact: Sequence[tuple[Linearised, Local]], intensity: float
-    ) -> Innovations:
+    def whiten(self, at: Unknowns, exact: Sequence[Exact], intensity: float) -> Innovations:
         """What was linearised at some unknowns, under a white torque of this intensity."""
         linear: list[Linearised] = []
         logarithm = 0.0
-        for one, local in exact:
+        for entry in exact:
+            one = entry.linear
             if intensity > 0.0:
-                axes = local.pushed.shape[-1]
-                one, own = whitened(one, local, np.full(axes, intensity))
+                axes = entry.local.pushed.shape[-1]
+                one, own = whitened(one, entry.local, np.full(axes, intensity))
                 logarithm += own
             linear.append(one)
         chains = [chain(one) for one in linear]
         logarithm += sum(link.logarithm for link in chains)
         p, biases = len(at.theta), sum(map(len, at.biases))
-        weak = WEAK * self.base.scale
-        added = exact[0][0].shared.shape[-1] - p - len(at.biases[0])
+        weak = (HELD if self.held else WEAK) * self.base.scale
+        away = 0.0 * at.theta if self.held else at.theta - self.base.as_stated
+        added = exact[0].linear.shared.shape[-1] - p - len(at.biases[0])
         width = p + biases + added
-        blocks = [
-            np.column_stack(
-                [(at.theta - self.base.as_stated) / weak, np.diag(1.0 / weak)]
-                + [np.zeros((p, width - p))]
-            )
-        ]
+        blocks = [np.column_stack([away / weak, np.diag(1.0 / weak)] + [np.zeros((p, width - p))])]
         cluster = [np.full(p, -1)]
         first, before = p, 0
         for body, link, bias in zip(self.bodies, chains, at.biases, strict=True):
@@ -198,6 +241,15 @@ class Problem:
             sum(body.samples for body in self.bodies),
             logarithm,
         )
+
+
+def _with(one: Exact, added: Added, strengths: Array) -> Exact:
+    """With the columns of perturbations."""
+    if not len(strengths):
+        return one
+    columns, jumps = added.body.force_columns(one, added.forces)
+    columns += added.reading_columns(one.path, strengths)
+    return replace(one, linear=one.linear.with_columns(columns, jumps))
 
 
 def _prior(bias: Array, scale: Array, p: int, added: int) -> Array:

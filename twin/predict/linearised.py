@@ -33,11 +33,17 @@ class Linearised:
     spread: Array
     """(S - 1, x, x)."""
 
-    def with_columns(self, columns: Array) -> "Linearised":
-        """With further shared unknowns (S, N, c) that no motion depends on: a sensor's."""
-        none = np.zeros((*self.jump_shared.shape[:2], columns.shape[-1]))
+    def with_columns(self, columns: Array, jumps: Array | None = None) -> "Linearised":
+        """With further shared unknowns.
+
+        Args:
+            columns: (S, N, c) d residual / d unknown.
+            jumps: (S - 1, x, c) d end of a segment / d unknown; None: no motion depends on them.
+        """
+        if jumps is None:
+            jumps = np.zeros((*self.jump_shared.shape[:2], columns.shape[-1]))
         return replace(
             self,
             shared=np.concatenate([self.shared, columns], axis=-1),
-            jump_shared=np.concatenate([self.jump_shared, none], axis=-1),
+            jump_shared=np.concatenate([self.jump_shared, jumps], axis=-1),
         )

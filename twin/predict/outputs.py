@@ -84,13 +84,14 @@ class Output:
         """(m,) the nearest grid instant."""
         return np.rint(self.place).astype(np.intp)
 
-    def predicted(self, path: States, step: float, late: float = 0.0) -> Array:
+    def predicted(self, path: States, step: float, late: float | Array = 0.0) -> Array:
         """What the stream should be, (v, m, k) or (v, m, 4).
 
         Args:
             path: of v predictions, (v, segments, steps + 1, .).
             step: of the path [s].
-            late: as if each sample had been true so much before its stamp [s].
+            late: as if each sample, or each its own of (m,), had been true so much before its stamp
+                [s].
         """
         steps = path.rate.shape[2] - 1
         place = self.place - late / step
@@ -113,13 +114,27 @@ class Output:
             rotation.from_rotation_vector(_cubic(turn, step * rate_first, step * rate_last, part)),
         )
 
-    def residual(self, path: States, step: float, late: float = 0.0) -> Array:
+    def residual(self, path: States, step: float, late: float | Array = 0.0) -> Array:
         """(measured - predicted) / noise, (v, m, k)."""
         predicted = self.predicted(path, step, late)
         if self.stream == "attitude":
             error = rotation.multiply(rotation.conjugate(predicted), self.value)
             return rotation.to_rotation_vector(error) / self.noise
         return (self.value - predicted) / self.noise
+
+    def moved_by(self, change: Array, first: int) -> Array:
+        """d residual (m, k, a) by changes (S, steps + 1, x, a) of the state at each instant.
+
+        Args:
+            change: turns and rates of bodies, speeds of wheels.
+            first: where in a state the numbers stand that this stream measures.
+        """
+        steps = change.shape[1] - 1
+        before = np.clip(np.floor(self.place + 1e-9).astype(np.intp), 0, steps - 1)
+        part = (self.place - before)[:, None, None]
+        seen = slice(first, first + len(self.noise))
+        one, other = (change[self.segment, at, seen] for at in (before, before + 1))
+        return -(one + part * (other - one)) / self.noise[:, None]
 
 
 def _cubic(rise: Array, slope: Array, end_slope: Array, part: Array) -> Array:

@@ -1,0 +1,97 @@
+"""What is added to a prediction acts as it says, and its strength is found in a log that has it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin.identify.prediction_error import fit
+from twin.model import compile_model
+from twin.platform import Platform
+from twin.predict import sensor_faults
+from twin.predict.base import base_parameters
+from twin.predict.body import Body, body_of
+from twin.predict.innovations import Problem
+from twin.predict.motion import motion_of
+from twin.predict.perturbation import Perturbation
+from twin.recording import Recording
+
+SEED = 20261121
+
+Swings = Callable[..., Recording]
+
+
+def predictor(log: Recording, platform: Platform) -> Body:
+    return body_of(compile_model(platform), log, motion_of(log, platform))
+
+
+def against_rate(body: Body) -> np.ndarray:
+    """-w along the measured motion."""
+    middle = body.grid.starts[:, None] + body.grid.step * (np.arange(body.grid.steps) + 0.5)
+    rate = body.motion.at(middle.ravel()).rate
+    force = np.zeros((*middle.shape, body.machine.model.nv))
+    force[..., body.machine.base_dof] = -rate.reshape(*middle.shape, -1)
+    return force
+
+
+VISCOUS = Perturbation("bearing_viscous_friction", "N m s", force=against_rate)
+
+
+def problem_of(log: Recording, platform: Platform, added: list[Perturbation]) -> Problem:
+    base = base_parameters(compile_model(platform))
+    return Problem([predictor(log, platform)], base, added)
+
+
+def test_a_forces_column_is_what_a_rollout_with_it_gives(swing: Swings, pendulum: Platform):
+    body = predictor(swing(seed=SEED, duration=6.0), pendulum)
+    base = base_parameters(body.machine)
+    force, size = against_rate(body), 1e-5
+    one = body.linearise(base, base.as_stated, np.zeros(0), body.start)
+    columns, jumps = body.force_columns(one, force[..., None])
+    path = body.paths(base.model(base.as_stated), body.start.one(), size * force)
+    rolled = (body.rows(path)[0] - one.linear.residual) / size
+    scale = np.abs(rolled).max()
+    np.testing.assert_allclose(columns[..., 0], rolled, atol=2e-3 * scale)
+    pushed = body.linearise(base, base.as_stated, np.zeros(0), body.start, size * force)
+    ends = (pushed.linear.jump - one.linear.jump) / size
+    np.testing.assert_allclose(jumps[..., 0], ends, atol=2e-3 * np.abs(ends).max())
+
+
+def fitted(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """Strengths and their 1 sigma."""
+    found = fit(problem, problem.start(problem.base.as_stated, [np.zeros(0)]))
+    assert found.converged
+    count = len(problem.perturbations)
+    return found.at.strengths, np.sqrt(np.diag(found.innovations.covariance))[-count:]
+
+
+def test_a_hidden_friction_is_fitted_beside_the_base(swing: Swings, pendulum: Platform):
+    print("seed", SEED)
+    problem = problem_of(swing(seed=SEED, viscous=0.01), pendulum, [VISCOUS])
+    strength, sigma = fitted(problem)
+    assert strength[0] == pytest.approx(0.01, abs=4.0 * sigma[0])
+    assert sigma[0] < 5e-4
+
+
+def test_a_late_stream_and_a_wrong_scale_are_fitted_together(swing: Swings, pendulum: Platform):
+    print("seed", SEED)
+    log = swing(seed=SEED)
+    rate = log["joint_rate"]
+    wrong = replace(rate, time=rate.time + 0.02, value=rate.value * 1.03)
+    log = replace(log, streams={**log.streams, "joint_rate": wrong})
+    faults = [
+        sensor_faults.clock_lag("joint_rate"),
+        sensor_faults.scale_factor("joint_rate", 0),
+    ]
+    strength, sigma = fitted(problem_of(log, pendulum, faults))
+    assert np.all(np.abs(strength - [0.02, 0.03]) < 4.0 * sigma)
+    assert np.all(sigma < 2e-3)
+
+
+def test_a_held_base_stays(swing: Swings, pendulum: Platform):
+    log = swing(seed=SEED, inertia=0.15)
+    base = base_parameters(compile_model(pendulum))
+    problem = Problem([predictor(log, pendulum)], base, held=True)
+    found = fit(problem, problem.start(base.as_stated, [np.zeros(0)]))
+    np.testing.assert_allclose(found.at.theta, base.as_stated, rtol=1e-6, atol=1e-9)
