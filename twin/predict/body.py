@@ -105,11 +105,6 @@ class Body:
             if size > 0.0
         )
 
-    @property
-    def empty_rows(self) -> Array:
-        """(S, N) zeros."""
-        return np.zeros((self.grid.segments, (self.grid.steps + 1) * self._width))
-
     def paths(self, model: mujoco.MjModel, start: States, push: Array | None = None) -> States:
         """States along each prediction, (v, S, steps + 1, .), from starts (v, S, .).
 

@@ -164,8 +164,10 @@ class Problem:
             self.bodies, self._added, at.biases, at.starts, strict=True
         ):
             one = body.linearise(self.base, at.theta, bias, start, added.push(at.strengths))
-            residual = one.linear.residual + added.readings(one.path, at.strengths)
-            one = replace(one, linear=replace(one.linear, residual=residual))
+            if len(at.strengths):
+                faulty = added.rows(one.path, at.strengths) - body.rows(one.path)[0]
+                residual = one.linear.residual + faulty
+                one = replace(one, linear=replace(one.linear, residual=residual))
             exact.append(_with(one, added, at.strengths))
         return self.whiten(at, exact, intensity)
 
@@ -248,7 +250,7 @@ def _with(one: Exact, added: Added, strengths: Array) -> Exact:
     if not len(strengths):
         return one
     columns, jumps = added.body.force_columns(one, added.forces)
-    columns += added.reading_columns(one.path, strengths)
+    columns += added.sensor_columns(one.path, strengths)
     return replace(one, linear=one.linear.with_columns(columns, jumps))
 
 

@@ -1,8 +1,8 @@
 """One number by which reality may depart from a prediction, as the prediction feels it.
 
 What it does to the motion is a generalised force along the measured motion; what it does to a
-sensor is a change of the residual. Either way it is a column of the whitened innovations, so it can
-be scored where the model stands, and fitted beside the base.
+sensor is what the sensor shows, and when. Either way it is a column of the whitened innovations, so
+it can be scored where the model stands, and fitted beside the base.
 """
 
 from collections.abc import Callable
@@ -12,27 +12,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.predict.body import Body
+from twin.predict.outputs import Output
 from twin.predict.states import States
 
 Array = NDArray[np.float64]
 
-SMALL = 1e-3
-"""Share of its typical size by which a sensor's fault is differenced."""
+SOON = 1e-4
+"""Lag over which a late stream is differenced [s]."""
 
 
 @dataclass(frozen=True)
 class Perturbation:
-    """A strength and what it does; a strength of 0 does nothing."""
+    """A strength and what it does, in proportion; a strength of 0 does nothing."""
 
     name: str
     unit: str
     """SI, of the strength."""
     force: Callable[[Body], Array] | None = None
     """(S, steps, nv) generalised force at strength 1, along a log's measured motion."""
-    reading: Callable[[Body, States, float], Array] | None = None
-    """(S, N) change of the residual by a sensor's fault of a strength, along a path (1, S, ...)."""
-    typical: float = 1.0
-    """A size that labs meet, where the sensor's fault is not linear."""
+    stream: str = ""
+    """Whose sensor has the fault, if one has."""
+    late: Callable[[Output], Array] | None = None
+    """(m,) by how much each of its samples was true before its stamp [s], at strength 1."""
+    shown: Callable[[Output, Array], Array] | None = None
+    """What it shows beyond the truth (1, m, k) or (1, m, 4), at strength 1: (1, m, k)."""
 
 
 @dataclass(frozen=True)
@@ -58,23 +61,42 @@ class Added:
         """(S, steps, nv) the forces together."""
         return np.asarray(self.forces @ strengths, dtype=np.float64)
 
-    def readings(self, path: States, strengths: Array) -> Array:
-        """(S, N) change of the residual by the sensors' faults together."""
-        total = np.zeros(self.body.empty_rows.shape)
-        for one, strength in zip(self.perturbations, strengths.tolist(), strict=True):
-            if one.reading is not None and strength != 0.0:
-                total += one.reading(self.body, path, strength)
-        return total
+    def rows(self, path: States, strengths: Array) -> Array:
+        """(S, N) residual along a path (1, S, ...), the sensors at fault as they are."""
+        step = self.body.grid.step
+        parts: list[Array] = []
+        for output in self.body.outputs:
+            late, shown = self._late(output, strengths), np.zeros((1, *output.slot.shape))
+            truth = output.predicted(path, step, late)
+            for i, one in self._of(output):
+                if one.shown is not None and strengths[i] != 0.0:
+                    shown = shown + strengths[i] * one.shown(output, truth)
+            parts.append(output.residual(path, step, late) - shown / output.noise)
+        return self.body.scatter(parts)[0]
 
-    def reading_columns(self, path: States, strengths: Array) -> Array:
+    def sensor_columns(self, path: States, strengths: Array) -> Array:
         """(S, N, a) d residual / d strength by the sensors' faults."""
-        columns = np.zeros((*self.body.empty_rows.shape, len(self.perturbations)))
-        for i, (one, strength) in enumerate(
-            zip(self.perturbations, strengths.tolist(), strict=True)
-        ):
-            if one.reading is not None:
-                step = SMALL * one.typical
-                after = one.reading(self.body, path, strength + step)
-                before = one.reading(self.body, path, strength - step)
-                columns[..., i] = (after - before) / (2.0 * step)
-        return columns
+        body, step = self.body, self.body.grid.step
+        parts = [np.zeros((len(self.perturbations), *o.slot.shape)) for o in body.outputs]
+        for output, part in zip(body.outputs, parts, strict=True):
+            late = self._late(output, strengths)
+            for i, one in self._of(output):
+                if one.shown is not None:
+                    shown = one.shown(output, output.predicted(path, step, late))[0]
+                    part[i] = -shown / output.noise
+                if one.late is not None:
+                    after = output.residual(path, step, late + SOON)[0]
+                    before = output.residual(path, step, late - SOON)[0]
+                    part[i] = (after - before) / (2.0 * SOON) * one.late(output)[:, None]
+        return np.moveaxis(body.scatter(parts), 0, -1)
+
+    def _of(self, output: Output) -> list[tuple[int, Perturbation]]:
+        """What is wrong with a stream."""
+        return [(i, p) for i, p in enumerate(self.perturbations) if p.stream == output.stream]
+
+    def _late(self, output: Output, strengths: Array) -> Array:
+        late = np.zeros(len(output.time))
+        for i, one in self._of(output):
+            if one.late is not None:
+                late = late + strengths[i] * one.late(output)
+        return late
