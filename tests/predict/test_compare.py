@@ -7,11 +7,11 @@ import pytest
 
 from twin.errors import UsageError
 from twin.library import library
-from twin.platform import Platform
-from twin.predict import Comparison, compare, open_log, platform_of, transfer
+from twin.platform import Platform, platform_of
+from twin.predict import Comparison, compare, transfer
 from twin.predict.compare import prepare
 from twin.predict.fit import fit
-from twin.recording import Recording
+from twin.recording import Recording, open_log
 from twin.report import document, sentences, transfer_sentences
 
 SEED = 20260214

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from twin.library import library
-from twin.predict import Comparison, compare, open_log, platform_of
+from twin.platform import platform_of
+from twin.predict import Comparison, compare
+from twin.recording import open_log
 from twin.report import document, sentences, with_prediction, write_page
 
 

@@ -32,7 +32,9 @@ class Compare:
         """Compare, print, write what was asked for."""
         from twin.cli.output import print_json
         from twin.errors import UsageError
-        from twin.predict import compare, open_log, platform_of, transfer
+        from twin.platform import platform_of
+        from twin.predict import compare, transfer
+        from twin.recording import open_log
         from twin.report import (
             document,
             sentences,

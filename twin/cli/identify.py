@@ -34,8 +34,8 @@ class Identify:
         from twin.cli.output import print_json
         from twin.errors import UsageError
         from twin.identify import identify
-        from twin.platform import load_platform
-        from twin.predict import open_log, platform_of
+        from twin.platform import load_platform, platform_of
+        from twin.recording import open_log
         from twin.report import identified
 
         if not self.logs:

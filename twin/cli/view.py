@@ -40,11 +40,10 @@ class View:
 def _platform(recording: "Recording") -> "Platform | None":
     """The machine, if it can be found; without it there are plots but no 3D view."""
     from twin.errors import TwinError
-    from twin.platform import load_platform
+    from twin.platform import platform_of
 
-    name = str(recording.provenance.get("platform", ""))
     try:
-        return load_platform(name)
+        return platform_of(recording)
     except TwinError as problem:
         print(f"the machine cannot be drawn: {problem}", file=sys.stderr)
         return None

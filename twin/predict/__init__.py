@@ -4,5 +4,3 @@ from twin.predict.compare import Comparison as Comparison
 from twin.predict.compare import Transfer as Transfer
 from twin.predict.compare import compare as compare
 from twin.predict.compare import transfer as transfer
-from twin.predict.source import open_log as open_log
-from twin.predict.source import platform_of as platform_of

@@ -1,5 +1,6 @@
 """Any log, by its path: a recording (`.rrd`) or a folder with a log.toml."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from twin.errors import LogError, RecordingError
@@ -10,7 +11,8 @@ from twin.recording.recording import Recording
 
 
 def open_log(path: str | Path) -> Recording:
-    """Read an `.rrd`, a folder that holds a log.toml, or that log.toml.
+    """Read an `.rrd`, a folder that holds a log.toml, or that log.toml; its `provenance` has the
+    path as its `source`.
 
     Raises:
         RecordingError: no such thing, or an `.rrd` that cannot be read.
@@ -18,7 +20,7 @@ def open_log(path: str | Path) -> Recording:
     """
     path = Path(path)
     if path.is_dir() or path.name == "log.toml":
-        return read_log(path)
+        return _from(path, read_log(path))
     if not path.exists():
         raise RecordingError(
             path, "there is no such log", "name an .rrd, or a folder that holds a log.toml"
@@ -29,4 +31,8 @@ def open_log(path: str | Path) -> Recording:
             "is a file of numbers that does not say what they are",
             "put it into a folder with a log.toml that does (docs/logs.md), and name the folder",
         )
-    return read_recording(path)
+    return _from(path, read_recording(path))
+
+
+def _from(path: Path, recording: Recording) -> Recording:
+    return replace(recording, provenance={**recording.provenance, "source": str(path)})
