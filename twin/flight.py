@@ -9,6 +9,7 @@ import numpy as np
 from twin.budget import momentum_budget
 from twin.clock import Clock
 from twin.controller import AnyController, load_controller
+from twin.effects import Effect, effects_of, with_effects
 from twin.errors import UnknownName, UsageError
 from twin.estimators import Estimator, load_estimator
 from twin.loop import Observer, Outcome, fly
@@ -39,6 +40,11 @@ class Flight:
     def platform(self) -> Platform:
         """The machine."""
         return self.plant.platform
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """What a simulated machine has beyond its parts; nothing of a log that is replayed."""
+        return effects_of(self.platform) if isinstance(self.plant, SimulatedPlant) else ()
 
     def warnings(self) -> list[str]:
         """What will go wrong, known before it starts; a sentence each."""
@@ -88,6 +94,7 @@ def prepare(
     seed: int = 0,
     initial: InitialState | None = None,
     gains: Mapping[str, float] | None = None,
+    effects: Sequence[Effect] = (),
 ) -> Flight:
     """Find everything by its name and put it together.
 
@@ -101,19 +108,25 @@ def prepare(
         seed: of all random numbers.
         initial: of a simulated plant.
         gains: of the law, by name.
+        effects: what a simulated machine has beyond what its platform states.
 
     Raises:
         UnknownName: a name that is not known.
         UsageError: parts that do not fit together.
         PlatformError, ControllerError, LogError: a file that is wrong.
+        EffectError: an effect that the platform cannot have.
     """
-    machine = load_platform(platform)
+    machine = with_effects(load_platform(platform), effects)
     law = load_controller(controller, gains)
     start = initial or InitialState()
     kind, _, rest = plant.partition(":")
     if plant == "sim":
         body: Plant = SimulatedPlant(machine, seed=seed, initial=start)
         length = 60.0 if duration is None else duration
+    elif kind == "replay" and rest and effects:
+        raise UsageError(
+            "effects are simulated; a log that is replayed has its own: drop --effects"
+        )
     elif kind == "replay" and rest:
         replayed = ReplayedPlant(machine, open_log(Path(rest)))
         body = replayed

@@ -2,15 +2,18 @@
 
 The MJCF is taken as it is; then the options that this kind of machine needs are set (RK4, the
 platform's step and gravity, no automatic reset), stages become prescribed joints, and the bus is
-given the inertial that makes the whole machine's mass properties those that platform.toml states.
+given the inertial that makes the whole machine's mass properties those that platform.toml states,
+whatever bodies its effects add.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.effects import BodyEffect, Effect, effects_of
 from twin.errors import PlatformError
 from twin.platform import Platform
 from twin.platform.mjcf import load_mjcf
@@ -55,6 +58,8 @@ class Machine:
     stage_home: Array
     """(stages, 3) centre of mass of each sliding mass at position 0, from the CR, body axes [m]."""
     joint_actuator: int | None
+    effects: tuple[Effect, ...]
+    """Those of the platform."""
 
     @property
     def stage_inertia(self) -> Array:
@@ -69,8 +74,12 @@ def compile_model(platform: Platform) -> Machine:
     Raises:
         PlatformError: MuJoCo refuses the MJCF, a named part is missing, or the stated mass
             properties leave no physical bus.
+        EffectError: it has an effect that it cannot have.
     """
-    model = load_mjcf(platform.model_path, visuals=False)
+    effects = effects_of(platform)
+    on_body = [effect for effect in effects if isinstance(effect, BodyEffect)]
+    edits = [partial(effect.edit_spec, platform=platform) for effect in on_body]
+    model = load_mjcf(platform.model_path, visuals=False, edits=edits)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     model.opt.timestep = platform.step
     model.opt.gravity[:] = (0.0, 0.0, -platform.gravity)
@@ -108,6 +117,8 @@ def compile_model(platform: Platform) -> Machine:
             f"mass_properties of {platform.name} cannot be met: {problem}",
             "check mass, inertia and center_of_mass_offset against the parts in the MJCF",
         ) from None
+    for effect in on_body:
+        effect.edit_model(model, platform)
     stage_bodies = model.jnt_bodyid[stages]
     return Machine(
         platform=platform,
@@ -121,6 +132,7 @@ def compile_model(platform: Platform) -> Machine:
         stage_dof=stage_dof,
         stage_home=_centers(model, base_body)[stage_bodies],
         joint_actuator=joint_actuator,
+        effects=effects,
     )
 
 

@@ -41,6 +41,9 @@ class Run:
     reference: Annotated[str | None, _arg("REFERENCE")] = None
     """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or `multisine[:AMPLITUDE]`, in degrees;
     by default what the law is usually given."""
+    effects: Annotated[str | None, _arg("NAME[:TARGET]=VALUE[/VALUE ...],...")] = None
+    """What the simulated machine has beyond its platform, as in
+    `clock_lag:wheel_speed=0.17,gyro_bias=1e-3/0/0`; see `twin effects`."""
     duration: Annotated[float | None, _arg("SECONDS")] = None
     """By default 60, or the whole log that is replayed."""
     attitude: Annotated[Angles, _arg("ROLL PITCH YAW")] = (0.0, 0.0, 0.0)
@@ -62,6 +65,7 @@ class Run:
         """Fly; the exit code."""
         from twin.cli.output import print_json
         from twin.clock import SimulatedClock, WallClock
+        from twin.effects import parse_effects
         from twin.flight import prepare
         from twin.loop import Ended, Observer
         from twin.metrics import Metrics
@@ -69,6 +73,7 @@ class Run:
         from twin.stream.provenance import provenance
         from twin.stream.recorder import FileRecorder
 
+        effects = () if self.effects is None else parse_effects(self.effects)
         with ExitStack() as stack:
             recorder = None
             if self.rrd is not None or self.spawn:
@@ -84,6 +89,7 @@ class Run:
                 seed=self.seed,
                 initial=self._initial(),
                 gains=_gains(self.gains),
+                effects=effects,
             )
             stack.enter_context(flight.plant)
             warnings = flight.warnings()
@@ -125,6 +131,7 @@ class Run:
             f"{flight.platform.name}: {self.controller} with estimator {self.estimator}, "
             f"reference {reference}, {flight.duration:g} s at {flight.platform.control_rate:g} Hz, "
             f"plant {self.plant}, seed {self.seed}",
+            *(f"with {effect.words()}" for effect in flight.effects),
             *(f"warning: {warning}" for warning in warnings),
         ]
         print("\n".join(lines), file=sys.stderr, flush=True)

@@ -3,6 +3,9 @@
 A stream whose period is no multiple of the physics step is sampled at the next step and stamped so.
 Latency delays the arrival, never the stamp: a sample's time is when its value was true. Noise comes
 from one SFC64 generator a run and stream, so neither another run nor another stream changes it.
+
+A stream's effects act in their order: before the noise on the values, after it on the stamps. A
+sample arrives once its stamp has come.
 """
 
 import zlib
@@ -12,7 +15,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.platform import Sensor
+from twin.effects import Order, ScatterEffect, SeriesEffect
+from twin.platform import Platform, Sensor
 from twin.rotation import from_rotation_vector, multiply
 from twin.signals import Samples
 
@@ -26,8 +30,31 @@ _DRAWN_AHEAD = 256
 class SimulatedSensor:
     """One stream of n runs: truth at every physics step in, samples that arrived out."""
 
-    def __init__(self, sensor: Sensor, runs: Sequence[int], seed: int, step: float) -> None:
+    def __init__(
+        self,
+        sensor: Sensor,
+        runs: Sequence[int],
+        seed: int,
+        platform: Platform,
+        effects: Sequence[SeriesEffect] = (),
+        scatter: Sequence[ScatterEffect] = (),
+    ) -> None:
+        """Begin before the first sample.
+
+        Args:
+            sensor: one of the platform's.
+            runs: their numbers.
+            seed: of all random numbers.
+            platform: the machine.
+            effects: those that act on the stream, in their order.
+            scatter: those that add to its noise.
+        """
+        step = platform.step
         self.sensor = sensor
+        self.scatter = tuple(scatter)
+        self._before = [e.live(platform) for e in effects if e.order < Order.noise]
+        self._after = [e.live(platform) for e in effects if e.order > Order.noise]
+        self._waits = bool(sensor.latency or self._after)
         self._step = step
         self._period = 1.0 / (sensor.rate * step)
         whole = round(self._period)
@@ -42,6 +69,11 @@ class SimulatedSensor:
         self._noisy = bool(sensor.noise.any())
         bias = np.stack([g.standard_normal(len(sensor.bias)) for g in self._generators])
         self._bias = (bias * sensor.bias)[:, None, :] if sensor.bias.any() else None
+        if scatter:
+            self._shaken = [
+                np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, run, key, 1])))
+                for run in runs
+            ]
         self._late: deque[Samples] = deque()
         self._all_valid: dict[int, NDArray[np.bool_]] = {}
 
@@ -55,21 +87,41 @@ class SimulatedSensor:
         instants = np.ceil(np.arange(first, last + 1) * self._period - _EPS).astype(np.intp)
         return instants - done - 1
 
-    def measure(self, truth: Array, time: Array, valid: NDArray[np.bool_] | None) -> None:
-        """Take samples of `truth` (n, m, k), true at `time` (m,); `valid` (n,) masks runs."""
+    def measure(
+        self,
+        truth: Array,
+        time: Array,
+        valid: NDArray[np.bool_] | None,
+        causes: Sequence[Array] = (),
+    ) -> None:
+        """Take samples.
+
+        Args:
+            truth: (n, m, k).
+            time: when it was true, (m,) [s].
+            valid: (n,) masks runs; None: all are.
+            causes: true cause of each effect that adds noise, (n, m, j).
+        """
         n, m = truth.shape[:2]
         if m == 0:
             return
-        value = self._disturbed(truth)
         stamps = np.empty((n, m))
         stamps[:] = time
-        self._late.append(Samples(value, stamps, self._kept(n, m, valid)))
+        kept = self._kept(n, m, valid)
+        for act in self._before:
+            truth = act(Samples(truth, stamps, kept)).value
+        if causes:
+            truth = truth + self._shake(truth.shape, causes)
+        samples = Samples(self._disturbed(truth), stamps, kept)
+        for act in self._after:
+            samples = act(samples)
+        self._late.append(samples)
 
     def arrived(self, until: float) -> Samples | None:
         """What has arrived by `until` [s] and was not given out before; None if nothing."""
         if not self._late:
             return None
-        if not self.sensor.latency and len(self._late) == 1:
+        if not self._waits and len(self._late) == 1:
             return self._late.popleft()
         blocks = list(self._late)
         self._late.clear()
@@ -82,6 +134,14 @@ class SimulatedSensor:
         if count == 0:
             return None
         return Samples(value[:, :count], time[:, :count], valid[:, :count])
+
+    def _shake(self, shape: tuple[int, ...], causes: Sequence[Array]) -> Array:
+        white = np.stack([generator.standard_normal(shape[1:]) for generator in self._shaken])
+        variances = [
+            np.square(effect.sigma(cause))
+            for effect, cause in zip(self.scatter, causes, strict=True)
+        ]
+        return white * np.sqrt(np.sum(np.broadcast_arrays(*variances), axis=0))
 
     def _disturbed(self, truth: Array) -> Array:
         sensor, error = self.sensor, self._error(truth.shape[1])

@@ -13,8 +13,10 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
+from twin.effects import ScatterEffect, series_effects
 from twin.errors import UsageError
 from twin.model import compile_model
+from twin.plant.forces import Forces
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
 from twin.plant.sensors import SimulatedSensor
@@ -107,10 +109,25 @@ class SimulatedPlant(Plant):
         self._max_acceleration = np.array([stage.acceleration for stage in platform.stages])
         self._applied = self._idle()
         self._wheel_wish = np.zeros((self.n, len(platform.wheels)))
+        effects = self.machine.effects
+        shaking = [effect for effect in effects if isinstance(effect, ScatterEffect)]
         self._sensors = [
-            SimulatedSensor(sensor, runs, seed, platform.step)
-            for sensor in platform.sensors.values()
+            SimulatedSensor(
+                sensor,
+                runs,
+                seed,
+                platform,
+                series_effects(effects, stream),
+                [effect for effect in shaking if effect.acts_on == stream],
+            )
+            for stream, sensor in platform.sensors.items()
         ]
+        self._acts = {
+            command: [effect.live(platform) for effect in series_effects(effects, command)]
+            for command in platform.commands
+        }
+        self._forces = Forces(self.machine, self.n)
+        self._forces.start(self._batch, self._qpos)
         self._truth = Truth(self.machine)
         self._started = False
 
@@ -145,7 +162,7 @@ class SimulatedPlant(Plant):
                 applied = self._wheel_torque(value)
             elif name == "command_stage_position":
                 applied = self._limits.stage_position(value)
-                self._stage_target = applied
+                self._stage_target = self._done_with(name, applied)
             else:
                 applied = self._limits.joint_torque(value)
                 self._ctrl[:, self.machine.joint_actuator] = applied[:, 0]
@@ -160,8 +177,19 @@ class SimulatedPlant(Plant):
     def _wheel_torque(self, wish: Array) -> Array:
         self._wheel_wish = wish
         applied = self._limits.wheel_torque(wish, self._qvel[:, self.machine.wheel_dof])
-        self._ctrl[:, self.machine.wheel_actuator] = applied
+        done = self._done_with("command_wheel_torque", applied)
+        self._ctrl[:, self.machine.wheel_actuator] = done
         return applied
+
+    def _done_with(self, name: str, applied: Array) -> Array:
+        """What the actuators' effects leave of a command, (n, k)."""
+        if not self._acts[name]:
+            return applied
+        stamp = np.full((self.n, 1), self.time)
+        samples = Samples(applied[:, None], stamp, self._alive[:, None])
+        for act in self._acts[name]:
+            samples = act(samples)
+        return samples.value[:, 0]
 
     def _start(self, initial: InitialState) -> tuple[Array, Array]:
         machine = self.machine
@@ -193,14 +221,18 @@ class SimulatedPlant(Plant):
         living = self._living()
         states = np.empty((len(living), steps, self._qpos.shape[1] + self._qvel.shape[1]))
         try:
-            self._batch.rollout(
-                steps,
-                control,
-                _FORCE if moving else 0,
-                record=[_STATE],
-                ids=self._ids,
-                out={_STATE: states},
-            )
+            if self._forces.changing:
+                start = np.full(len(living), self.time)
+                self._forces.rollout(self._batch, steps, control, start, states, self._ids)
+            else:
+                self._batch.rollout(
+                    steps,
+                    control,
+                    _FORCE if moving else 0,
+                    record=[_STATE],
+                    ids=self._ids,
+                    out={_STATE: states},
+                )
         except SimulationError as problem:
             for run in problem.ids:
                 self._stop(int(run), f"MuJoCo: {self._batch.error(int(run))}")
@@ -257,7 +289,8 @@ class SimulatedPlant(Plant):
         for sensor in self._sensors:
             picks = sensor.picks(self._done - steps, steps)
             seen = self._truth.measured(sensor.sensor.stream, states)[:, picks]
-            sensor.measure(seen, times[picks], valid)
+            causes = [self._truth.measured(e.cause, states)[:, picks] for e in sensor.scatter]
+            sensor.measure(seen, times[picks], valid, causes)
 
     def _stop_diverged(self, last: Array) -> None:
         rate = last[:, self.machine.model.nq :][:, self.machine.base_dof]

@@ -13,7 +13,7 @@ from twin.config import Table, read_toml
 from twin.errors import PlatformError, UnknownName
 from twin.library import find_model
 from twin.platform.mjcf import joint_axes
-from twin.platform.parts import Array, Base, Platform, Sensor, Stage, Wheel
+from twin.platform.parts import Array, Base, Platform, Sensor, Stage, StatedEffect, Wheel
 from twin.signals import stream_named
 
 MEASURED = (
@@ -79,6 +79,7 @@ def _platform(table: Table, folder: Path, variant: str) -> Platform:
     sensors = {
         stream: _sensor(sensor_table, stream, widths, base, step) for stream in sensor_table.keys
     }
+    effects = _effects(table.table("effects", required=False))
     table.close()
     return Platform(
         name=f"{name}:{variant}" if variant else name,
@@ -98,7 +99,24 @@ def _platform(table: Table, folder: Path, variant: str) -> Platform:
         magnetic_field=field,
         tilt_limit=tilt_limit,
         paper_from_body=paper_from_body,
+        effects=effects,
     )
+
+
+def _effects(table: Table) -> tuple[StatedEffect, ...]:
+    """`[effects.NAME]`, or `[effects.NAME.TARGET]` for an effect on a stream or part."""
+    found: list[StatedEffect] = []
+    for name in table.keys:
+        one = table.table(name)
+        values = {key: one.raw(key) for key in one.keys}
+        own = {key: value for key, value in values.items() if not isinstance(value, dict)}
+        if own or not values:
+            found.append(StatedEffect(name, "", own, table.line(name)))
+        for target in (key for key in values if key not in own):
+            aimed = one.table(target)
+            given = {key: aimed.raw(key) for key in aimed.keys}
+            found.append(StatedEffect(name, target, given, one.line(target)))
+    return tuple(found)
 
 
 def _timing(table: Table) -> tuple[float, float]:

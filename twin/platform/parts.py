@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,6 +93,21 @@ class Sensor:
 
 
 @dataclass(frozen=True)
+class StatedEffect:
+    """An effect as it is stated; `twin.effects` knows what it does."""
+
+    name: str
+    target: str
+    """The stream or part it acts on; empty without one."""
+    values: Mapping[str, Any]
+    """Of its parameters, by name, SI."""
+    line: int | None = None
+    """Where platform.toml states it."""
+    made_by: type[Any] | None = None
+    """Its class, where it was not read from platform.toml."""
+
+
+@dataclass(frozen=True)
 class Platform:
     """A machine: the MJCF beside it and what MJCF cannot say."""
 
@@ -125,6 +140,8 @@ class Platform:
     """Where the tilt stop touches [rad]; inf without one."""
     paper_from_body: Array
     """Quaternion that turns our body axes into the source's own; identity unless stated."""
+    effects: tuple[StatedEffect, ...] = ()
+    """What the machine has beyond its parts (docs/design.md 4.4)."""
 
     @property
     def tick(self) -> float:

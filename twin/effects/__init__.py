@@ -1,0 +1,21 @@
+"""Why reality departs from a machine's model: one cause per file, and the catalogue."""
+
+from twin.effects.catalogue import catalogue as catalogue
+from twin.effects.catalogue import effect_named as effect_named
+from twin.effects.catalogue import effect_names as effect_names
+from twin.effects.effect import Domain as Domain
+from twin.effects.effect import Effect as Effect
+from twin.effects.effect import Parameter as Parameter
+from twin.effects.effect import parameter as parameter
+from twin.effects.errors import EffectError as EffectError
+from twin.effects.on_body import BodyEffect as BodyEffect
+from twin.effects.on_body import Push as Push
+from twin.effects.on_body import State as State
+from twin.effects.on_series import Order as Order
+from twin.effects.on_series import ScatterEffect as ScatterEffect
+from twin.effects.on_series import SeriesEffect as SeriesEffect
+from twin.effects.on_series import series_effects as series_effects
+from twin.effects.stated import effect_text as effect_text
+from twin.effects.stated import effects_of as effects_of
+from twin.effects.stated import parse_effects as parse_effects
+from twin.effects.stated import with_effects as with_effects

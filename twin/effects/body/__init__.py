@@ -1,0 +1,1 @@
+"""Effects on the machine itself: torques from outside, and parts that move inside."""

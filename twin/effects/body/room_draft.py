@@ -1,0 +1,72 @@
+"""Air currents of the room: an air conditioner, a door, a person walking by."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from twin.effects.effect import Domain, parameter
+from twin.effects.on_body import Array, BodyEffect, Push, add_couple, couple
+from twin.platform import Platform
+
+
+@dataclass(frozen=True)
+class RoomDraft(BodyEffect):
+    """A push fixed in the room that comes and goes: torque p x R^T F sin(2 pi f t + phase).
+
+    A couple of forces, held over each physics step at its middle. A steady draft is the twin of a
+    residual dipole.
+    """
+
+    name = "room_draft"
+    domain = Domain.torque
+    observable = "a torque with one line in its spectrum that no command explains"
+    streams = ("gyro", "attitude")
+
+    point: tuple[float, ...] = parameter(
+        "where it acts, from the CR, body axes",
+        "m",
+        (0.1, 0.0, 0.3),
+        source="ASSUMED: where the platform is widest",
+        low=-10.0,
+        high=10.0,
+        amplitude=False,
+    )
+    force: tuple[float, ...] = parameter(
+        "amplitude, room axes",
+        "N",
+        (6e-4, 2e-4, 0.0),
+        source="1/2 rho v^2 A of 0.1 m/s on 0.1 m^2",
+        low=-100.0,
+        high=100.0,
+    )
+    frequency: float = parameter(
+        "of the sinusoid",
+        "Hz",
+        0.05,
+        source="ASSUMED: a fan that swings in 20 s",
+        low=1e-4,
+        high=10.0,
+        amplitude=False,
+    )
+    phase: float = parameter(
+        "of the sinusoid at time 0",
+        "rad",
+        0.5,
+        source="any",
+        low=-2.0 * np.pi,
+        high=2.0 * np.pi,
+        amplitude=False,
+    )
+
+    def edit_spec(self, spec: mujoco.MjSpec, platform: Platform) -> None:
+        add_couple(spec, platform, self.label, np.array(self.point))
+
+    def pushes(self, platform: Platform) -> tuple[Push, ...]:
+        force = np.concatenate([self.force, np.zeros(3)])
+
+        def push(time: Array) -> Array:
+            turn = 2.0 * np.pi * self.frequency * time + self.phase
+            return np.sin(turn)[:, None] * force
+
+        return couple(self.label, push)

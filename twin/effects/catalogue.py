@@ -1,0 +1,125 @@
+"""Effects by name: one file each in a folder beside this one, a lab's own by path or entry point.
+
+A lab's own effect is a file with one class, given by its path, or the entry point of an installed
+package in the group `twin.effects` that names such a class.
+"""
+
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import sys
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from twin.effects.effect import Effect
+from twin.effects.errors import EffectError
+from twin.errors import UnknownName
+
+_FOLDER = Path(__file__).parent
+_GROUP = "twin.effects"
+
+
+def effect_names() -> list[str]:
+    """Names of all effects: those built in, folder by folder, then those of installed packages."""
+    return [*_built_in(), *sorted(point.name for point in entry_points(group=_GROUP))]
+
+
+def catalogue() -> tuple[type[Effect], ...]:
+    """All effects."""
+    return tuple(effect_named(name) for name in effect_names())
+
+
+def effect_named(name: str, *, own_files: bool = True) -> type[Effect]:
+    """The effect of that name, or in that file (`path/to/effect.py`).
+
+    Raises:
+        UnknownName: no such effect.
+        EffectError: the file cannot be imported or does not define exactly one effect; or it is a
+            file where only names will do.
+    """
+    if name.endswith(".py"):
+        if not own_files:
+            raise EffectError(
+                f"{name!r} is a file; a platform runs no code of its own: install the effect as an "
+                f"entry point of the group {_GROUP!r} and name it, or give the file to --effects"
+            )
+        path = Path(name)
+        if not path.is_file():
+            raise UnknownName("effect", name, effect_names())
+        return _only_effect(path.resolve())
+    built_in = _built_in()
+    if name in built_in:
+        module = importlib.import_module(f"twin.effects.{built_in[name]}.{name}")
+        return _effects_of(module)[0]
+    for point in entry_points(group=_GROUP, name=name):
+        found: Any = point.load()
+        if isinstance(found, type) and issubclass(found, Effect):
+            return found
+        raise EffectError(f"entry point {name!r} of {_GROUP!r} names no effect but {found!r}")
+    raise UnknownName("effect", name, effect_names())
+
+
+@cache
+def _built_in() -> dict[str, str]:
+    """Folder of each effect by its name."""
+    return {
+        path.stem: path.parent.name
+        for folder in ("body", "sensors", "clocks", "wheels", "stages")
+        for path in sorted((_FOLDER / folder).glob("*.py"))
+        if path.stem != "__init__"
+    }
+
+
+@cache
+def _only_effect(path: Path) -> type[Effect]:
+    name = f"_twin_effect_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:12]}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise EffectError(f"{path}: is no Python file; an effect is a file that ends in .py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as problem:
+        del sys.modules[name]
+        raise EffectError(
+            f"{path}: cannot be imported, {type(problem).__name__}: {problem}; mend the file"
+        ) from problem
+    effects = _effects_of(module)
+    if len(effects) != 1:
+        names = ", ".join(effect.__name__ for effect in effects) or "none"
+        raise EffectError(
+            f"{path}: defines {len(effects)} effects ({names}); an effect is a file with exactly "
+            "one subclass of BodyEffect, SeriesEffect or ScatterEffect"
+        )
+    _check(path, effects[0])
+    return effects[0]
+
+
+def _effects_of(module: ModuleType) -> list[type[Effect]]:
+    return [
+        found
+        for found in vars(module).values()
+        if isinstance(found, type)
+        and issubclass(found, Effect)
+        and found.__module__ == module.__name__
+    ]
+
+
+def _check(path: Path, effect: type[Effect]) -> None:
+    """Refuse a class that lacks what the catalogue tells of an effect."""
+    if inspect.isabstract(effect):
+        missing = ", ".join(sorted(effect.__abstractmethods__))
+        raise EffectError(f"{path}: {effect.__name__} lacks {missing}; add it")
+    for needed in ("name", "domain", "observable", "streams"):
+        if not hasattr(effect, needed):
+            raise EffectError(f"{path}: {effect.__name__} lacks `{needed}`; add it to the class")
+    if not effect.parameters():
+        raise EffectError(
+            f"{path}: {effect.__name__} has no parameter; declare one with "
+            "twin.effects.parameter, and put @dataclass(frozen=True) above the class"
+        )

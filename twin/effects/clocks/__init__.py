@@ -1,0 +1,1 @@
+"""Effects on when a sensor shows it."""

@@ -1,0 +1,112 @@
+"""Effects on the machine itself: what is added to MuJoCo's model, and what only pushes on it.
+
+An effect lives in MuJoCo where MuJoCo has the term (`edit_spec`, or `edit_model` for what an MjSpec
+does not hold): exact at every stage of RK4, in one run or a thousand. A push is a force or torque
+with axes of the room, on one body, constant or a function of time: exact as well, since MuJoCo
+turns with the body. Only what is neither is a torque law, which Python evaluates.
+"""
+
+import abc
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.effects.effect import Effect
+from twin.platform import Platform
+
+Array = NDArray[np.float64]
+
+CARRIER_MASS = 1e-9
+"""[kg] of a body that is there to be pushed on; MuJoCo has none without mass."""
+CARRIER_INERTIA = 1e-12
+"""[kg m^2]."""
+
+
+@dataclass(frozen=True)
+class Push:
+    """Force [N] and torque [N m] on one body, room axes, at its centre of mass."""
+
+    body: str
+    wrench: Array | Callable[[Array], Array]
+    """(6,), or from times (m,) [s] to (m, 6)."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Where the base joint stands, in n runs."""
+
+    position: Array
+    """(n, 4) attitude of a ball joint, world from body, or (n, 1) angle of a hinge [rad]."""
+    rate: Array
+    """(n, 3) [rad/s], body axes, or (n, 1)."""
+
+
+TorqueLaw = Callable[[State], Array]
+"""From a state to the torque on the base joint, (n, 3) in body axes or (n, 1) [N m]."""
+
+
+@dataclass(frozen=True)
+class BodyEffect(Effect, abc.ABC):
+    """Acts on the machine. Gives what it needs of the five; each is nothing by default."""
+
+    @property
+    def follows_start(self) -> bool:
+        """Whether the base joint's spring is at rest where a run starts."""
+        return False
+
+    def edit_spec(self, spec: mujoco.MjSpec, platform: Platform) -> None:
+        """Change the model before it is compiled."""
+        del spec, platform
+
+    def edit_model(self, model: mujoco.MjModel, platform: Platform) -> None:
+        """Change what only the compiled model holds."""
+        del model, platform
+
+    def pushes(self, platform: Platform) -> tuple[Push, ...]:
+        """Forces with axes of the room."""
+        del platform
+        return ()
+
+    def torque(self, platform: Platform) -> TorqueLaw | None:
+        """A torque on the base that depends on the state."""
+        del platform
+        return None
+
+
+def add_couple(spec: mujoco.MjSpec, platform: Platform, name: str, apart: Array) -> None:
+    """Hang two bodies to push on from the bus: at the CR, and `apart` from it, body axes [m].
+
+    A force F on one and -F on the other is the torque apart x R^T F, and nothing else.
+    """
+    for end, place in (("", apart), ("/back", np.zeros(3))):
+        where = anchor(spec, platform) + place
+        body = spec.body(platform.base.body).add_body(name=name + end, pos=where)
+        set_inertial(body, CARRIER_MASS, np.full(3, CARRIER_INERTIA))
+
+
+def couple(name: str, wrench: Array | Callable[[Array], Array]) -> tuple[Push, Push]:
+    """A force on the one, its opposite on the other of two bodies hung by `add_couple`."""
+    if callable(wrench):
+        return Push(name, wrench), Push(f"{name}/back", lambda time: -wrench(time))
+    return Push(name, wrench), Push(f"{name}/back", -wrench)
+
+
+def set_inertial(body: mujoco.MjsBody, mass: float, moments: Array) -> None:
+    """Mass [kg] at the body's origin, principal moments [kg m^2] about its axes."""
+    body.explicitinertial = True
+    body.mass = mass
+    body.ipos = np.zeros(3)
+    body.inertia = moments
+
+
+def anchor(spec: mujoco.MjSpec, platform: Platform) -> Array:
+    """(3,) the CR in the frame of the bus [m]."""
+    return np.array(spec.joint(platform.base.joint).pos)
+
+
+def needs_ball(platform: Platform) -> str:
+    """Why a platform without a ball joint cannot have an effect."""
+    return "" if platform.base.kind == "ball" else "it needs a ball joint"

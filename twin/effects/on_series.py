@@ -1,0 +1,112 @@
+"""Effects on a series: what a sensor, a clock or a drive makes of what went into it.
+
+`apply` is what the machine does: a true value becomes a shown one, a commanded one becomes what is
+done. `undo` is its inverse. Where several act on one stream, they do so in the order of `Order`,
+within a place in that of their names; undoing goes the other way.
+"""
+
+import abc
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.effects.effect import Effect
+from twin.platform import Platform
+from twin.signals import Samples
+
+Array = NDArray[np.float64]
+Live = Callable[[Samples], Samples]
+"""Takes the next samples of a stream; remembers what it must."""
+
+
+class Order(IntEnum):
+    """From the truth to what is logged (docs/design.md, section 2)."""
+
+    geometry = 0
+    scale = 1
+    bias = 2
+    filter = 3
+    """Whatever remembers: low-passes, backlash."""
+    noise = 4
+    """Noise, quantisation and saturation are the platform's own sensor."""
+    delay = 5
+
+
+@dataclass(frozen=True)
+class SeriesEffect(Effect, abc.ABC):
+    """Acts on one stream."""
+
+    order: ClassVar[Order]
+    acts_on: ClassVar[str] = ""
+    """The stream; empty where it is the target."""
+
+    @property
+    def stream(self) -> str:
+        """The stream that it changes."""
+        return self.acts_on or self.target
+
+    @abc.abstractmethod
+    def apply(self, samples: Samples, platform: Platform) -> Samples:
+        """What becomes of a stream from its start, (n, m, k)."""
+
+    @abc.abstractmethod
+    def undo(self, samples: Samples, platform: Platform) -> Samples:
+        """What must have gone in."""
+
+    def live(self, platform: Platform) -> Live:
+        """`apply` for a stream that comes bit by bit."""
+        return lambda samples: self.apply(samples, platform)
+
+    def unfit(self, platform: Platform) -> str:
+        """A stream that the platform has not cannot be changed."""
+        missing = super().unfit(platform)
+        if missing or self.stream in platform.sensors or self.stream in platform.commands:
+            return missing
+        return f"the platform has no {self.stream}"
+
+
+@dataclass(frozen=True)
+class ScatterEffect(Effect, abc.ABC):
+    """Adds noise to one sensor, as strong as something else makes it; it cannot be undone."""
+
+    acts_on: ClassVar[str]
+    """The sensor."""
+    cause: ClassVar[str]
+    """The true stream that decides how strong (a name of `Truth.measured`)."""
+
+    @abc.abstractmethod
+    def sigma(self, cause: Array) -> Array:
+        """1 sigma of the added noise, (n, m, k) or (n, m, 1), from the cause (n, m, j)."""
+
+    def unfit(self, platform: Platform) -> str:
+        """A sensor that the platform has not cannot be shaken."""
+        missing = super().unfit(platform)
+        if missing or self.acts_on in platform.sensors:
+            return missing
+        return f"the platform has no {self.acts_on}"
+
+
+def series_effects(effects: Sequence[Effect], stream: str) -> tuple[SeriesEffect, ...]:
+    """Those that act on a stream, in the order in which they do."""
+    found = [one for one in effects if isinstance(one, SeriesEffect) and one.stream == stream]
+    return tuple(sorted(found, key=lambda one: (one.order, one.label)))
+
+
+def columns_of(effect: Effect, platform: Platform, stream: str) -> NDArray[np.bool_]:
+    """(k,) the columns of a stream that belong to the parts an effect is aimed at."""
+    names = platform.columns(stream)
+    return np.isin(names, effect.of_parts(names))
+
+
+def with_value(samples: Samples, value: Array) -> Samples:
+    """The same samples with other values."""
+    return Samples(value, samples.time, samples.valid)
+
+
+def with_time(samples: Samples, time: Array) -> Samples:
+    """The same samples with other stamps."""
+    return Samples(samples.value, time, samples.valid)

@@ -1,0 +1,37 @@
+"""A gyro whose sensitivity is off."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.effects.effect import Domain, parameter
+from twin.effects.on_series import Order, SeriesEffect, with_value
+from twin.platform import Platform
+from twin.signals import Samples
+
+
+@dataclass(frozen=True)
+class GyroScaleFactor(SeriesEffect):
+    """Each axis shows (1 + e) of what it should."""
+
+    name = "gyro_scale_factor"
+    domain = Domain.sensor
+    observable = "the gyro and the turning of the attitude differ in proportion to the rate"
+    streams = ("gyro", "attitude")
+    order = Order.scale
+    acts_on = "gyro"
+
+    error: tuple[float, ...] = parameter(
+        "error of each axis's scale",
+        "1",
+        (5e-3, -3e-3, 4e-3),
+        source="ASSUMED: half a percent, usual for MEMS",
+        low=-0.9,
+        high=0.9,
+    )
+
+    def apply(self, samples: Samples, platform: Platform) -> Samples:
+        return with_value(samples, samples.value * (1.0 + np.array(self.error)))
+
+    def undo(self, samples: Samples, platform: Platform) -> Samples:
+        return with_value(samples, samples.value / (1.0 + np.array(self.error)))

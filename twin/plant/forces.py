@@ -1,0 +1,130 @@
+"""What a machine's effects push with while it is simulated, in one run or a thousand.
+
+Constant forces with the room's axes are set once. Those that change with time are held over each
+physics step at its middle. A torque that depends on the state is evaluated once a step, in one
+NumPy call for all runs, and carried on to the step's middle by a straight line through this value
+and the last one (Adams-Bashforth): wrong by the square of the step, where what needs no law is
+exact. Such a law costs a call of the batch a step instead of one a tick.
+"""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch, SimulationError
+from numpy.typing import NDArray
+
+from twin.effects import BodyEffect, State
+from twin.model import Machine
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_STATE = int(mujoco.mjtState.mjSTATE_QPOS | mujoco.mjtState.mjSTATE_QVEL)
+_FORCE = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+_PUSH = int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
+
+
+class Forces:
+    """Of a machine's effects, on a batch of n runs or predictions."""
+
+    def __init__(self, machine: Machine, n: int) -> None:
+        self._machine = machine
+        self._n = n
+        effects = [effect for effect in machine.effects if isinstance(effect, BodyEffect)]
+        platform, model = machine.platform, machine.model
+        pushes = [push for effect in effects for push in effect.pushes(platform)]
+        self._constant = np.zeros((model.nbody, 6))
+        self._moving: list[tuple[int, Callable[[Array], Array]]] = []
+        for push in pushes:
+            body = int(model.body(push.body).id)
+            if callable(push.wrench):
+                self._moving.append((body, push.wrench))
+            else:
+                self._constant[body] += push.wrench
+        laws = [effect.torque(platform) for effect in effects]
+        self._laws = [law for law in laws if law is not None]
+        self._springs = any(effect.follows_start for effect in effects)
+        self._last: Array | None = None
+
+    @property
+    def changing(self) -> bool:
+        """Whether `rollout` is needed; else the batch's own does as well."""
+        return bool(self._moving or self._laws)
+
+    def start(self, batch: Batch, qpos: Array) -> None:
+        """Set what stays, for runs that start at qpos (n, nq)."""
+        if self._constant.any():
+            batch.bind("xfrc_applied")[:] = self._constant
+        if self._springs:
+            base = self._machine.base_qpos
+            batch.expand("qpos_spring")[:, base] = qpos[:, base]
+        self._last = None
+
+    def rollout(
+        self,
+        batch: Batch,
+        steps: int,
+        force: Array | None,
+        time: Array,
+        states: Array,
+        ids: Index | None = None,
+    ) -> None:
+        """Advance a batch.
+
+        Args:
+            batch: of n runs.
+            steps: physics steps.
+            force: (m, steps, nv) generalised forces; None: none.
+            time: at the start, (m,) [s].
+            states: those after each step go in here, (m, steps, nq + nv).
+            ids: (m,) the runs; None: all.
+
+        Raises:
+            SimulationError: some runs failed; the others have run to the end.
+        """
+        runs = np.arange(self._n) if ids is None else ids
+        if force is None:
+            force = np.zeros((len(runs), steps, self._machine.model.nv))
+        push = self._pushes(steps, time) if self._moving else np.zeros((len(runs), steps, 0))
+        spec = _FORCE | _PUSH if self._moving else _FORCE
+        control = np.concatenate([force, push], axis=2)
+        if not self._laws:
+            batch.rollout(steps, control, spec, record=[_STATE], ids=ids, out={_STATE: states})
+            return
+        failure: SimulationError | None = None
+        for k in range(steps):
+            held = control[:, k : k + 1]
+            held[:, 0, self._machine.base_dof] += self._torque(batch, runs)
+            after = np.empty((len(runs), 1, states.shape[2]))
+            try:
+                batch.rollout(1, held, spec, record=[_STATE], ids=ids, out={_STATE: after})
+            except SimulationError as problem:
+                failure = problem
+            states[:, k] = after[:, 0]
+        if failure is not None:
+            raise failure
+
+    def _pushes(self, steps: int, time: Array) -> Array:
+        """(m, steps, 6 nbody) forces and torques on all bodies."""
+        step = self._machine.platform.step
+        middles = (time[:, None] + (np.arange(steps) + 0.5) * step).ravel()
+        wrench = np.tile(self._constant, (len(middles), 1, 1))
+        for body, law in self._moving:
+            wrench[:, body] += law(middles)
+        return wrench.reshape(len(time), steps, -1)
+
+    def _torque(self, batch: Batch, runs: Index) -> Array:
+        """(m, k) in the middle of the next step."""
+        machine = self._machine
+        state = State(
+            batch.bind("qpos")[runs][:, machine.base_qpos],
+            batch.bind("qvel")[runs][:, machine.base_dof],
+        )
+        now = np.sum([law(state) for law in self._laws], axis=0)
+        if self._last is None:
+            self._last = np.zeros((self._n, now.shape[1]))
+            self._last[runs] = now
+        middle = 1.5 * now - 0.5 * self._last[runs]
+        self._last[runs] = now
+        return middle
