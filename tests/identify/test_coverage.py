@@ -11,13 +11,8 @@ import pytest
 PANEL = Path(__file__).with_name("panel.py")
 
 
-TOO_FAR = pytest.mark.xfail(
-    reason="with the CM above the CR and the coarsest sensors, Jxx and Jxz end several sigma off"
-)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("grade", ["middle", pytest.param("coarse-unstable", marks=TOO_FAR)])
+@pytest.mark.parametrize("grade", ["middle", "coarse-unstable"])
 def test_intervals_of_unknown_noise_cover_the_truth(tmp_path: Path, grade: str):
     command = [sys.executable, PANEL, tmp_path, "--logs", "10", "--duration", "100"]
     run = subprocess.run(

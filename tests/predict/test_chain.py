@@ -1,8 +1,10 @@
 """Taking the states out of a chain of segments is the same as solving for all of them at once."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from twin.predict.chain import chain
+from twin.predict.chain import chain, growth
 from twin.predict.linearised import Linearised
 
 
@@ -85,3 +87,13 @@ def test_a_motion_without_noise_needs_no_noise_to_be_solved():
     for s in range(len(states) - 1):
         carried = linear.jump[s] + linear.transition[s] @ states[s] + linear.jump_shared[s] @ change
         np.testing.assert_allclose(states[s + 1], carried, rtol=1e-6, atol=1e-8)
+
+
+def test_growth_is_that_of_the_directions_that_grow():
+    linear = random_chain(3, segments=40, x=2)
+    basis = np.random.default_rng(3).normal(size=(2, 2))
+    falling = basis @ np.diag([np.exp(0.5), np.exp(-0.5)]) @ np.linalg.inv(basis)
+    grown = growth(replace(linear, transition=np.tile(falling, (39, 1, 1))))
+    np.testing.assert_allclose(grown, 0.5 * 39, atol=3.0)
+    turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
+    assert growth(replace(linear, transition=np.tile(turn, (39, 1, 1)))) < 1e-9

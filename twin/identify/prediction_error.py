@@ -6,7 +6,7 @@ L. Ljung, System Identification, 2nd ed. (1999), chapter 7.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +82,7 @@ def fit(problem: Problem, start: Unknowns) -> Fit:
     Raises:
         TwinError: no rigid body has the base that the iteration starts from.
     """
-    return _iterate(problem.innovations(start), problem.innovations)
+    return _iterate(problem, problem.innovations(start), problem.innovations)
 
 
 def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
@@ -107,20 +107,30 @@ def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
         near = (max(decade - NEAR, DECADES[0]), min(decade + NEAR, DECADES[1]))
         return _most_likely(problem, problem.innovations(at), near)
 
-    return _iterate(first, innovations)
+    return _iterate(problem, first, innovations)
 
 
-def _iterate(now: Innovations, innovations: Callable[[Unknowns], Innovations]) -> Fit:
+def _iterate(
+    problem: Problem, now: Innovations, innovations: Callable[[Unknowns], Innovations]
+) -> Fit:
+    """Gauss-Newton; the slope of the log-determinant joins where that has converged."""
+    tilted = False
     for _ in range(ITERATIONS):
-        step = now.step()
-        size = float(np.max(np.abs(step) / np.sqrt(np.diag(now.covariance))))
-        if size < CONVERGED:
+        if _size(now) < CONVERGED and not tilted:
+            now, tilted = problem.tilted(now), True
+        if _size(now) < CONVERGED:
             return Fit(now, converged=True)
+        step = now.step()
         moved = _moved(now, step, innovations)
         if moved is None:
             break
         now = moved
     return Fit(now, converged=False)
+
+
+def _size(now: Innovations) -> float:
+    """Of the next step, in standard deviations."""
+    return float(np.max(np.abs(now.step()) / np.sqrt(np.diag(now.covariance))))
 
 
 def _moved(
@@ -129,7 +139,7 @@ def _moved(
     """After the largest part of a step that does not make things worse; None without any."""
     for halving in range(HALVINGS):
         try:
-            tried = innovations(now.moved(0.5**halving * step))
+            tried = replace(innovations(now.moved(0.5**halving * step)), tilt=now.tilt)
         except TwinError:
             continue
         before, after = now.chi2 + now.logarithm, tried.chi2 + tried.logarithm

@@ -147,6 +147,33 @@ class Body:
             along(velocity, run["qvel"], wheels),
         )
 
+    def along(
+        self, base: BaseParameters, theta: Array, start: States, push: Array | None = None
+    ) -> Exact:
+        """Predict from `start` (S, .) under a base and an added force, and difference by the states.
+
+        Nothing else has a column.
+
+        Raises:
+            TwinError: no rigid body has such a base.
+        """
+        x = start.width
+        shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
+        model = base.model(theta)
+        path = self.paths(model, start.one().moved(shifts), push)
+        rows, ends = self.rows(path), self._ends(path, start)
+        linear = Linearised(
+            rows[0],
+            np.moveaxis(rows[1:] - rows[0], 0, -1) / STEP,
+            np.zeros((*rows[0].shape, 0)),
+            ends[0],
+            np.moveaxis(ends[1:] - ends[0], 0, -1) / STEP,
+            np.zeros((*ends[0].shape, 0)),
+            np.zeros((len(ends[0]), x, x)),
+        )
+        answer = self._answer(model)
+        return Exact(linear, self._local(answer, path), path[:1], answer)
+
     def linearise(
         self,
         base: BaseParameters,
@@ -162,39 +189,22 @@ class Body:
         Raises:
             TwinError: no rigid body has such a base.
         """
-        x = start.width
-        variants = start.one()
-        shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
-        model = base.model(theta)
-        path = self.paths(model, variants.moved(shifts), push)
-        rows, ends = self.rows(path), self._ends(path, start)
-        nominal, end = rows[0], ends[0]
-        sizes = STEP * base.scale
-        by_theta = [
-            self.paths(base.model(theta + size * unit), variants, push)
-            for size, unit in zip(sizes, np.eye(len(theta)), strict=True)
-        ]
-        slopes = [
-            (self.rows(moved)[0] - nominal) / size
-            for moved, size in zip(by_theta, sizes, strict=True)
-        ]
-        end_slopes = [
-            (self._ends(moved, start)[0] - end) / size
-            for moved, size in zip(by_theta, sizes, strict=True)
-        ]
+        exact = self.along(base, theta, start, push)
+        linear = exact.linear
+        columns: list[Array] = []
+        jumps: list[Array] = []
+        for size, unit in zip(STEP * base.scale, np.eye(len(theta)), strict=True):
+            moved = self.paths(base.model(theta + size * unit), start.one(), push)
+            columns.append((self.rows(moved)[0] - linear.residual) / size)
+            jumps.append((self._ends(moved, start)[0] - linear.jump) / size)
         bias_columns = self.bias_columns()
-        none = np.zeros((len(end), x, len(biases)))
-        linear = Linearised(
-            nominal + bias_columns @ biases,
-            np.moveaxis(rows[1:] - nominal, 0, -1) / STEP,
-            np.concatenate([np.stack(slopes, axis=-1), bias_columns], axis=-1),
-            end,
-            np.moveaxis(ends[1:] - end, 0, -1) / STEP,
-            np.concatenate([np.stack(end_slopes, axis=-1), none], axis=-1),
-            np.zeros((len(end), x, x)),
+        shared = replace(
+            linear,
+            residual=linear.residual + bias_columns @ biases,
+            shared=np.stack(columns, axis=-1),
+            jump_shared=np.stack(jumps, axis=-1),
         )
-        answer = self._answer(model)
-        return Exact(linear, self._local(answer, path), path[:1], answer)
+        return replace(exact, linear=shared.with_columns(bias_columns))
 
     def force_columns(self, exact: Exact, forces: Array) -> tuple[Array, Array]:
         """What forces (S, steps, nv, a) do: d residual (S, N, a), d segment's end (S - 1, x, a)."""

@@ -64,6 +64,16 @@ class Chain:
         return np.stack(states[::-1]), np.stack(adjoints[::-1])
 
 
+def growth(linear: Linearised) -> float:
+    """Logarithm of how much a volume of states grows along those directions in which it grows."""
+    basis = np.eye(linear.state.shape[-1])
+    total = np.zeros(len(basis))
+    for transition in linear.transition:
+        basis, triangle = np.linalg.qr(transition @ basis)
+        total += np.log(np.abs(np.diag(triangle)))
+    return float(np.sum(np.maximum(total, 0.0)))
+
+
 def chain(linear: Linearised) -> Chain:
     """Eliminate the states of one log."""
     x = linear.state.shape[-1]

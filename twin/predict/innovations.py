@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from twin.predict.base import BaseParameters
 from twin.predict.body import Body, Exact
-from twin.predict.chain import Chain, chain
+from twin.predict.chain import Chain, chain, growth
 from twin.predict.kalman import whitened
 from twin.predict.linearised import Linearised
 from twin.predict.perturbation import Added, Perturbation
@@ -26,6 +26,13 @@ WEAK = 1.0
 stays there, and what they show does not notice."""
 HELD = 1e-9
 """Likewise of a base that is not to move."""
+
+NO_GROWTH = 0.1
+"""The log-determinant has no slope worth its cost where the growth of the motion times the
+uncertainty of the base, in its scales, is less: it moves the base by that many standard deviations
+at most."""
+NEARBY = 0.3
+"""Standard deviations to the other end of a finite difference of the log-determinant."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +73,8 @@ class Innovations:
     """Numbers predicted."""
     logarithm: float
     """Log-determinant of the covariance that was divided out."""
+    tilt: Array
+    """(.,) how it grows with each unknown; see `Problem.tilted`."""
 
     @property
     def normal(self) -> Array:
@@ -87,13 +96,15 @@ class Innovations:
     @property
     def cost(self) -> float:
         """Twice the negative log-likelihood, up to a constant, after a Gauss-Newton step."""
-        left = self.residual + self.columns @ self.step()
-        return float(left @ left) + self.logarithm
+        step = self.step()
+        left = self.residual + self.columns @ step
+        return float(left @ left + self.tilt @ step) + self.logarithm
 
     def step(self) -> Array:
         """Gauss-Newton's change of theta, biases and strengths."""
         size = 1.0 / np.linalg.norm(self.columns, axis=0)
-        return -np.linalg.lstsq(self.columns * size, self.residual, rcond=None)[0] * size
+        step = -np.linalg.lstsq(self.columns * size, self.residual, rcond=None)[0] * size
+        return step - 0.5 * self.covariance @ self.tilt if self.tilt.any() else step
 
     def moved(self, change: Array) -> Unknowns:
         """The unknowns after a change of them, the states at their best for it."""
@@ -197,19 +208,47 @@ class Problem:
             replace(one, linear=one.linear.with_columns(more))
             for one, more in zip(now.exact, columns, strict=True)
         ]
-        return self.whiten(now.at, exact, now.intensity)
+        more = self.whiten(now.at, exact, now.intensity)
+        none = np.zeros(more.columns.shape[1] - len(now.tilt))
+        return replace(more, tilt=np.concatenate([now.tilt, none]))
+
+    def tilted(self, now: Innovations) -> Innovations:
+        """With the slope of the log-determinant, which Gauss-Newton leaves out.
+
+        Where a motion is unstable, each sample of it is predicted from those before it the worse
+        the faster it grows, so a likelihood that leaves this out takes its base for one that grows
+        faster than it does: by a standard deviation where the sensors are coarse. A stable one has
+        no such slope, and is given none.
+        """
+        sigma = np.sqrt(np.diag(now.covariance))[: len(now.at.theta)]
+        growing = sum(growth(one.linear) for one in now.exact)
+        if growing * float(np.max(sigma / self.base.scale)) < NO_GROWTH:
+            return now
+        tilt = np.zeros(now.columns.shape[1])
+        for index, size in enumerate(NEARBY * sigma):
+            change = np.zeros(len(tilt))
+            change[index] = size
+            nearby = self._logarithm(now.moved(change), now.intensity)
+            tilt[index] = (nearby - now.logarithm) / size
+        return replace(now, tilt=tilt)
+
+    def _logarithm(self, at: Unknowns, intensity: float) -> float:
+        """Log-determinant of the covariance at some unknowns."""
+        total = 0.0
+        for body, added, start in zip(self.bodies, self._added, at.starts, strict=True):
+            exact = body.along(self.base, at.theta, start, added.push(at.strengths))
+            linear, own = _disturbed(exact, intensity)
+            total += own + chain(linear).logarithm
+        return total
 
     def whiten(self, at: Unknowns, exact: Sequence[Exact], intensity: float) -> Innovations:
         """What was linearised at some unknowns, under a white torque of this intensity."""
         linear: list[Linearised] = []
         logarithm = 0.0
-        for entry in exact:
-            one = entry.linear
-            if intensity > 0.0:
-                axes = entry.local.pushed.shape[-1]
-                one, own = whitened(one, entry.local, np.full(axes, intensity))
-                logarithm += own
-            linear.append(one)
+        for one in exact:
+            white, own = _disturbed(one, intensity)
+            logarithm += own
+            linear.append(white)
         chains = [chain(one) for one in linear]
         logarithm += sum(link.logarithm for link in chains)
         p, biases = len(at.theta), sum(map(len, at.biases))
@@ -242,6 +281,7 @@ class Problem:
             np.concatenate(cluster),
             sum(body.samples for body in self.bodies),
             logarithm,
+            np.zeros(width),
         )
 
 
@@ -252,6 +292,13 @@ def _with(one: Exact, added: Added, strengths: Array) -> Exact:
     columns, jumps = added.body.force_columns(one, added.forces)
     columns += added.sensor_columns(one.path, strengths)
     return replace(one, linear=one.linear.with_columns(columns, jumps))
+
+
+def _disturbed(one: Exact, intensity: float) -> tuple[Linearised, float]:
+    """Under a white torque of this intensity about each base axis; the log-determinant."""
+    if intensity == 0.0:
+        return one.linear, 0.0
+    return whitened(one.linear, one.local, np.full(one.local.pushed.shape[-1], intensity))
 
 
 def _prior(bias: Array, scale: Array, p: int, added: int) -> Array:
