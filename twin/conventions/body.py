@@ -39,8 +39,8 @@ class Body:
         self._recording = recording
         self._turning = turning
         self._upright = upright_of(recording, platform)
-        momentum = momentum_of(recording, platform)
-        self._wheels = Wheels(recording, platform, momentum) if platform and momentum else None
+        self._platform = platform
+        self._wheels: Wheels | None = None
         self._inflation = 1.0
         self._upright_inflation = 1.0
 
@@ -55,6 +55,7 @@ class Body:
         if self._upright is not None and self._upright.has_accelerometer:
             left = self._upright.residual(kept[0].attitude, kept[0].force)
             self._upright_inflation = inflation(left)
+        self._wheels = self._wheels_beside(kept[0])
         kept = [replace(h, misfit=h.misfit / self._inflation) for h in kept]
         return sorted(kept, key=lambda h: h.score)
 
@@ -89,8 +90,15 @@ class Body:
 
     def weigh(self, one: Hypothesis, other: Hypothesis) -> float:
         """Evidence for the one over the other [nats], their costs taken off."""
-        parts = (evidence(*residuals) for residuals in self._residuals(one, other))
-        return sum(parts, other.cost - one.cost)
+        turned, *rest = (evidence(*residuals) for residuals in self._residuals(one, other))
+        others = sum(rest)
+        # Under feedback the body answers the gyro's noise a moment later, so that a gyro taken for
+        # late leaves less momentum over: of a lag between gyro and attitude that alone is no proof.
+        if one.out_of_step and not other.out_of_step:
+            others = min(others, max(turned, 0.0))
+        elif other.out_of_step and not one.out_of_step:
+            others = max(others, min(turned, 0.0))
+        return turned + others + other.cost - one.cost
 
     def _residuals(
         self, one: Hypothesis, other: Hypothesis
@@ -109,6 +117,16 @@ class Body:
         if wheels.drive is not None:
             left = [wheels.drive.residual(r.axes, r.command, r.lag) for r in (mine, theirs)]
             yield left[0], left[1], wheels.drive.inflation
+
+    def _wheels_beside(self, body: Hypothesis) -> Wheels | None:
+        """The wheels, held against the body while that floats freely."""
+        recording = self._recording
+        if self._upright is not None:
+            recording = recording.between(*self._upright.free(body.attitude))
+        momentum = momentum_of(recording, self._platform)
+        if self._platform is None or momentum is None:
+            return None
+        return Wheels(self._recording, self._platform, momentum)
 
     def _joined(self, body: Hypothesis, reading: WheelReading, *, late: bool) -> Hypothesis:
         names = self._recording["wheel_speed"].columns
@@ -144,6 +162,7 @@ class Body:
         return self._wheels.momentum.exchange(
             body.attitude,
             body.gyro,
+            self._turning.bias(body.attitude, body.gyro, body.gyro_lag - body.attitude_lag),
             gyro_lag=body.gyro_lag,
             attitude_lag=body.attitude_lag,
             inertia_error=inertia_error,

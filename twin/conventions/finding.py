@@ -20,7 +20,7 @@ class ConventionFinding:
     evidence: float
     """By how much the data prefer it to the log as read [nats], its own improbability taken off."""
     alternatives: tuple[str, ...] = ()
-    """Other readings that fit as well, in words; the motion is too poor to tell."""
+    """Other readings that fit as well, in words; the log does not tell which."""
 
     @property
     def stream(self) -> str:
@@ -49,4 +49,4 @@ class ConventionFinding:
         if not self.ambiguous:
             return f"{words}."
         others = "; or ".join(self.alternatives)
-        return f"{words}; or {others}: the motion is too poor to tell."
+        return f"{words}; or {others}: the log does not tell which."

@@ -18,6 +18,8 @@ AGREE = 2.0
 """Readings nearer than this share the disturbance: one of them counts every so often [s]."""
 LEANING = np.radians(5.0)
 """Beyond the tilt stop by more than this, and no machine stands so [rad]."""
+TOUCHING = np.radians(1.0)
+"""Nearer to the tilt stop than this, it may push [rad]."""
 UPSIDE_DOWN = 60.0
 """What an attitude that always does costs a hypothesis [nats]."""
 
@@ -36,7 +38,8 @@ class Upright:
     def __init__(self, recording: Recording, platform: Platform | None, grid: Grid) -> None:
         self._attitude = rotation.normalized(Means(recording["attitude"]).over(grid.edges) + 1e-9)
         self._gravity = platform.gravity if platform else STANDARD_GRAVITY
-        self._limit = platform.tilt_limit + LEANING if platform else np.inf
+        self._edges = grid.edges
+        self._stop = platform.tilt_limit if platform else np.inf
         self._force: Array | None = None
         series = recording.streams.get("accelerometer")
         if series is not None and series.columns == ("x", "y", "z"):
@@ -50,10 +53,18 @@ class Upright:
 
     def penalty(self, attitude: Array) -> float:
         """[nats] for an attitude, read as the 4 x 4 matrix says, that leans beyond the stop."""
-        if self._limit >= 0.5 * np.pi:
+        if self._stop + LEANING >= 0.5 * np.pi:
             return 0.0
         tilt = rotation.tilt(self._attitude @ attitude.T)
-        return UPSIDE_DOWN * float(np.mean(tilt > self._limit))
+        return UPSIDE_DOWN * float(np.mean(tilt > self._stop + LEANING))
+
+    def free(self, attitude: Array) -> tuple[float, float]:
+        """Start and end [s] of the longest stretch in which an attitude, read as the 4 x 4 matrix
+        says, stays off the tilt stop."""
+        touches = rotation.tilt(self._attitude @ attitude.T) > self._stop - TOUCHING
+        ends = np.flatnonzero(np.r_[True, touches, True])
+        longest = int(np.argmax(np.diff(ends)))
+        return float(self._edges[ends[longest]]), float(self._edges[ends[longest + 1] - 1])
 
     def match(self, attitude: Array) -> Array:
         """(48,) squared norm of the residual for every axes of the accelerometer; else zeros."""

@@ -106,11 +106,12 @@ def _cell(recording: Recording) -> float:
             break
         values = means.over(start + cell * np.arange(count + 1, dtype=np.float64))
         noise = values.shape[1] * means.cell_noise(cell) ** 2
-        # the variance of count values is known to sqrt(2 / count) of itself
-        doubt = 2.0 * noise * np.sqrt(2.0 / count)
+        # the variance of count values is known to sqrt(2 / count) of itself: four times that is
+        # beyond chance
+        doubt = 4.0 * noise * np.sqrt(2.0 / count)
         found = float(np.sum(np.var(values, axis=0))) - noise
         power = max(power, found - doubt)
-        if found + doubt < KEPT * power:
+        if power > 0.0 and found + doubt < KEPT * power:
             break
         best = cell
         if cell >= USUAL and noise < QUIET * power:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.conventions.correction import Correction
+from twin.conventions.turning import SMALL_LAG
 from twin.conventions.wheels import WheelReading
 
 Array = NDArray[np.float64]
@@ -36,6 +37,11 @@ class Hypothesis:
     def words(self) -> str:
         """What is wrong; empty for the log as read."""
         return ", and ".join(correction.words for correction in self.corrections)
+
+    @property
+    def out_of_step(self) -> bool:
+        """Whether gyro and attitude are on clocks further apart than a latency."""
+        return abs(self.gyro_lag - self.attitude_lag) > SMALL_LAG + 1e-9
 
     @property
     def score(self) -> float:

@@ -3,7 +3,8 @@
 H = R (J w + sum a_i I_i Omega_i) in world axes changes by gravity alone, dH/dt = (R m r) x g. With
 J from the platform that leaves, linear in what is unknown: H at the start, m r, a constant torque,
 the gyro's bias, and what J is off by. They are projected out (J's error, with its prior, is held to
-a few tenths), and what the wheels do beyond that must answer the body.
+a few tenths; the bias to what the attitude says of it, else a wheel at constant speed could hide in
+it), and what the wheels do beyond that must answer the body.
 
 J. L. Schwartz and C. D. Hall, System identification of a spherical air-bearing spacecraft
 simulator, AAS 04-122: the momentum integral.
@@ -24,8 +25,12 @@ Array = NDArray[np.float64]
 
 INERTIA_ERROR = 0.15
 """1 sigma of an entry of J, of its mean moment: what a CAD model or an old payload leaves."""
+BIAS_DOUBT = 3.0
+"""The gyro's bias drifts: so many times its formal sigma is left to it."""
 RIGID = 0.02
 """For finding the unit of the wheels, J is held nearly as it is stated."""
+PRIORS = 9
+"""Rows of what is known of the bias and of J."""
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -79,12 +84,14 @@ class Momentum:
         self,
         attitude: Array,
         gyro: Array,
+        bias: tuple[Array, float],
         *,
         gyro_lag: float = 0.0,
         attitude_lag: float = 0.0,
         inertia_error: float = INERTIA_ERROR,
     ) -> Exchange:
-        """The body's side, read as the 4 x 4 `attitude` and the 3 x 3 `gyro` say.
+        """The body's side, read as the 4 x 4 `attitude` and the 3 x 3 `gyro` say, whose `bias`
+        comes with its 1 sigma [rad/s].
 
         J may be off by `inertia_error` of its mean moment; the larger, the less is known of the
         common scale of body and wheels.
@@ -92,16 +99,19 @@ class Momentum:
         edges = self.grid.edges
         q = rotation.normalized(self._attitude.over(edges + attitude_lag) + 1e-9) @ attitude.T
         turn = rotation.matrix(rotation.normalized(q))
-        rate = self._gyro.over(edges + gyro_lag) @ gyro.T
+        rate = self._gyro.over(edges + gyro_lag) @ gyro.T - bias[0]
         inertia = self._platform.inertia
         body = _apply(turn, rate @ inertia.T) - self._stage_impulse(turn)
         noise = self._noise()
         columns = self._unknowns(turn, rate) / noise
         size = 3 * len(turn)
-        rows = np.zeros((size + len(ENTRIES), columns.shape[2]))
+        moment = float(np.trace(inertia)) / 3.0
+        spread = np.r_[
+            np.full(3, BIAS_DOUBT * bias[1] * moment), np.full(len(ENTRIES), inertia_error * moment)
+        ]
+        rows = np.zeros((size + len(spread), columns.shape[2]))
         rows[:size] = columns.reshape(size, -1)
-        spread = inertia_error * np.trace(inertia) / 3.0
-        rows[size:, -len(ENTRIES) :] = np.eye(len(ENTRIES)) / spread
+        rows[size:, -len(spread) :] = np.diag(1.0 / spread)
         basis = np.linalg.qr(rows)[0]
         flat = np.zeros(len(rows))
         flat[:size] = (body / noise).ravel()

@@ -74,6 +74,15 @@ class Turning:
         inverse, axes = vector_axes(attitude)
         return self.whiten(self.rates[inverse] @ axes.T - self.gyro(lag) @ gyro.T)
 
+    def bias(self, attitude: Array, gyro: Array, lag: float) -> tuple[Array, float]:
+        """(3,) the gyro's mean error over the log, in the body axes that `residual` has, and its
+        1 sigma [rad/s]."""
+        inverse, axes = vector_axes(attitude)
+        off = self.gyro(lag) @ gyro.T - self.rates[inverse] @ axes.T
+        # the attitude's noise enters at both ends only
+        ends = np.sqrt(2.0) * self._angle_noise / len(off)
+        return off.mean(axis=0), float(np.hypot(ends, self._rate_noise / np.sqrt(len(off))))
+
     def match(self, lags: Array) -> Match:
         """Both families and all axes, each at the best of these lags."""
         turned = [self.whiten(rate) for rate in self.rates]

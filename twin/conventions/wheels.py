@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from twin.conventions.axes import cost_of, signed_permutations
 from twin.conventions.drive import drive_of
 from twin.conventions.evidence import inflation
-from twin.conventions.momentum import ENTRIES, Exchange, Momentum
+from twin.conventions.momentum import PRIORS, Exchange, Momentum
 from twin.conventions.turning import NEAR, SMALL_LAG, far_lags, least
 from twin.platform import Platform
 from twin.recording import Recording
@@ -63,7 +63,7 @@ class Wheels:
         tried = self._tried(exchange, self.lags) + 2.0 * self._driven
         row, best = np.unravel_index(int(np.argmin(tried)), tried.shape)
         left = self._left(exchange, self._axes[best], float(self.lags[row]))
-        self.inflation = inflation(left[: -len(ENTRIES)].reshape(-1, 3))
+        self.inflation = inflation(left[:-PRIORS].reshape(-1, 3))
 
     def readings(self, exchange: Exchange, *, far: bool) -> list[WheelReading]:
         """Every axes of the wheels, each at its best lag, near or far; the likeliest first."""
