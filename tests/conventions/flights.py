@@ -20,7 +20,10 @@ from twin.stream.recorder import MemoryRecorder
 STREAMS = ("gyro", "attitude", "wheel_speed")
 GRADES = {"fine": (1e-4, 1e-4, 0.02), "middle": (1e-3, 1e-3, 0.1), "coarse": (4.4e-3, 3.5e-2, 0.3)}
 """White noise of gyro [rad/s], attitude [rad] and wheel speed [rad/s]."""
-MOTIONS = ("multisine", "slow", "still", "hanging", "unstable", "stages")
+MOTIONS = ("multisine", "slow", "still", "hanging", "falling", "unstable", "stages")
+"""Tracking a large or a small reference, or holding; floating freely with the CM below the CR, or
+above until the stop; tracking with the CM above, and with masses that travel."""
+FREE = ("hanging", "falling")
 
 
 class WithStages(Controller):
@@ -49,7 +52,9 @@ def another_machine(sads: Platform, draw: np.random.Generator, grade: str, motio
     products = draw.uniform(-0.3, 0.3, 3)
     inertia[[0, 0, 1], [1, 2, 2]] = inertia[[1, 2, 2], [0, 0, 1]] = products
     offset = sads.mass * draw.uniform(-1.0, 1.0, 3) * 15e-6
-    offset[2] += sads.mass * {"hanging": -3e-4, "unstable": 3e-4}.get(motion, -2e-5)
+    offset[2] += sads.mass * {"hanging": -3e-4, "falling": 3e-4, "unstable": 3e-4}.get(
+        motion, -2e-5
+    )
     return dataclasses.replace(sads, sensors=sensors, inertia=inertia, center_of_mass_offset=offset)
 
 
@@ -58,17 +63,17 @@ def flights(
 ) -> Iterator[Recording]:
     """Logs of one machine, 60 to 120 s, their stamps late by up to 40 ms."""
     platform = another_machine(sads, draw, grade, motion)
-    free = motion in ("hanging", "unstable")
+    free = motion in FREE
     law = load_controller("free_float" if free else "quaternion_pd")
     if motion == "stages":
         law = WithStages(law)
-    tilt = np.radians(draw.uniform(-3.0, 3.0, (count, 2)) * (0.1 if motion == "unstable" else 1.0))
+    tilt = np.radians(draw.uniform(-3.0, 3.0, (count, 2)) * (0.1 if motion == "falling" else 1.0))
     start = InitialState(
         attitude=from_euler_zyx(draw.uniform(-3.0, 3.0, count) * free, *(tilt * free).T),
         rate_body=draw.uniform(-0.005, 0.005, (count, 3)) * free,
         wheel_speed=draw.uniform(-20.0, 20.0, (count, 3)),
     )
-    if motion in ("multisine", "stages"):
+    if motion in ("multisine", "unstable", "stages"):
         reference = Multisine(np.radians(draw.uniform(3.0, 6.0)), draw.uniform(0.008, 0.015))
     elif motion == "slow":
         reference = Multisine(np.radians(0.5), 0.004)

@@ -11,10 +11,17 @@ import pytest
 from twin.conventions import check_conventions
 from twin.platform import Platform, load_platform
 
-_SPEC = importlib.util.spec_from_file_location("flights", Path(__file__).with_name("flights.py"))
-flights = importlib.util.module_from_spec(_SPEC)
-sys.modules["flights"] = flights
-_SPEC.loader.exec_module(flights)
+
+def _beside(name: str):
+    """A module of this folder; tests are no package."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    sys.modules[name] = module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+flights = _beside("flights")
+panel = _beside("panel")
 
 
 @pytest.fixture(scope="module")
@@ -47,3 +54,15 @@ def test_a_wrong_convention_is_named(sads, right_logs, kind):
     mistake = flights.make_mistake(logs[3], draw, kind)
     sentences = [finding.sentence for finding in check_conventions(mistake.recording, sads)]
     assert any(mistake.name in sentence for sentence in sentences), (mistake.stream, sentences)
+
+
+@pytest.mark.slow
+def test_most_of_a_panel_is_recognised_and_no_right_log_is_accused(sads):
+    seed = secrets.randbits(32)
+    print("seed", seed)
+    order = np.random.default_rng(seed).permutation(len(panel.CELLS))[:12]
+    rows = [row for cell in order for row in panel.fly_and_check(sads, int(cell), seed + int(cell))]
+    print(panel.table(rows))
+    verdicts = [row["verdict"] for row in rows if row["kind"] != "right" and panel.shows(row)]
+    assert not {"accused", "wrong"} & {row["verdict"] for row in rows}
+    assert verdicts.count("missed") <= 0.25 * len(verdicts), "of the whole panel 1 in 20"

@@ -77,3 +77,12 @@ def test_neither_commands_nor_truth_are_sensors(swing):
     gappy = Series(good.time[kept], good.value[kept], good.columns, good.unit)
     streams = {"truth_rate": gappy, "command_wheel_torque": gappy, "own": gappy}
     assert noise_findings(Recording(streams), None) == []
+
+
+def test_values_whose_scale_is_to_be_fitted_are_called_by_their_own_unit(swing, sads):
+    good = swing(np.random.default_rng(6), 1e-3)
+    rough = np.round(good.value / 0.05) * 0.05
+    streams = {"gyro": Series(good.time, rough, good.columns, good.unit)}
+    entry = {"gyro": {"fit_scale": True, "unit": "mV"}}
+    (found,) = noise_findings(Recording(streams, {"streams": entry}), sads)
+    assert found.sentence.startswith("gyro comes in steps of 0.05 V, which is more than its noise")

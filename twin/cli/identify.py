@@ -1,6 +1,7 @@
 """`twin identify LOG...`: inertia and mass moment, with intervals and what the logs cannot tell."""
 
 import os
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -32,6 +33,7 @@ class Identify:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
         from twin.cli.output import print_json
+        from twin.conventions import convention_advice
         from twin.errors import UsageError
         from twin.identify import identify
         from twin.platform import load_platform, platform_of
@@ -44,6 +46,10 @@ class Identify:
         machine = (
             platform_of(recordings[0]) if self.platform is None else load_platform(self.platform)
         )
+        for path, recording in zip(self.logs, recordings, strict=True):
+            warning = convention_advice(recording, machine).warning
+            if warning:
+                print(f"{path}: {warning}", file=sys.stderr)
         found = identify(recordings, machine, self.method)
         if self.json:
             print_json(found.document())

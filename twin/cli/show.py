@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 class Show:
     """Print what is in a log: streams with rates, gaps, ranges and noise, repairs, what it states.
 
-    Noise is estimated from the data, and held against what the log or its platform states.
+    Noise is estimated from the data, and held against what the log or its platform states. A unit,
+    an axis, a quaternion or a clock that looks misread is named first, with the lines of log.toml
+    that put it right.
     """
 
     log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
@@ -34,7 +36,7 @@ class Show:
         from twin.cli.output import print_json
         from twin.report.contents import contents_document, contents_of, contents_words
 
-        contents = contents_of(str(self.log), recording, _platform(recording))
+        contents = contents_of(str(self.log), recording, *_platform(recording))
         print_json(contents_document(contents)) if self.json else print(contents_words(contents))
         if self.picture is not None:
             from twin.report.picture import draw_contents
@@ -43,12 +45,12 @@ class Show:
         return 0
 
 
-def _platform(recording: "Recording") -> "Platform | None":
-    """The machine, if it can be found; without it the noise is held against the log's words."""
+def _platform(recording: "Recording") -> "tuple[Platform | None, str]":
+    """The machine, if it can be found; else why not."""
     from twin.errors import TwinError
-    from twin.platform import load_platform
+    from twin.platform import platform_of
 
     try:
-        return load_platform(str(recording.provenance.get("platform", "")))
-    except TwinError:
-        return None
+        return platform_of(recording), ""
+    except TwinError as problem:
+        return None, str(problem)

@@ -9,7 +9,6 @@ from twin.conventions.axes import (
     ODD,
     SIMPLE,
     cost_of,
-    entries,
     quaternion_matrices,
     signed_permutations,
     words_for,
@@ -43,7 +42,7 @@ def unit_changes(recording: Recording, stream: str) -> list[Correction]:
             stream,
             "unit",
             f"{stream} looks like {name}, read as {text or recording[stream].unit}",
-            (f'unit = "{name}"',),
+            (("unit", name),),
             SIMPLE,
             factor=unit_named(name).factor / read.factor,
         )
@@ -75,16 +74,8 @@ def axes_change(stream: str, axes: Array, names: Sequence[str]) -> Correction | 
     """The correction whose right values are `axes` times those read; None where it changes none."""
     if (axes == np.eye(len(axes))).all():
         return None
-    listed = ", ".join(f'"{entry}"' for entry in entries(axes, names))
-    line = f"columns = [{listed}]" if len(names) > 1 else "scale = -1.0"
-    return Correction(
-        stream,
-        "axes",
-        words_for(stream, axes, names),
-        (line,),
-        cost_of(axes),
-        axes=as_tuple(axes),
-    )
+    words = words_for(stream, axes, names)
+    return Correction(stream, "axes", words, cost=cost_of(axes), axes=as_tuple(axes))
 
 
 def attitude_changes(recording: Recording) -> Iterator[tuple[Array, Correction | None]]:
@@ -92,22 +83,22 @@ def attitude_changes(recording: Recording) -> Iterator[tuple[Array, Correction |
     facts = stated(recording, "attitude")
     backwards = facts.get("direction") == "world_to_body"
     wrong = ("world-to-body", "body-to-world")[backwards]
-    direction = f'direction = "{wrong.replace("-", "_")}"'
+    direction = ("direction", wrong.replace("-", "_"))
     # a stated direction was applied after the order, so the order is mended before it
     undo = np.diag([1.0, -1.0, -1.0, -1.0]) if backwards else np.eye(4)
     for name, matrix in quaternion_matrices():
         order = name.split()[0] if name else ""
         if order in ("xyzw", "wxyz"):
-            if facts.get("format", order) == order and "format" in facts:
+            if facts.get("format") in (order, "euler_zyx"):
                 continue
             right = undo @ matrix @ undo
             words = f"the attitude's scalar stands {'last' if order == 'xyzw' else 'first'}"
-            lines = (f'format = "{order}"',)
+            keys = (("format", order),)
             cost = SIMPLE + (order == "wxyz" and facts.get("format") != "xyzw") * 2.0
             if name.endswith("inverse"):
                 words += f", and it is {wrong}"
-                lines, cost = (*lines, direction), cost + SIMPLE
-            yield right, Correction("attitude", "order", words, lines, cost, axes=as_tuple(right))
+                keys, cost = (*keys, direction), cost + SIMPLE
+            yield right, Correction("attitude", "order", words, keys, cost, axes=as_tuple(right))
         elif name == "inverse":
             words = f"attitude is {wrong}"
             yield (
@@ -118,15 +109,13 @@ def attitude_changes(recording: Recording) -> Iterator[tuple[Array, Correction |
             )
         elif name == "axes":
             axes = matrix[1:, 1:]
-            listed = ", ".join(f'"{entry}"' for entry in ("w", *entries(axes, ("x", "y", "z"))))
             yield (
                 matrix,
                 Correction(
                     "attitude",
                     "axes",
                     words_for("attitude", axes, ("x", "y", "z")),
-                    (f"columns = [{listed}]",),
-                    min(cost_of(axes), ODD),
+                    cost=min(cost_of(axes), ODD),
                     axes=as_tuple(matrix),
                 ),
             )
@@ -144,7 +133,6 @@ def lag_change(stream: str, lag: float) -> Correction | None:
         stream,
         "clock_lag",
         f"{stream} {'lags' if lag > 0.0 else 'runs'} {where}",
-        (f"clock_lag = {lag:.3f}",),
-        SIMPLE,
+        cost=SIMPLE,
         lag=lag,
     )

@@ -20,8 +20,9 @@ class Correction:
     """`unit`, `axes`, `order`, `direction`, `time_unit` or `clock_lag`."""
     words: str
     """What is wrong, without a capital or a full stop: "gyro looks like deg/s, read as rad/s"."""
-    lines: tuple[str, ...]
-    """Of [streams.<stream>] in log.toml."""
+    keys: tuple[tuple[str, str], ...] = ()
+    """Keys of [streams.<stream>] in log.toml with the right text. Columns, rate and clock_lag
+    depend on what stands there; `log_toml.py` works them out."""
     cost: float = 0.0
     """How unusual the mistake is [nats]."""
     factor: float = 1.0

@@ -38,11 +38,6 @@ class ConventionFinding:
         return bool(self.alternatives)
 
     @property
-    def lines(self) -> tuple[str, ...]:
-        """Of [streams.<stream>] in log.toml, corrected."""
-        return self.correction.lines
-
-    @property
     def sentence(self) -> str:
         """For a person."""
         words = self.correction.words[0].upper() + self.correction.words[1:]

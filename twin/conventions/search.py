@@ -1,10 +1,12 @@
 """Is a log read rightly? Units first, then axes, order, direction and clock in one search."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from twin.conventions.body import Body
 from twin.conventions.changes import CLOSE, unit_change, unit_changes
-from twin.conventions.correction import Correction, apply_all
+from twin.conventions.correction import Correction, apply_all, stated
 from twin.conventions.finding import CERTAIN, CLEAR, TIED, ConventionFinding
 from twin.conventions.gravity import accelerometer_factor
 from twin.conventions.hypothesis import Hypothesis
@@ -36,7 +38,7 @@ def check_conventions(
         A finding for each wrong stream, none for a right log. Findings with `alternatives` belong
         to a log whose motion is too poor to choose among several readings.
     """
-    recording = recording.without_truth()
+    recording = _scaled(recording.without_truth())
     plain = time_unit_changes(recording, platform)
     recording = apply_all(recording, plain)
     for unit in (_accelerometer_unit(recording, platform), _gyro_unit(recording)):
@@ -56,6 +58,16 @@ def check_conventions(
             bodies = body.of_motion()
     found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
     return found + _choose(body, body.with_wheels(bodies))
+
+
+def _scaled(recording: Recording) -> Recording:
+    """Without the streams whose scale is yet to be fitted: they fit nothing as they are."""
+    kept = {
+        name: series
+        for name, series in recording.items()
+        if not stated(recording, name).get("fit_scale")
+    }
+    return replace(recording, streams=kept)
 
 
 def _choose(body: Body, ranked: list[Hypothesis]) -> list[ConventionFinding]:

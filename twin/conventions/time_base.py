@@ -38,7 +38,7 @@ def time_unit_changes(recording: Recording, platform: Platform | None) -> list[C
             "time_unit",
             f"the times of {name} look like {UNITS[power]}, read as "
             f"{'s' if power < 0 else 'ms' if power == 3 else 'us'}",
-            (f'time_unit = "{UNITS[power]}"',),
+            (("time_unit", UNITS[power]),),
             time_factor=10.0**power,
         )
         for name, power in wrong.items()

@@ -51,7 +51,7 @@ def noise_findings(recording: Recording, platform: Platform | None) -> list[Nois
         if (series.value == series.value[0]).all():
             continue  # what stands still on its grid shows neither noise nor clock
         noise = measure_noise(series)
-        unit = "rad" if name == "attitude" else series.unit
+        unit = "rad" if name == "attitude" else recording.unit_of(name)
         findings += _against_claims(name, unit, noise, recording, platform)
         findings += _quality(name, unit, noise, len(series))
     return findings
@@ -84,7 +84,10 @@ def _against_claims(
 def _claim(name: str, recording: Recording, platform: Platform | None) -> tuple[float, str]:
     """Stated 1 sigma a sample, rms over the columns; 0 where nothing is stated."""
     streams = cast(Mapping[str, Mapping[str, Any]], recording.provenance.get("streams") or {})
-    stated = streams.get(name, {}).get("noise")
+    entry = streams.get(name) or {}
+    if entry.get("fit_scale"):
+        return 0.0, ""  # volts against rad/s
+    stated = entry.get("noise")
     if stated is not None:
         return _rms(np.asarray(stated, dtype=np.float64)), "the log"
     if platform is None or name not in platform.sensors:

@@ -38,7 +38,10 @@ class Entry:
     start: float
     rate: float
     """[Hz]; NaN with a column of times."""
+    clock_lag: float
+    """[s] by which the file's times are late."""
     columns: tuple[str, ...]
+    """As named, those to be turned about with a minus before them; empty: the rest of the file."""
     axes: tuple[str, ...]
     unit: Unit
     scale: float
@@ -51,14 +54,19 @@ class Entry:
         """The SI unit of the series."""
         return self.canonical.unit if self.canonical else self.unit.si
 
-    @property
-    def facts(self) -> dict[str, Any]:
-        """What the recording says of where the stream is from."""
+    def facts(self, files: OpenFiles) -> dict[str, Any]:
+        """What the recording says of where the stream is from, and how it was read."""
         return {
             "file": self.path.name,
             "unit": self.table.raw("unit"),
             "noise": None if self.noise is None else self.noise.tolist(),
             "fit_scale": self.table.raw("scale") == "fit",
+            "columns": list(self._columns(self._open(files))),
+            "time_unit": self.table.raw("time_unit"),
+            "rate": self.table.raw("rate"),
+            "clock_lag": self.clock_lag,
+            "format": self.layout or None,
+            "direction": DIRECTIONS[self.world_to_body] if self.layout else None,
         }
 
     @classmethod
@@ -85,6 +93,7 @@ class Entry:
             time_factor=_time_factor(table) if has_time else 1.0,
             rate=table.number("rate", np.nan, low=1e-6, unit="Hz"),
             start=0.0 if has_time else table.number("start", 0.0, unit="s"),
+            clock_lag=table.number("clock_lag", 0.0, unit="s"),
             columns=table.texts("columns", ()),
             axes=table.texts("axes", ()),
             unit=_unit(table, name, canonical, layout),
@@ -102,14 +111,14 @@ class Entry:
         Raises:
             LogError: the file cannot be read, or does not hold what the entry says.
         """
-        file = files.open(self.path, unit=self.si, variable=self.variable, topic=self.topic)
-        clock = (self.time or file.time) if np.isnan(self.rate) else None
-        columns = self.columns or tuple(name for name in file.values if name != clock)
+        file = self._open(files)
+        clock = self._clock(file)
+        columns, signs = _signed(self._columns(file), file.header)
         layout = LAYOUTS[0] if file.by_name and not self.columns else self.layout
         names = self._names(columns, layout)
         where = f"{self.name} ({self.path.name})"
         rows = mended(*self._numbers(file, clock, columns), file, columns, clock, where)
-        value, repairs = rows.value * self.unit.factor, rows.repairs
+        value, repairs = rows.value * signs * self.unit.factor, rows.repairs
         if self.unit.offset != 0.0:  # adding 0.0 would turn -0.0 into 0.0
             value = value + self.unit.offset
         value = value * self.scale
@@ -120,7 +129,18 @@ class Entry:
         if self.noise is not None and len(self.noise) not in (1, 3 if layout else len(names)):
             problem = f"has {len(self.noise)} numbers for {len(names)} columns"
             raise self.table.fail("noise", problem, "give one for all, or one a column")
-        return Series(rows.time, np.ascontiguousarray(value), names, self.si), repairs
+        time = rows.time - self.clock_lag if self.clock_lag else rows.time
+        return Series(time, np.ascontiguousarray(value), names, self.si), repairs
+
+    def _open(self, files: OpenFiles) -> NumberFile:
+        return files.open(self.path, unit=self.si, variable=self.variable, topic=self.topic)
+
+    def _clock(self, file: NumberFile) -> str | None:
+        return (self.time or file.time) if np.isnan(self.rate) else None
+
+    def _columns(self, file: NumberFile) -> tuple[str, ...]:
+        clock = self._clock(file)
+        return self.columns or tuple(name for name in file.values if name != clock)
 
     def _numbers(
         self, file: NumberFile, clock: str | None, columns: tuple[str, ...]
@@ -172,6 +192,13 @@ def _canonical(table: Table, name: str) -> Stream | None:
             f"is missing, and {name} is no stream we know ({hint})",
             "name the stream so, or add its unit",
         ) from None
+
+
+def _signed(columns: tuple[str, ...], header: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:
+    """The columns' names in the file, and the sign with which each is taken."""
+    turned = [name.startswith("-") and name not in header for name in columns]
+    names = tuple(name[t:] for name, t in zip(columns, turned, strict=True))
+    return names, np.where(turned, -1.0, 1.0)
 
 
 def _path(table: Table, folder: Path) -> Path:

@@ -44,7 +44,7 @@ def read_log(path: str | Path) -> Recording:
     for name in streams_table.keys:
         entry = Entry.read(streams_table.table(name), folder, name)
         streams[name], mended = entry.series(files)
-        facts[name] = entry.facts
+        facts[name] = entry.facts(files)
         repairs += (repair for repair in mended if repair not in repairs)
     if not streams:
         raise streams_table.fail("streams", "names no stream", "add [streams.gyro] or another")

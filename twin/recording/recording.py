@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import UnknownName
+from twin.units import unit_named
 
 Array = NDArray[np.float64]
 
@@ -78,6 +79,13 @@ class Recording(Mapping[str, Series]):
 
     def __len__(self) -> int:
         return len(self.streams)
+
+    def unit_of(self, name: str) -> str:
+        """SI unit of a stream's values; where its scale is to be fitted that may be volts, say."""
+        stated = (self.provenance.get("streams") or {}).get(name) or {}
+        if not stated.get("fit_scale"):
+            return self[name].unit
+        return unit_named(stated.get("unit") or self[name].unit).si
 
     @property
     def start(self) -> float:

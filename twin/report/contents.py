@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import rotation
+from twin.conventions import ConventionAdvice, convention_advice
 from twin.noise import StreamNoise, measure_noise, noise_findings
 from twin.noise.clock import GAP
 from twin.platform import Platform
 from twin.recording import Recording, Series
-from twin.units import fitting, printed, three_digits, unit_named
+from twin.units import fitting, printed, three_digits
 
 Array = NDArray[np.float64]
 
@@ -59,18 +60,26 @@ class Contents:
     """Where the log is from."""
     recording: Recording
     streams: tuple[StreamContents, ...]
+    conventions: ConventionAdvice
+    """Streams that look misread, and the lines of log.toml that put them right."""
     findings: tuple[str, ...]
     """Sentences: noise that is not as stated, bad clocks."""
 
 
-def contents_of(source: str, recording: Recording, platform: Platform | None) -> Contents:
-    """Look at every stream; the noise is held against the platform's, where one is given."""
-    findings = noise_findings(recording, platform)
+def contents_of(
+    source: str, recording: Recording, platform: Platform | None, problem: str = ""
+) -> Contents:
+    """Look at every stream. Noise is held against the platform's, where one is given, and wheels
+    against its body; else the `problem` says why there is none."""
+    findings = [finding.sentence for finding in noise_findings(recording, platform)]
+    if problem:
+        findings.append(f"Nothing was held against the machine: {problem}.")
     return Contents(
         source,
         recording,
-        tuple(_stream(name, series, _entry(recording, name)) for name, series in recording.items()),
-        tuple(finding.sentence for finding in findings),
+        tuple(_stream(recording, name) for name in recording),
+        convention_advice(recording, platform),
+        tuple(findings),
     )
 
 
@@ -80,13 +89,14 @@ def _entry(recording: Recording, name: str) -> Mapping[str, Any]:
     return stated.get(name) or {}
 
 
-def _stream(name: str, series: Series, entry: Mapping[str, Any]) -> StreamContents:
+def _stream(recording: Recording, name: str) -> StreamContents:
+    series, entry = recording[name], _entry(recording, name)
     noise = measure_noise(series)
     intervals = np.diff(series.time)
     wide = np.flatnonzero(intervals > GAP * noise.clock.period)
     wide = wide[np.argsort(-intervals[wide], kind="stable")]
     gaps = tuple((float(series.time[i]), float(series.time[i + 1])) for i in wide)
-    unscaled = unit_named(entry.get("unit") or series.unit).si if entry.get("fit_scale") else ""
+    unscaled = recording.unit_of(name) if entry.get("fit_scale") else ""
     return StreamContents(name, series, noise, not name.startswith(DERIVED), gaps, unscaled)
 
 
@@ -103,6 +113,8 @@ def contents_words(contents: Contents) -> str:
     lines += [f"  repaired: {repair}" for repair in recording.repairs]
     for stream in contents.streams:
         lines += ["", *_stream_lines(stream)]
+    if contents.conventions.sentences:
+        lines += ["", contents.conventions.text]
     if contents.findings:
         lines += ["", *contents.findings]
     return "\n".join(lines)
@@ -180,6 +192,17 @@ def contents_document(contents: Contents) -> dict[str, Any]:
         "environment": facts.get("environment"),
         "notes": facts.get("notes"),
         "repairs": recording.repairs,
+        "conventions": [
+            {
+                "stream": finding.stream,
+                "kind": finding.kind,
+                "sentence": finding.sentence,
+                "alternatives": finding.alternatives,
+                "evidence": finding.evidence,
+            }
+            for finding in contents.conventions.findings
+        ],
+        "log_toml": contents.conventions.log_toml or None,
         "findings": contents.findings,
         "streams": [
             _stream_document(stream, _entry(recording, stream.name)) for stream in contents.streams

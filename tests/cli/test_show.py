@@ -1,0 +1,62 @@
+"""`twin show` names what looks misread, with the lines that put it right."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin import rotation
+from twin.cli.main import main
+from twin.recording import Recording, Series, write_folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A body that rocks about three axes; its gyro is in deg/s, and log.toml does not say so."""
+    draw = np.random.default_rng(2)
+    time = np.arange(6000) / 100.0
+    phase = time[:, None] * np.array([0.5, 0.7, 0.9]) + np.array([0.0, 1.0, 2.0])
+    attitude = np.empty((6000, 4))
+    attitude[0] = 1.0, 0.0, 0.0, 0.0
+    steps = rotation.from_rotation_vector(0.1 * np.sin(phase) / 100.0)
+    for row in range(5999):
+        attitude[row + 1] = rotation.multiply(attitude[row], steps[row])
+    gyro = np.rad2deg(0.1 * np.sin(phase) + draw.normal(0.0, 1e-3, phase.shape))
+    streams = {
+        "gyro": Series(time, gyro, ("x", "y", "z"), "rad/s"),
+        "attitude": Series(time + 0.005, attitude, ("w", "x", "y", "z"), "1"),
+    }
+    write_folder(Recording(streams, {"platform": "nowhere"}), tmp_path / "log")
+    return tmp_path / "log"
+
+
+MISREAD = """
+Gyro looks like deg/s, read as rad/s.
+To read it so, write in log.toml:
+  [streams.gyro]
+  unit = "deg/s"
+"""
+
+
+def test_a_misread_stream_is_named_with_the_lines_to_paste(folder: Path, capsys):
+    assert main(["show", str(folder)]) == 0
+    text = capsys.readouterr().out
+    assert MISREAD in text
+    assert "Nothing was held against the machine: no platform named 'nowhere'" in text
+
+
+def test_after_pasting_nothing_is_left_to_say(folder: Path, capsys):
+    path = folder / "log.toml"
+    path.write_text(path.read_text().replace('unit = "rad/s"', 'unit = "deg/s"'))
+    assert main(["show", str(folder)]) == 0
+    assert "log.toml" not in capsys.readouterr().out
+
+
+def test_the_document_holds_findings_and_lines(folder: Path, capsys):
+    assert main(["show", str(folder), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["log_toml"] == '[streams.gyro]\nunit = "deg/s"'
+    (finding,) = document["conventions"]
+    assert (finding["stream"], finding["kind"]) == ("gyro", "unit")
+    assert finding["alternatives"] == []

@@ -1,0 +1,75 @@
+"""The lines of log.toml that put a misread log right, ready to be pasted."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.conventions.correction import Correction, stated
+from twin.recording import Recording
+
+Array = NDArray[np.float64]
+
+FILE_ORDER = {"xyzw": (3, 0, 1, 2)}
+"""Where w, x, y, z stand in the file."""
+
+
+def corrected_lines(recording: Recording, corrections: Iterable[Correction]) -> list[str]:
+    """Of every stream with corrections: its table's head, and the keys to add or to change.
+
+    For a recording of our own they belong into the log.toml that `twin export` writes.
+    """
+    by_stream: dict[str, list[Correction]] = {}
+    for correction in corrections:
+        by_stream.setdefault(correction.stream, []).append(correction)
+    lines: list[str] = []
+    for stream, wrong in by_stream.items():
+        keys = _keys(stated(recording, stream), recording[stream].columns, wrong)
+        lines += [f"[streams.{stream}]", *(f"{key} = {text}" for key, text in keys.items())]
+    return lines
+
+
+def _keys(
+    facts: Mapping[str, object], names: Sequence[str], wrong: Sequence[Correction]
+) -> dict[str, str]:
+    keys: dict[str, str] = {}
+    columns = facts.get("columns")
+    listed = [str(name) for name in columns] if isinstance(columns, list) else list(names)
+    lag = _number(facts, "clock_lag")
+    for correction in wrong:
+        keys |= {key: json.dumps(text) for key, text in correction.keys}
+        if correction.kind == "time_unit" and _number(facts, "rate"):
+            rate = _number(facts, "rate") / correction.time_factor
+            keys = {key: text for key, text in keys.items() if key != "time_unit"}
+            keys["rate"] = f"{rate:.9g}"
+        if correction.kind == "axes":
+            if facts.get("format") == "euler_zyx":
+                keys["# turned axes of Euler angles"] = '"export the attitude as a quaternion"'
+                continue
+            order = FILE_ORDER.get(str(facts.get("format")), tuple(range(len(listed))))
+            listed = _turned(listed, np.array(correction.axes), order)
+            keys["columns"] = json.dumps(listed)
+        if correction.lag:
+            lag += correction.lag
+            keys["clock_lag"] = f"{lag:.3f}"
+    return keys
+
+
+def _turned(listed: list[str], axes: Array, order: Sequence[int]) -> list[str]:
+    """The columns of the file that give axes @ what they gave before."""
+    turned = list(listed)
+    for row, place in zip(axes, order, strict=True):
+        source = int(np.argmax(np.abs(row)))
+        name = listed[order[source]]
+        turned[place] = name if row[source] > 0.0 else _minus(name)
+    return turned
+
+
+def _minus(name: str) -> str:
+    return name[1:] if name.startswith("-") else f"-{name}"
+
+
+def _number(facts: Mapping[str, object], key: str) -> float:
+    value = facts.get(key)
+    return float(value) if isinstance(value, int | float) else 0.0
