@@ -18,6 +18,7 @@ from twin import rotation
 from twin.errors import UsageError
 from twin.model import Machine
 from twin.predict.base import BaseParameters
+from twin.predict.base_forces import base_forces
 from twin.predict.drive import Drive, Inputs
 from twin.predict.kalman import Local
 from twin.predict.linearised import Linearised
@@ -31,7 +32,7 @@ from twin.recording import Recording
 Array = NDArray[np.float64]
 
 STEP = 1e-6
-"""Of finite differences: of a state [SI], of a parameter in units of its scale."""
+"""Of finite differences of a state [SI]."""
 
 _FORCE = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED.value)
 COARSE = 0.025
@@ -105,6 +106,12 @@ class Body:
             if size > 0.0
         )
 
+    def commanded(self, late: float = 0.0) -> Array:
+        """(S, steps, nv) torques of the commands, as if they acted so much later [s]."""
+        grid = self.grid
+        edges = grid.step * np.arange(grid.steps + 1) - late
+        return np.stack([self.inputs.commanded(start + edges) for start in grid.starts.tolist()])
+
     def paths(self, model: mujoco.MjModel, start: States, push: Array | None = None) -> States:
         """States along each prediction, (v, S, steps + 1, .), from starts (v, S, .).
 
@@ -150,9 +157,7 @@ class Body:
     def along(
         self, base: BaseParameters, theta: Array, start: States, push: Array | None = None
     ) -> Exact:
-        """Predict from `start` (S, .) under a base and an added force, and difference by the states.
-
-        Nothing else has a column.
+        """Predict from `start` (S, .) under a base and an added force; only the states are columns.
 
         Raises:
             TwinError: no rigid body has such a base.
@@ -182,7 +187,7 @@ class Body:
         start: States,
         push: Array | None = None,
     ) -> Exact:
-        """Predict from `start` (S, .) under a base and an added force, and difference everything.
+        """Predict from `start` (S, .) under a base and an added force, and linearise.
 
         The shared unknowns are changes of theta and of the biases.
 
@@ -191,20 +196,13 @@ class Body:
         """
         exact = self.along(base, theta, start, push)
         linear = exact.linear
-        columns: list[Array] = []
-        jumps: list[Array] = []
-        for size, unit in zip(STEP * base.scale, np.eye(len(theta)), strict=True):
-            moved = self.paths(base.model(theta + size * unit), start.one(), push)
-            columns.append((self.rows(moved)[0] - linear.residual) / size)
-            jumps.append((self._ends(moved, start)[0] - linear.jump) / size)
-        bias_columns = self.bias_columns()
-        shared = replace(
+        linear = replace(
             linear,
-            residual=linear.residual + bias_columns @ biases,
-            shared=np.stack(columns, axis=-1),
-            jump_shared=np.stack(jumps, axis=-1),
+            residual=linear.residual + self.bias_columns() @ biases,
         )
-        return replace(exact, linear=shared.with_columns(bias_columns))
+        forces = base_forces(base, exact.path, self.grid.step)
+        linear = linear.with_columns(*self.force_columns(exact, forces))
+        return replace(exact, linear=linear.with_columns(self.bias_columns()))
 
     def force_columns(self, exact: Exact, forces: Array) -> tuple[Array, Array]:
         """What forces (S, steps, nv, a) do: d residual (S, N, a), d segment's end (S - 1, x, a)."""

@@ -103,6 +103,15 @@ class Inputs:
             return -held_mean(self._wheel_torque, edges) @ self._wheel_axes()
         return None
 
+    def commanded(self, edges: Array) -> Array:
+        """(m, nv) mean of the commanded torques between m + 1 edges in time [N m]."""
+        force = np.zeros((len(edges) - 1, self.machine.model.nv))
+        if self._joint is not None:
+            force[:, self.machine.base_dof] = held_mean(self._joint, edges)
+        if self._wheel_torque is not None:
+            force[:, self.machine.wheel_dof] = held_mean(self._wheel_torque, edges)
+        return force
+
     def torque_on_joint(self, edges: Array) -> Array:
         """(m, k) mean torque of a hinge's motor between m + 1 edges in time [N m]; else 0."""
         if self._joint is not None:

@@ -7,6 +7,7 @@ which nothing is known beforehand.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,24 @@ NEARBY = 0.3
 """Standard deviations to the other end of a finite difference of the log-determinant."""
 
 
+class Eliminated(Protocol):
+    """A log whose states are gone."""
+
+    @property
+    def rows(self) -> Array:
+        """(m, 1 + u) residual and columns."""
+        ...
+
+    @property
+    def segment(self) -> NDArray[np.intp]:
+        """(m,) the segment that each row comes from."""
+        ...
+
+    def states(self, change: Array) -> Array:
+        """(S, x) best starts for a change (u,) of the shared unknowns."""
+        ...
+
+
 @dataclass(frozen=True)
 class Unknowns:
     """Where a prediction stands."""
@@ -47,6 +66,22 @@ class Unknowns:
     """(segments, .) of each log."""
     strengths: Array
     """(a,) of the perturbations."""
+
+    def moved(self, change: Array, links: Sequence[Eliminated]) -> "Unknowns":
+        """After a change of theta, biases and strengths, the states at their best for it."""
+        p, a = len(self.theta), len(self.strengths)
+        edges = p + np.cumsum([0, *map(len, self.biases)])
+        own = [change[i:j] for i, j in zip(edges, edges[1:], strict=False)]
+        added = change[edges[-1] : edges[-1] + a]
+        return Unknowns(
+            self.theta + change[:p],
+            tuple(b + d for b, d in zip(self.biases, own, strict=True)),
+            tuple(
+                start.moved(link.states(np.concatenate([change[:p], d, added])))
+                for start, link, d in zip(self.starts, links, own, strict=True)
+            ),
+            self.strengths + added,
+        )
 
 
 @dataclass(frozen=True)
@@ -108,19 +143,7 @@ class Innovations:
 
     def moved(self, change: Array) -> Unknowns:
         """The unknowns after a change of them, the states at their best for it."""
-        p, a = len(self.at.theta), len(self.at.strengths)
-        edges = p + np.cumsum([0, *map(len, self.at.biases)])
-        own = [change[i:j] for i, j in zip(edges, edges[1:], strict=False)]
-        added = change[edges[-1] : edges[-1] + a]
-        return Unknowns(
-            self.at.theta + change[:p],
-            tuple(b + d for b, d in zip(self.at.biases, own, strict=True)),
-            tuple(
-                start.moved(link.states(np.concatenate([change[:p], d, added])))
-                for start, link, d in zip(self.at.starts, self.chains, own, strict=True)
-            ),
-            self.at.strengths + added,
-        )
+        return self.at.moved(change, self.chains)
 
     def left(self) -> list[Array]:
         """(S, N) what is left of each log's rows when its states are at their best."""
@@ -170,6 +193,14 @@ class Problem:
         Raises:
             TwinError: no rigid body has such a base.
         """
+        return self.whiten(at, self.exact(at), intensity)
+
+    def exact(self, at: Unknowns) -> tuple[Exact, ...]:
+        """Predict and linearise each log, as if the motion were exact.
+
+        Raises:
+            TwinError: no rigid body has such a base.
+        """
         exact: list[Exact] = []
         for body, added, bias, start in zip(
             self.bodies, self._added, at.biases, at.starts, strict=True
@@ -180,20 +211,20 @@ class Problem:
                 residual = one.linear.residual + faulty
                 one = replace(one, linear=replace(one.linear, residual=residual))
             exact.append(_with(one, added, at.strengths))
-        return self.whiten(at, exact, intensity)
+        return tuple(exact)
 
     def with_perturbations(
-        self, now: Innovations, perturbations: Sequence[Perturbation]
-    ) -> list[Exact]:
+        self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]
+    ) -> tuple[Exact, ...]:
         """What was linearised there with further columns, of strengths that are 0; to be whitened.
 
         The last entries of a step over their standard deviations are score tests.
         """
         more = tuple(perturbations)
-        return [
+        return tuple(
             _with(one, Added.to(body, more), np.zeros(len(more)))
-            for body, one in zip(self.bodies, now.exact, strict=True)
-        ]
+            for body, one in zip(self.bodies, exact, strict=True)
+        )
 
     def with_columns(self, now: Innovations, columns: Sequence[Array]) -> Innovations:
         """With further unknowns, shared by all logs, that no motion depends on: a sensor's.
@@ -251,15 +282,43 @@ class Problem:
             linear.append(white)
         chains = [chain(one) for one in linear]
         logarithm += sum(link.logarithm for link in chains)
+        added = exact[0].linear.shared.shape[-1] - len(at.theta) - len(at.biases[0])
+        stacked, cluster = self.stacked(at, chains, added)
+        return Innovations(
+            at,
+            tuple(exact),
+            intensity,
+            tuple(linear),
+            tuple(chains),
+            stacked[:, 0],
+            stacked[:, 1:],
+            cluster,
+            sum(body.samples for body in self.bodies),
+            logarithm,
+            np.zeros(stacked.shape[1] - 1),
+        )
+
+    def stacked(
+        self, at: Unknowns, links: Sequence[Eliminated], added: int
+    ) -> tuple[Array, NDArray[np.intp]]:
+        """Rows (m, 1 + unknowns) of all logs and of what is known beforehand; see `Innovations`.
+
+        Args:
+            at: where they were linearised.
+            links: the logs.
+            added: how many columns they have after theta and their biases.
+
+        Returns:
+            The rows, and which segment of which log each comes from.
+        """
         p, biases = len(at.theta), sum(map(len, at.biases))
         weak = (HELD if self.held else WEAK) * self.base.scale
         away = 0.0 * at.theta if self.held else at.theta - self.base.as_stated
-        added = exact[0].linear.shared.shape[-1] - p - len(at.biases[0])
         width = p + biases + added
         blocks = [np.column_stack([away / weak, np.diag(1.0 / weak)] + [np.zeros((p, width - p))])]
         cluster = [np.full(p, -1)]
         first, before = p, 0
-        for body, link, bias in zip(self.bodies, chains, at.biases, strict=True):
+        for body, link, bias in zip(self.bodies, links, at.biases, strict=True):
             rows = np.concatenate([link.rows, _prior(bias, body.bias_scale, p, added)])
             own = np.zeros((len(rows), 1 + width))
             own[:, : 1 + p] = rows[:, : 1 + p]
@@ -269,20 +328,7 @@ class Problem:
             cluster += [link.segment + before, np.full(len(bias), -1)]
             first += len(bias)
             before += body.grid.segments
-        stacked = np.concatenate(blocks)
-        return Innovations(
-            at,
-            tuple(exact),
-            intensity,
-            tuple(linear),
-            tuple(chains),
-            stacked[:, 0],
-            stacked[:, 1:],
-            np.concatenate(cluster),
-            sum(body.samples for body in self.bodies),
-            logarithm,
-            np.zeros(width),
-        )
+        return np.concatenate(blocks), np.concatenate(cluster)
 
 
 def _with(one: Exact, added: Added, strengths: Array) -> Exact:

@@ -94,15 +94,12 @@ class Output:
                 [s].
         """
         steps = path.rate.shape[2] - 1
-        # what was true in the segment before is predicted there
-        whole = self.segment * steps + self.place - late / step
-        segment = np.clip(np.floor(whole / steps + 1e-9), 0, path.rate.shape[1] - 1).astype(np.intp)
-        place = whole - segment * steps
+        place = self.place - late / step
         before = np.clip(np.floor(place + 1e-9).astype(np.intp), 0, steps - 1)
         part = (place - before)[:, None]
 
         def ends(values: Array) -> tuple[Array, Array]:
-            return values[:, segment, before], values[:, segment, before + 1]
+            return values[:, self.segment, before], values[:, self.segment, before + 1]
 
         if self.stream in ("gyro", "joint_rate", "wheel_speed"):
             first, last = ends(path.wheel_speed if self.stream == "wheel_speed" else path.rate)
