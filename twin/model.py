@@ -108,6 +108,8 @@ def compile_model(platform: Platform) -> Machine:
     stage_dof = np.array(model.jnt_dofadr[stages], dtype=np.intp)
     model.dof_armature[stage_dof] = PRESCRIBED_ARMATURE
 
+    for effect in on_body:
+        effect.edit_model(model, platform)
     stated = MassProperties(platform.mass, platform.inertia, platform.center_of_mass_offset)
     try:
         set_mass_properties(model, base_body, stated)
@@ -117,8 +119,6 @@ def compile_model(platform: Platform) -> Machine:
             f"mass_properties of {platform.name} cannot be met: {problem}",
             "check mass, inertia and center_of_mass_offset against the parts in the MJCF",
         ) from None
-    for effect in on_body:
-        effect.edit_model(model, platform)
     stage_bodies = model.jnt_bodyid[stages]
     return Machine(
         platform=platform,
@@ -182,6 +182,7 @@ def set_mass_properties(model: mujoco.MjModel, base_body: int, wanted: MassPrope
     model.body_ipos[base_body] = anchor_in_body + to_body @ center
     model.body_iquat[base_body] = quat
     model.body_inertia[base_body] = moments
+    model.body_sameframe[base_body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     mujoco.mj_setConst(model, data)
 
 

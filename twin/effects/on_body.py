@@ -110,3 +110,8 @@ def anchor(spec: mujoco.MjSpec, platform: Platform) -> Array:
 def needs_ball(platform: Platform) -> str:
     """Why a platform without a ball joint cannot have an effect."""
     return "" if platform.base.kind == "ball" else "it needs a ball joint"
+
+
+def body_of_joint(model: mujoco.MjModel, joint: str) -> int:
+    """The body that a joint moves."""
+    return int(model.jnt_bodyid[model.joint(joint).id])

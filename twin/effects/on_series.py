@@ -79,7 +79,7 @@ class ScatterEffect(Effect, abc.ABC):
     """The true stream that decides how strong (a name of `Truth.measured`)."""
 
     @abc.abstractmethod
-    def sigma(self, cause: Array) -> Array:
+    def sigma(self, cause: Array, platform: Platform) -> Array:
         """1 sigma of the added noise, (n, m, k) or (n, m, 1), from the cause (n, m, j)."""
 
     def unfit(self, platform: Platform) -> str:
@@ -88,6 +88,33 @@ class ScatterEffect(Effect, abc.ABC):
         if missing or self.acts_on in platform.sensors:
             return missing
         return f"the platform has no {self.acts_on}"
+
+
+class Recursion:
+    """Follows a stream from sample to sample; remembers its last input and output."""
+
+    def __init__(self, step: Callable[[Array, Array, Array, Array], Array]) -> None:
+        """Start with the first output equal to the first input.
+
+        Args:
+            step: from the time since the last sample (n, 1) [s], the last input, the last output
+                and this input, each (n, k), to this output.
+        """
+        self._step = step
+        self._last: tuple[Array, Array, Array] | None = None
+
+    def __call__(self, samples: Samples) -> Samples:
+        """The next samples."""
+        value = np.empty_like(samples.value)
+        for i in range(value.shape[1]):
+            time, now = samples.time[:, i, None], samples.value[:, i]
+            if self._last is None:
+                value[:, i] = now
+            else:
+                stamp, before, shown = self._last
+                value[:, i] = self._step(time - stamp, before, shown, now)
+            self._last = time, now, value[:, i]
+        return with_value(samples, value)
 
 
 def series_effects(effects: Sequence[Effect], stream: str) -> tuple[SeriesEffect, ...]:

@@ -52,6 +52,7 @@ class SimulatedSensor:
         step = platform.step
         self.sensor = sensor
         self.scatter = tuple(scatter)
+        self._platform = platform
         self._before = [e.live(platform) for e in effects if e.order < Order.noise]
         self._after = [e.live(platform) for e in effects if e.order > Order.noise]
         self._waits = bool(sensor.latency or self._after)
@@ -138,7 +139,7 @@ class SimulatedSensor:
     def _shake(self, shape: tuple[int, ...], causes: Sequence[Array]) -> Array:
         white = np.stack([generator.standard_normal(shape[1:]) for generator in self._shaken])
         variances = [
-            np.square(effect.sigma(cause))
+            np.square(effect.sigma(cause, self._platform))
             for effect, cause in zip(self.scatter, causes, strict=True)
         ]
         return white * np.sqrt(np.sum(np.broadcast_arrays(*variances), axis=0))

@@ -126,6 +126,8 @@ class SimulatedPlant(Plant):
             command: [effect.live(platform) for effect in series_effects(effects, command)]
             for command in platform.commands
         }
+        if self._acts.get("command_stage_position"):
+            self._done_with("command_stage_position", self._stage_position)
         self._forces = Forces(self.machine, self.n)
         self._forces.start(self._batch, self._qpos)
         self._truth = Truth(self.machine)

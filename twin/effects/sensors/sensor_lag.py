@@ -1,12 +1,11 @@
 """A low-pass filter in a sensor."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_series import Array, Live, Order, SeriesEffect, with_value
+from twin.effects.on_series import Array, Live, Order, Recursion, SeriesEffect
 from twin.platform import Platform
 from twin.signals import Samples
 
@@ -45,10 +44,10 @@ class SensorLag(SeriesEffect):
         return self.live(platform)(samples)
 
     def live(self, platform: Platform) -> Live:
-        return _Filter(self._forward)
+        return Recursion(self._forward)
 
     def undo(self, samples: Samples, platform: Platform) -> Samples:
-        return _Filter(self._backward)(samples)
+        return Recursion(self._backward)(samples)
 
     def _forward(self, step: Array, before: Array, shown: Array, now: Array) -> Array:
         decay, first, second = self._weights(step)
@@ -66,23 +65,3 @@ class SensorLag(SeriesEffect):
         decay = np.exp(-ratio)
         mean = -np.expm1(-ratio) / np.where(ratio > 0.0, ratio, 1.0)
         return decay, mean - decay, 1.0 - mean
-
-
-class _Filter:
-    """Steps a recursion along the samples; remembers the last input and output."""
-
-    def __init__(self, step: Callable[[Array, Array, Array, Array], Array]) -> None:
-        self._step = step
-        self._last: tuple[Array, Array, Array] | None = None
-
-    def __call__(self, samples: Samples) -> Samples:
-        value = np.empty_like(samples.value)
-        for i in range(value.shape[1]):
-            time, now = samples.time[:, i, None], samples.value[:, i]
-            if self._last is None:
-                value[:, i] = now
-            else:
-                stamp, before, shown = self._last
-                value[:, i] = self._step(time - stamp, before, shown, now)
-            self._last = time, now, value[:, i]
-        return with_value(samples, value)
