@@ -7,8 +7,9 @@ import pytest
 
 from twin.errors import UnknownName, UsageError
 from twin.identify import identify
+from twin.library import library
 from twin.platform import load_platform
-from twin.recording import Recording
+from twin.recording import Recording, open_log
 
 
 @pytest.fixture(scope="module")
@@ -84,3 +85,14 @@ def test_a_method_nobody_knows_is_named(campaign):
 def test_no_log_is_wrong_use():
     with pytest.raises(UsageError, match="no log"):
         identify([], load_platform("sads"))
+
+
+def test_a_model_that_misses_by_far_is_still_answered_with_a_wide_interval():
+    log = open_log(library("models") / "dfki_pendulum" / "logs" / "energy_shaping")
+    found = identify([log], load_platform("dfki_pendulum"))
+    assert found.fit.converged
+    assert not found.misfit[0].is_noise
+    assert found.disturbance > 0.0
+    # README.md of the model: friction added, 0.189 kg m2 and 0.375 kg m
+    assert abs(found.theta[0] - 0.189) < found.half_widths[0]
+    assert abs(found.theta[2] + 0.375) < found.half_widths[2]

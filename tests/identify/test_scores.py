@@ -70,6 +70,7 @@ def test_a_torque_nobody_recorded_is_weighed_and_the_base_still_covered(monkeypa
     campaign = flown(1, seed=3, duration=60.0)
     found = identify(campaign.logs, campaign.stated)
     assert not found.misfit[0].is_noise
-    assert found.disturbance == pytest.approx(size * np.sqrt(0.05), rel=0.15)
+    # 60 s know it to 10 %, and it is told as a torque on the machine as stated, 4 % off
+    assert found.disturbance == pytest.approx(size * np.sqrt(0.05), rel=0.3)
     sigma = found.half_widths / found.quantile
     assert np.all(np.abs(found.theta - campaign.truth) < 4.0 * sigma)

@@ -23,6 +23,9 @@ ITERATIONS = 12
 HALVINGS = 6
 CONVERGED = 0.02
 """Largest step, in standard deviations, at which the iteration ends."""
+SETTLED = 0.5
+"""Likewise under a disturbance, once no step makes the logs likelier: where a model misses by far
+the steps do not become as small, and the intervals are wide."""
 ENOUGH = 2.0
 """Segments a parameter that make their scatter worth looking at."""
 DECADES = (-14.0, 2.0)
@@ -34,7 +37,8 @@ WORTHWHILE = 10.0
 """By how much a disturbance must lower twice the negative log-likelihood to be believed: by chance
 it does so once in a thousand logs."""
 WORSE = 1.5
-"""A step is halved when chi-square grows by more than this factor."""
+"""A step is halved when chi-square grows by more than this factor; that of a disturbed motion, when
+the logs become less likely."""
 
 
 NORMAL = float(norm.ppf(0.975))
@@ -111,7 +115,9 @@ def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
 
 
 def _iterate(
-    problem: Problem, now: Innovations, innovations: Callable[[Unknowns], Innovations]
+    problem: Problem,
+    now: Innovations,
+    innovations: Callable[[Unknowns], Innovations],
 ) -> Fit:
     """Gauss-Newton; the slope of the log-determinant joins where that has converged."""
     tilted = False
@@ -125,7 +131,7 @@ def _iterate(
         if moved is None:
             break
         now = moved
-    return Fit(now, converged=False)
+    return Fit(now, converged=now.intensity > 0.0 and _size(now) < SETTLED)
 
 
 def _size(now: Innovations) -> float:
@@ -143,7 +149,9 @@ def _moved(
         except TwinError:
             continue
         before, after = now.chi2 + now.logarithm, tried.chi2 + tried.logarithm
-        if after <= before + (WORSE - 1.0) * max(now.chi2, float(now.samples)):
+        # Paths that follow the model exactly may part from the logs first; disturbed ones need not.
+        room = (WORSE - 1.0) * max(now.chi2, float(now.samples)) if now.intensity == 0.0 else 0.0
+        if after <= before + room:
             return tried
     return None
 

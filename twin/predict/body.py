@@ -85,6 +85,11 @@ class Body:
         self.start = self._smoothed(motion, drives)
         self._position = np.stack([drive.joint_position for drive in drives])
         self._velocity = np.stack([drive.joint_velocity for drive in drives])
+        # Of the machine as stated: if its answer to noise were fitted too, a base ten times as
+        # heavy, pushed ten times as hard, would explain what a model lacks just as well.
+        stated = copy.copy(machine.model)
+        self._prepare(stated)
+        self._pushed = self._answer(stated)[..., machine.base_dof]
 
     @property
     def samples(self) -> int:
@@ -176,8 +181,7 @@ class Body:
             np.zeros((*ends[0].shape, 0)),
             np.zeros((len(ends[0]), x, x)),
         )
-        answer = self._answer(model)
-        return Exact(linear, self._local(answer, path), path[:1], answer)
+        return Exact(linear, self._local(path), path[:1], self._answer(model))
 
     def linearise(
         self,
@@ -246,7 +250,7 @@ class Body:
             return np.zeros((self.grid.segments, (self.grid.steps + 1) * self._width, 0))
         return np.stack(columns, axis=-1)
 
-    def _local(self, answer: Array, path: States) -> Local:
+    def _local(self, path: States) -> Local:
         """From paths whose first is nominal, each other with one number of its start shifted."""
         grid = self.grid
         shifted = States(path.position[1:], path.rate[1:], path.wheel_speed[1:])
@@ -266,8 +270,7 @@ class Body:
                 if output.stream in ("attitude", "joint_angle"):
                     k = path.rate.shape[-1]
                     measured[(*at, k + column)] = late / noise
-        pushed = answer[..., self.machine.base_dof]
-        return Local(measured, np.asarray(carried, dtype=np.float64), pushed, grid.step)
+        return Local(measured, np.asarray(carried, dtype=np.float64), self._pushed, grid.step)
 
     def _first(self, stream: str) -> int:
         """Where the numbers that a stream measures stand in a state."""

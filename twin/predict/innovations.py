@@ -93,7 +93,8 @@ class Innovations:
     exact: tuple[Exact, ...]
     """Of each log."""
     intensity: float
-    """Of the white torque about each base axis that is taken into account [(N m)^2 s]."""
+    """Of the white torque about each base axis of the machine as stated that is taken into account
+    [(N m)^2 s]."""
     linear: tuple[Linearised, ...]
     """Of each log, with that torque and its states."""
     chains: tuple[Chain, ...]
@@ -249,8 +250,11 @@ class Problem:
         Where a motion is unstable, each sample of it is predicted from those before it the worse
         the faster it grows, so a likelihood that leaves this out takes its base for one that grows
         faster than it does: by a standard deviation where the sensors are coarse. A stable one has
-        no such slope, and is given none.
+        no such slope, and is given none; nor is one that a torque disturbs, where the intensity of
+        that torque takes its share of it.
         """
+        if now.intensity > 0.0:
+            return now
         sigma = np.sqrt(np.diag(now.covariance))[: len(now.at.theta)]
         growing = sum(growth(one.linear) for one in now.exact)
         if growing * float(np.max(sigma / self.base.scale)) < NO_GROWTH:
