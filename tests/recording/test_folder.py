@@ -121,3 +121,11 @@ def test_the_command_exports_a_recording(recording, tmp_path: Path, capsys):
     assert "not empty" in capsys.readouterr().err
     assert main(["export", str(tmp_path / "nowhere"), str(tmp_path / "out2")]) == 1
     assert "no such log" in capsys.readouterr().err
+
+
+def test_a_log_without_a_platform_is_written_without_one(tmp_path: Path):
+    series = Series(np.arange(3.0), np.ones((3, 3)), ("x", "y", "z"), "rad/s")
+    write_folder(Recording({"gyro": series}, {}), tmp_path / "log")
+    copy = open_log(tmp_path / "log")
+    assert copy.provenance["platform"] is None
+    assert "platform" not in (tmp_path / "log" / "log.toml").read_text()

@@ -3,9 +3,12 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
+
+if TYPE_CHECKING:
+    from twin.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -15,6 +18,9 @@ class Compare:
     The model is taken as built and, unless --as-built, with its base (inertia and mass moment)
     refitted; initial states are always fitted. Of several logs the first is the one to fit on:
     the others are also predicted with its base and laws.
+
+    Of a log that names no platform the gyro is held against the attitude: its bias, scale,
+    misalignment and lag, whatever moves the body.
     """
 
     logs: tyro.conf.Positional[tuple[Path, ...]]
@@ -45,10 +51,10 @@ class Compare:
 
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
-        comparisons = [
-            compare(log, platform_of(log), as_built=self.as_built)
-            for log in map(open_log, self.logs)
-        ]
+        logs = [open_log(path) for path in self.logs]
+        if all(log.provenance.get("platform") is None for log in logs):
+            return self._sensors(logs)
+        comparisons = [compare(log, platform_of(log), as_built=self.as_built) for log in logs]
         first, *others = comparisons
         transfers = [transfer(first, other) for other in others]
         if self.report is not None:
@@ -68,4 +74,27 @@ class Compare:
         for written in (self.report, self.rrd):
             if written is not None:
                 print(f"wrote {written}", file=sys.stderr if self.json else sys.stdout)
+        return 0
+
+    def _sensors(self, logs: "list[Recording]") -> int:
+        """Logs without a platform: no model, but the sensors against each other."""
+        from twin.cli.output import print_json
+        from twin.errors import UsageError
+        from twin.report import gyro_document, gyro_sentences
+        from twin.strapdown import compare_gyro
+
+        if self.report is not None or self.rrd is not None:
+            raise UsageError(
+                "a log that names no platform has no prediction to draw; leave out --report, --rrd"
+            )
+        found = [compare_gyro(log) for log in logs]
+        if self.json:
+            documents = [
+                gyro_document(str(path), one) for path, one in zip(self.logs, found, strict=True)
+            ]
+            print_json(documents[0] if len(documents) == 1 else documents)
+            return 0
+        for path, one in zip(self.logs, found, strict=True):
+            print(f"{path}, on no platform")
+            print("".join(f"  {sentence}\n" for sentence in gyro_sentences(one)))
         return 0

@@ -50,6 +50,8 @@ def _platform(recording: "Recording") -> "tuple[Platform | None, str]":
     from twin.errors import TwinError
     from twin.platform import platform_of
 
+    if recording.provenance.get("platform") is None:
+        return None, ""
     try:
         return platform_of(recording), ""
     except TwinError as problem:

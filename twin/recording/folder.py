@@ -90,7 +90,9 @@ _WRITERS = {"csv": _write_csv, "parquet": _write_parquet, "mat": _write_mat}
 
 def _log_toml(recording: Recording, files: Mapping[str, Path], format: str) -> str:
     facts = recording.provenance
-    lines = ["# Written by `twin export`; all values in SI.", f"platform = {_toml(_name(facts))}"]
+    lines = ["# Written by `twin export`; all values in SI."]
+    if facts.get("platform") is not None:
+        lines.append(f"platform = {_toml(str(facts['platform']))}")
     environment = dict(facts.get("environment") or {})
     if "gravity" in facts:
         environment.setdefault("gravity", facts["gravity"])
@@ -116,10 +118,6 @@ def _log_toml(recording: Recording, files: Mapping[str, Path], format: str) -> s
     about |= {"repairs": list(recording.repairs)} if recording.repairs else {}
     lines += _table("notes", about | notes)
     return "\n".join(lines) + "\n"
-
-
-def _name(facts: Mapping[str, Any]) -> str:
-    return str(facts.get("platform", "unknown"))
 
 
 def _axes_differ(name: str, series: Series) -> bool:

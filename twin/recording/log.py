@@ -21,7 +21,7 @@ EPOCH = 1e6
 def read_log(path: str | Path) -> Recording:
     """Read a measured log: its folder, or the log.toml in it.
 
-    `provenance` holds `kind` ("log"), `source`, `platform` (a name, or the path of a folder),
+    `provenance` holds `kind` ("log"), `source`, `platform` (a name, the path of a folder, or None),
     `environment`, `notes`, and under `streams` each stream's file, unit and stated noise [SI].
 
     Raises:
@@ -64,7 +64,9 @@ def read_log(path: str | Path) -> Recording:
     return Recording(streams, provenance, tuple(repairs))
 
 
-def _platform(table: Table, folder: Path) -> str:
+def _platform(table: Table, folder: Path) -> str | None:
+    if "platform" not in table:
+        return None
     name = table.text("platform")
     beside = folder / name
     return str(beside.resolve()) if (beside / "platform.toml").is_file() else name

@@ -1,6 +1,8 @@
 """What the model gets wrong, in words, numbers and an HTML page."""
 
 from twin.report.document import document as document
+from twin.report.gyro import gyro_document as gyro_document
+from twin.report.gyro import gyro_sentences as gyro_sentences
 from twin.report.identified import identified as identified
 from twin.report.page import write_page as write_page
 from twin.report.streams import with_prediction as with_prediction

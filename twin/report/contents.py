@@ -106,7 +106,7 @@ def contents_words(contents: Contents) -> str:
     kind = "a measured log" if facts.get("kind") == "log" else "a recording"
     length = recording.stop - recording.start
     lines = [
-        f"{contents.source}: {kind} on {facts.get('platform', 'no platform')}, "
+        f"{contents.source}: {kind} on {facts.get('platform') or 'no platform'}, "
         f"{printed(length, 's')}, {len(recording)} stream{'s' if len(recording) > 1 else ''}"
     ]
     lines += [f"  {key}: {text}" for key, text in _stated(facts)]

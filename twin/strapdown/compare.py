@@ -1,0 +1,241 @@
+"""What is wrong with a gyro, by an attitude that was measured beside it.
+
+The gyro's turns are summed up in world axes, where their error is a random walk, and held against
+the attitude by a Kalman filter. Errors of the sensor are columns that go through the same filter;
+the innovations are regressed on them, and the gyro corrected, until nothing changes.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_banded
+from scipy.stats import t as student
+
+from twin import rotation
+from twin.errors import UsageError
+from twin.noise import noise_of
+from twin.recording import Recording
+from twin.strapdown.faults import NAMES
+from twin.strapdown.turns import LONGEST, Turns, chained, turns_of
+
+Array = NDArray[np.float64]
+
+ROUGHER = tuple(2.0**power for power in range(8))
+"""How many times rougher than from sample to sample the attitude may be: a camera's errors last."""
+ITERATIONS = 5
+SMALL = 0.02
+"""Of an interval: a step below this changes nothing."""
+SHORTEST_BLOCK = 1.0
+"""Errors that last less than this are seen in the scatter between blocks [s]."""
+BLOCKS = 150
+HORIZONS = (1.0, 10.0, 60.0)
+"""Over which a gyro alone is let run [s]."""
+SPACINGS = (0.0, 0.02, 0.04, 0.08, 0.16, 0.32)
+"""Attitudes are taken no closer than this, the first that leaves what is expected [s]."""
+EXPECTED = 1.5
+"""Innovations this much larger than the noise from sample to sample gives are not yet white."""
+FEWEST = 100
+"""Turns without which nothing is said."""
+
+
+@dataclass(frozen=True)
+class GyroComparison:
+    """A gyro's errors, in the order of `faults.NAMES`, and what they cost."""
+
+    value: Array
+    """(13,) SI."""
+    half_width: Array
+    """(13,) of 95 % intervals; infinite where the motion does not show it."""
+    gyro_noise: float
+    """1 sigma a sample [rad/s]."""
+    attitude_noise: float
+    """1 sigma a sample, of what lasts [rad]."""
+    chi2_before: float
+    """Squared innovations a sample of the gyro as it is, in units of what the corrected one
+    leaves."""
+    drift: tuple[tuple[float, float, float], ...]
+    """(horizon [s], rms error of the gyro as it is, of the corrected one [rad])."""
+
+    @property
+    def certain(self) -> NDArray[np.bool_]:
+        """(13,) whose interval leaves out 0."""
+        return np.abs(self.value) > self.half_width
+
+
+def compare_gyro(recording: Recording) -> GyroComparison:
+    """Hold the gyro against the attitude.
+
+    Raises:
+        UsageError: without a gyro about three axes and an attitude beside it.
+    """
+    if any(name not in recording for name in ("gyro", "attitude")) or (
+        recording["gyro"].columns != ("x", "y", "z")
+    ):
+        raise UsageError("the log has no gyro about x, y and z beside an attitude; nothing to hold")
+    gyro_noise, attitude_noise = (
+        float(np.sqrt(np.mean(np.square(noise_of(recording[name]))))) for name in _STREAMS
+    )
+    found: _Found | None = None
+    for spacing in SPACINGS:
+        turns = turns_of(recording, gyro_noise, spacing)
+        if len(turns.time) <= FEWEST:
+            break
+        found = _found(turns, attitude_noise)
+        if found.unit < EXPECTED**2:
+            break
+    if found is None:
+        raise UsageError(f"gyro and attitude share fewer than {FEWEST} attitudes; log longer")
+    fit, unit = found.fit, found.unit
+    before = _filtered(found.turns, found.raw.errors[:, :, None], fit.attitude_noise)[0]
+    return GyroComparison(
+        value=found.theta,
+        half_width=_half_width(found.turns, fit),
+        gyro_noise=gyro_noise * float(np.sqrt(unit)),
+        attitude_noise=fit.attitude_noise * float(np.sqrt(unit)),
+        chi2_before=float(np.mean(np.square(before))) / unit,
+        drift=tuple(_drift(found.turns, found.theta)),
+    )
+
+
+_STREAMS = ("gyro", "attitude")
+
+
+@dataclass(frozen=True)
+class _Found:
+    turns: Turns
+    theta: Array
+    raw: "_Fit"
+    """The first regression, of the gyro as it is."""
+    fit: "_Fit"
+    """The last."""
+
+    @property
+    def unit(self) -> float:
+        """Squared innovations a sample, in units of the noise from sample to sample."""
+        return float(np.mean(np.square(self.fit.after)))
+
+
+def _found(turns: Turns, attitude_noise: float) -> _Found:
+    theta = np.zeros(len(NAMES))
+    raw = fit = _likeliest(turns, theta, attitude_noise, ROUGHER)
+    for _ in range(ITERATIONS):
+        theta = theta + fit.step
+        fit = _likeliest(turns, theta, attitude_noise, ROUGHER)
+        if (np.square(fit.step) < np.square(SMALL) * np.diag(fit.inverse)).all():
+            break
+    return _Found(turns, theta + fit.step, raw, fit)
+
+
+def _likeliest(
+    turns: Turns, theta: Array, attitude_noise: float, rougher: Sequence[float]
+) -> "_Fit":
+    errors, columns = turns.errors(theta), turns.columns(theta)
+    tried = [_Fit.of(turns, errors, columns, factor * attitude_noise) for factor in rougher]
+    return max(tried, key=lambda one: one.likelihood)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Innovations on columns, both through the filter that a noise of the attitude gives."""
+
+    errors: Array
+    """(K, 3) of the turns [rad]."""
+    attitude_noise: float
+    """[rad]."""
+    design: Array
+    """(K, 3, 13)."""
+    inverse: Array
+    """Of the normal matrix; infinite on the diagonal where nothing is seen."""
+    step: Array
+    after: Array
+    """(K, 3) innovations without what the columns explain."""
+    likelihood: float
+    """Its logarithm, at the best size of all noise together."""
+
+    @classmethod
+    def of(cls, turns: Turns, errors: Array, columns: Array, attitude_noise: float) -> "_Fit":
+        both = np.concatenate([errors[:, :, None], columns], axis=2)
+        white, spread = _filtered(turns, both, attitude_noise)
+        residual, design = white[:, :, 0], white[:, :, 1:]
+        flat = design.reshape(-1, design.shape[2])
+        normal = flat.T @ flat
+        size = np.sqrt(np.diag(normal))
+        seen = size > 1e-9 * size.max()
+        inverse = np.zeros_like(normal)
+        scale = np.outer(size[seen], size[seen])
+        inverse[np.ix_(seen, seen)] = (
+            np.linalg.pinv(normal[np.ix_(seen, seen)] / scale, hermitian=True) / scale
+        )
+        # of the restricted likelihood: what the columns take up is no noise
+        taken = float(np.linalg.slogdet(normal[np.ix_(seen, seen)])[1])
+        step = inverse @ (flat.T @ residual.ravel())
+        inverse[~seen, ~seen] = np.inf
+        after = residual - design @ step
+        free = after.size - int(seen.sum())
+        size_of_noise = np.log(np.sum(np.square(after)) / free)
+        likelihood = -0.5 * free * size_of_noise - spread - 0.5 * taken
+        return cls(errors, attitude_noise, design, inverse, step, after, float(likelihood))
+
+
+def _filtered(turns: Turns, both: Array, attitude_noise: float) -> tuple[Array, float]:
+    """(K, 3, ...) sums of these through the filter, in units of their noise; and half the logarithm
+    of its determinant."""
+    rate = 1.0 / float(np.median(np.diff(turns.gyro_time)))
+    walk = np.square(turns.gyro_noise) / rate * turns.lasts
+    known = float(np.square(attitude_noise))
+    lost = turns.lasts > LONGEST
+    spread, kept = np.empty(len(both)), np.empty(len(both))
+    variance = known
+    for k, grown in enumerate(walk.tolist()):
+        spread[k] = variance + grown + known
+        kept[k] = known / spread[k]
+        variance = (1.0 - kept[k]) * known
+        if lost[k]:
+            variance, kept[k] = known, 0.0
+    # innovation[k] = both[k] + kept[k - 1] innovation[k - 1]
+    bands = np.stack([np.ones(len(both)), -kept])
+    flat = np.where(lost[:, None], 0.0, both.reshape(len(both), -1))
+    innovations = solve_banded((1, 0), bands, flat).reshape(both.shape)
+    innovations[lost] = 0.0
+    white = innovations / np.sqrt(spread).reshape(-1, *[1] * (both.ndim - 1))
+    return white, 1.5 * float(np.sum(np.log(spread[~lost])))
+
+
+def _half_width(turns: Turns, fit: _Fit) -> Array:
+    """Of 95 % intervals: by the innovations' size, or by the scatter of the gradient from block to
+    block where that is wider, which it is where they are not white."""
+    after, design, inverse = fit.after, fit.design, fit.inverse
+    parameters = design.shape[2]
+    plain = inverse * np.sum(np.square(after)) / (after.size - parameters)
+    length = float(turns.time[-1] - turns.time[0])
+    blocks = int(min(BLOCKS, length / SHORTEST_BLOCK))
+    if blocks < 3 * parameters:
+        return 1.96 * np.sqrt(np.diag(plain))
+    each = np.minimum(((turns.time[1:] - turns.time[0]) / length * blocks).astype(int), blocks - 1)
+    scores = np.zeros((blocks, parameters))
+    np.add.at(scores, each, np.einsum("kip,ki->kp", design, after))
+    finite = np.where(np.isfinite(inverse), inverse, 0.0)
+    sandwich = finite @ (scores.T @ scores) @ finite * blocks / (blocks - parameters)
+    variance = np.maximum(np.diag(plain), np.diag(sandwich))
+    return float(student.ppf(0.975, blocks - parameters)) * np.sqrt(variance)
+
+
+def _drift(turns: Turns, theta: Array) -> Iterator[tuple[float, float, float]]:
+    """Errors of the raw and of the corrected gyro alone, from every attitude on."""
+    chains = [chained(turns.by_gyro(given)) for given in (np.zeros_like(theta), theta)]
+    length = float(turns.time[-1] - turns.time[0])
+    for horizon in HORIZONS:
+        if 2.0 * horizon > length + 1.0:
+            return
+        last = np.searchsorted(turns.time, turns.time + horizon)
+        first = np.flatnonzero(last < len(turns.time))
+        last = last[first]
+        turned = rotation.multiply(rotation.conjugate(turns.attitude[first]), turns.attitude[last])
+        rms: list[float] = []
+        for chain in chains:
+            alone = rotation.multiply(rotation.conjugate(chain[first]), chain[last])
+            off = rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(alone), turned))
+            rms.append(float(np.sqrt(np.mean(np.sum(np.square(off), axis=1)))))
+        yield horizon, rms[0], rms[1]
