@@ -81,6 +81,12 @@ class Entry:
         layout = table.text("format", LAYOUTS[0], among=LAYOUTS) if turned else ""
         direction = table.text("direction", DIRECTIONS[0], among=DIRECTIONS) if turned else ""
         has_time = "rate" not in table
+        for key in () if has_time else ("time", "time_unit"):
+            if key in table:
+                raise table.fail(key, "is given beside `rate`", "remove the one or the other")
+        for key in () if turned else ("format", "direction"):
+            if key in table:
+                raise table.fail(key, "is for attitudes", "remove it")
         path = _path(table, folder)
         entry = cls(
             table=table,

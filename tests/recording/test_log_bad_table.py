@@ -1,0 +1,126 @@
+"""A table that cannot be read is refused with file, line and remedy."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "gyro.csv: is empty; check the export"),
+        (
+            "t,x,y,z\n0,,,\n1,,,\n",
+            "gyro.csv: has no number in x, y, z; name other `columns`",
+        ),
+        (
+            "t,x,y,z\n0,1,2,3\n,1,2,3\n",
+            "gyro.csv:3: column 't' holds nothing, which is no finite number; "
+            "write the number, or delete the row",
+        ),
+        (
+            "t,x,y,z\n0,1,2,3\n1,inf,2,3\n",
+            "gyro.csv:3: column 'x' holds 'inf', which is no finite number; "
+            "write the number, or delete the row",
+        ),
+        (
+            b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\n",
+            "gyro.csv:3: is not text but binary; export it as CSV",
+        ),
+        (b"\x7fELF" + bytes(5000), "gyro.csv:1: is not text but binary; export it as CSV"),
+        (
+            "x" * 200_000 + "\n1\n",
+            "gyro.csv:1: has no column names (field larger than field limit (131072)); add them",
+        ),
+        (b"t,x\0\n0,1\n", "gyro.csv:1: is not text but binary; export it as CSV"),
+        (b"t,x\n0,\xff\xfe\n", "gyro.csv:2: is not UTF-8 text; save it as CSV in UTF-8"),
+        ("t,x,y,z\n", "gyro.csv:1: has column names but no rows; check the export"),
+        (
+            "0,1,2,3\n1,1,2,3\n",
+            "gyro.csv:1: has a number in its first row; write the column names there",
+        ),
+        (
+            "t;x;y;z\n0;1;2;3\n",
+            "gyro.csv:1: separates its columns by semicolons; save it with commas",
+        ),
+        ("t,x,x,z\n0,1,2,3\n", "gyro.csv:1: names two columns 'x'; give each its own name"),
+        (
+            "t,x,y,z\n0,1,2,3\n\n1,2,3\n",
+            "gyro.csv:4: is a row of 3 under 4 column names; complete the row or delete it",
+        ),
+        (
+            "t,x,y,z\n0,1,2,3\n1,2,oops,3\n",
+            "gyro.csv:3: column 'y' holds 'oops', which is no finite number; "
+            "write the number, or delete the row",
+        ),
+        (
+            "t,x,y,z\n0,1,2,3\n1,nan,2,3\n",
+            "gyro.csv:3: column 'x' holds 'nan', which is no finite number; "
+            "write the number, or delete the row",
+        ),
+        (
+            "t,x,y,z\n0,1,2,3\n1,,2,3\n",
+            "gyro.csv:3: column 'x' holds nothing, which is no finite number; "
+            "write the number, or delete the row",
+        ),
+        (
+            "t,x,y,z\n0,1,2,3\n1,1,2,3\n1,9,2,3\n",
+            "gyro.csv:4: time 1 s stands on two rows with different values; "
+            "correct the time, or delete one",
+        ),
+        (
+            "t,x,y,z\n" + "".join(f"{i},{i},0,0\n" for i in range(50)) + "0,0,0,1\n1,0,0,1\n",
+            "gyro.csv:52: time goes back from 49 s to 0 s; "
+            "split the file where its clock starts anew",
+        ),
+    ],
+)
+def test_a_bad_table_is_refused_with_its_line(
+    folder_with, complaint, tmp_path: Path, text: str | bytes, sentence: str
+):
+    assert complaint(folder_with(tmp_path, GYRO, gyro=text)) == sentence
+
+
+LONG_LINE = (
+    "holds a line of more than 1 MiB, so it is no table; export it as CSV with one row a line"
+)
+
+
+def test_one_giant_line_is_refused_before_the_rest_is_read(folder_with, complaint, tmp_path: Path):
+    folder = folder_with(tmp_path, GYRO, gyro="t,x,y,z\n0,1,2,3\n")
+    with (folder / "gyro.csv").open("ab") as file:
+        file.truncate(1 << 36)  # sparse: 64 GiB that nobody can hold in memory
+    assert complaint(folder) == f"gyro.csv:3: {LONG_LINE}"
+
+
+def test_one_giant_line_costs_no_memory(folder_with, tmp_path: Path):
+    folder = folder_with(tmp_path, GYRO, gyro="t")
+    with (folder / "gyro.csv").open("ab") as file:
+        file.truncate(1 << 30)
+    code = (
+        "import re, sys\n"
+        "from twin.errors import LogError\n"
+        "from twin.recording import open_log\n"
+        "try: open_log(sys.argv[1])\n"
+        "except LogError as error: print(error)\n"
+        "print(re.search(r'VmHWM:\\s+(\\d+)', open('/proc/self/status').read())[1])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(folder)], capture_output=True, text=True, check=True
+    )
+    said, peak = done.stdout.splitlines()
+    assert said.endswith(f"gyro.csv:1: {LONG_LINE}")
+    assert int(peak) < 100_000, "kB of memory"
+
+
+def test_a_quaternion_of_no_length_is_refused(folder_with, complaint, tmp_path: Path):
+    toml = '[streams.attitude]\nfile = "a.csv"\n'
+    folder = folder_with(tmp_path, toml, a="t,w,x,y,z\n0,1,0,0,0\n1,0,0,0,0\n")
+    assert complaint(folder) == (
+        "a.csv:3: attitude has a quaternion of length 0; check `format` and `columns`, "
+        "or delete the row"
+    )

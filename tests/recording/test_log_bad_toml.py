@@ -1,0 +1,184 @@
+"""A log.toml that cannot be followed is refused with its line and what would do."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from twin.errors import LogError
+from twin.recording import open_log
+from twin.recording.log import read_log
+
+GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
+ATTITUDE = '[streams.attitude]\nfile = "gyro.csv"\n'
+ROWS = "t,x,y,z\n0,1,2,3\n1,4,5,6\n2,7,8,9\n"
+
+
+@pytest.mark.parametrize(
+    ("toml", "sentence"),
+    [
+        (
+            '[streams.gyro]\nfile = "gone.csv"\n',
+            "log.toml:3: streams.gyro.file 'gone.csv' is missing; add it, or correct the name",
+        ),
+        (
+            '[streams.gyro]\nfile = "../gyro.csv"\n',
+            "log.toml:3: streams.gyro.file '../gyro.csv' lies outside the log's folder; "
+            "move it beside",
+        ),
+        (
+            '[streams.gyro]\nfile = "gyro.xlsx"\n',
+            "log.toml:3: streams.gyro.file 'gyro.xlsx' is no format that can be read; "
+            "save it as one of .csv, .parquet, .mat, .mcap",
+        ),
+        (
+            GYRO + 'unit = "degs/s"\n',
+            "log.toml:4: streams.gyro.unit is 'degs/s'; no unit named 'degs/s' "
+            "(did you mean 'deg/s', 'mdeg/s', 'deg/h'?)",
+        ),
+        (
+            GYRO + 'unit = "mm"\n',
+            "log.toml:4: streams.gyro.unit is 'mm', but gyro is in rad/s; "
+            "use a unit of rad/s, or add `scale`",
+        ),
+        (
+            GYRO + 'time_unit = "deg"\n',
+            "log.toml:4: streams.gyro.time_unit is 'deg', a unit of rad; use s, ms or us",
+        ),
+        (
+            '[streams.gyros]\nfile = "gyro.csv"\n',
+            "log.toml:2: streams.gyros.unit is missing, and gyros is no stream we know "
+            "(did you mean 'gyro'?); name the stream so, or add its unit",
+        ),
+        (
+            GYRO + 'columns = ["x", "y"]\n',
+            "log.toml:4: streams.gyro.columns gives gyro 2 columns (x, y) for x, y, z; "
+            "list the right ones in `columns`, and in `axes` which of the stream they are",
+        ),
+        (
+            GYRO + 'columns = ["x", "y", "zz"]\n',
+            "gyro.csv:1: no column named 'zz' (did you mean 'z'?); name a column of its first row",
+        ),
+        (
+            GYRO + 'axes = ["roll"]\n',
+            "log.toml:4: streams.gyro.axes names 'roll'; use some of x, y, z",
+        ),
+        (
+            GYRO + "color = 3\n",
+            "log.toml:4: streams.gyro.color is no key we know; did you mean 'columns'?, "
+            "or remove it",
+        ),
+        (
+            GYRO + 'clock_lag = "late"\n',
+            "log.toml:4: streams.gyro.clock_lag is 'late'; give a number in s",
+        ),
+        (
+            GYRO + "scale = 0\n",
+            "log.toml:4: streams.gyro.scale is 0; give the factor to SI",
+        ),
+        (
+            GYRO + "noise = -1.0\n",
+            "log.toml:4: streams.gyro.noise holds -1 rad/s; it must be at least 0 rad/s",
+        ),
+        (
+            GYRO + "rate = 0\n",
+            "log.toml:4: streams.gyro.rate is 0 Hz; it must be at least 1e-06 Hz",
+        ),
+        (
+            GYRO + 'rate = 10\ntime = "t"\n',
+            "log.toml:5: streams.gyro.time is given beside `rate`; remove the one or the other",
+        ),
+        (
+            GYRO + 'format = "wxyz"\n',
+            "log.toml:4: streams.gyro.format is for attitudes; remove it",
+        ),
+        (
+            ATTITUDE + 'format = "zyx"\n',
+            "log.toml:4: streams.attitude.format is 'zyx'; use one of 'wxyz', 'xyzw', 'euler_zyx'",
+        ),
+        (
+            ATTITUDE + 'direction = "up"\n',
+            "log.toml:4: streams.attitude.direction is 'up'; use one of 'body_to_world', "
+            "'world_to_body'",
+        ),
+        (
+            GYRO + 'columns = "x"\n',
+            "log.toml:4: streams.gyro.columns is 'x'; give a list of texts in quotes",
+        ),
+        (
+            GYRO + 'unit = "V"\n',
+            "log.toml:4: streams.gyro.unit is 'V', but gyro is in rad/s; use a unit of "
+            "rad/s, or add `scale`",
+        ),
+        (
+            "[streams.gyro]\n",
+            "log.toml:2: streams.gyro.file is missing; add it",
+        ),
+        (
+            GYRO + "[environment]\nmagnetic_field = [1, 2]\n",
+            "log.toml:5: environment.magnetic_field is [1, 2]; give 3 numbers in T",
+        ),
+        (
+            "[streams]\n",
+            "log.toml:2: streams.streams names no stream; add [streams.gyro] or another",
+        ),
+        ("", "log.toml: streams is missing; add it"),
+    ],
+)
+def test_a_bad_log_toml_is_refused_with_its_line(
+    folder_with, complaint, tmp_path: Path, toml: str, sentence: str
+):
+    assert complaint(folder_with(tmp_path, toml, gyro=ROWS)) == sentence
+
+
+def test_an_endless_log_toml_is_refused(folder_with, complaint, tmp_path: Path):
+    folder = folder_with(tmp_path, GYRO, gyro=ROWS)
+    with (folder / "log.toml").open("ab") as file:
+        file.truncate(1 << 36)
+    assert complaint(folder) == (
+        "log.toml: holds more than 1 MiB, so it is no settings; check the path"
+    )
+
+
+@pytest.mark.parametrize("way", ["symlink", "absolute", "up"])
+def test_a_file_outside_the_folder_is_refused(complaint, tmp_path: Path, way: str):
+    folder, secret = tmp_path / "log", tmp_path / "secret.csv"
+    folder.mkdir()
+    secret.write_text(ROWS)
+    (folder / "link.csv").symlink_to(secret)
+    name = {"symlink": "link.csv", "absolute": str(secret), "up": "../secret.csv"}[way]
+    (folder / "log.toml").write_text(f'platform = "sads"\n[streams.gyro]\nfile = "{name}"\n')
+    assert complaint(folder) == (
+        f"log.toml:3: streams.gyro.file {name!r} lies outside the log's folder; move it beside"
+    )
+
+
+def test_what_is_no_file_is_refused(folder_with, complaint, tmp_path: Path):
+    folder = folder_with(tmp_path, GYRO)
+    os.mkfifo(folder / "gyro.csv")
+    assert complaint(folder) == (
+        "log.toml:3: streams.gyro.file 'gyro.csv' is no file; name the file of numbers"
+    )
+
+
+def test_noise_is_stated_for_all_columns_or_for_each(folder_with, complaint, tmp_path: Path):
+    folder = folder_with(tmp_path, GYRO + "noise = [1e-3, 2e-3]\n", gyro=ROWS)
+    assert complaint(folder) == (
+        "log.toml:4: streams.gyro.noise has 2 numbers for 3 columns; "
+        "give one for all, or one a column"
+    )
+
+
+def test_a_file_of_numbers_alone_is_refused_with_what_it_needs(tmp_path: Path):
+    (tmp_path / "a.mcap").write_bytes(b"")
+    with pytest.raises(LogError) as error:
+        open_log(tmp_path / "a.mcap")
+    assert str(error.value).endswith(
+        "a.mcap: is a file of numbers that does not say what they are; put it into a folder with "
+        "a log.toml that does (docs/logs.md), and name the folder"
+    )
+
+
+def test_a_log_that_is_no_folder_is_refused(tmp_path: Path):
+    with pytest.raises(LogError, match="there is no such folder; name the folder that holds"):
+        read_log(tmp_path / "nowhere")

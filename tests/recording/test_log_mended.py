@@ -1,0 +1,49 @@
+"""What can be mended in a table is, and each repair is counted and said."""
+
+from pathlib import Path
+
+import numpy as np
+
+from twin.recording.log import read_log
+
+GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
+
+
+def test_quaternions_off_length_are_scaled_and_counted(folder_with, tmp_path: Path):
+    toml = '[streams.attitude]\nfile = "a.csv"\n'
+    log = read_log(folder_with(tmp_path, toml, a="t,w,x,y,z\n0,1,0,0,0\n1,1.01,0,0,0\n"))
+    assert log.repairs == (
+        "attitude (a.csv): 1 of 2 quaternions scaled to length 1, the worst was 1.01",
+    )
+
+
+def test_late_rows_are_sorted_and_counted(folder_with, tmp_path: Path):
+    text = "t,x,y,z\n0,1,1,1\n2,3,3,3\n1,2,2,2\n3,4,4,4\n"
+    log = read_log(folder_with(tmp_path, GYRO, gyro=text))
+    np.testing.assert_array_equal(log["gyro"].value[:, 0], [1, 2, 3, 4])
+    assert log.repairs == ("gyro (gyro.csv): 1 row out of order sorted by time",)
+
+
+def test_repeated_rows_are_dropped_and_counted(folder_with, tmp_path: Path):
+    text = "t,x,y,z\n0,1,1,1\n1,2,2,2\n1,2,2,2\n1,2,2,2\n2,3,3,3\n"
+    log = read_log(folder_with(tmp_path, GYRO, gyro=text))
+    assert len(log["gyro"]) == 3
+    assert log.repairs == ("gyro (gyro.csv): 2 rows that repeat the one before dropped",)
+
+
+def test_rows_without_a_number_are_left_out_and_counted(folder_with, tmp_path: Path):
+    toml = GYRO + '[streams.wheel_speed]\nfile = "gyro.csv"\ncolumns = ["w"]\n'
+    toml = toml.replace(GYRO, GYRO + 'columns = ["x", "y", "z"]\n')
+    text = "t,x,y,z,w\n0,1,2,3,\n1,NaN,nan,NA,5\n2,,,,6\n3,4,5,6,\n,,,,\n"
+    log = read_log(folder_with(tmp_path, toml, gyro=text))
+    np.testing.assert_array_equal(log["gyro"].time, [0.0, 3.0])
+    np.testing.assert_array_equal(log["wheel_speed"].time, [1.0, 2.0])
+    assert log.repairs == (
+        "gyro (gyro.csv): 3 rows without a number left out",
+        "wheel_speed (gyro.csv): 3 rows without a number left out",
+    )
+
+
+def test_rows_left_out_keep_the_times_of_a_file_without_times(folder_with, tmp_path: Path):
+    log = read_log(folder_with(tmp_path, GYRO + "rate = 2.0\n", gyro="x,y,z\n1,2,3\n,,\n4,5,6\n"))
+    np.testing.assert_array_equal(log["gyro"].time, [0.0, 1.0])
