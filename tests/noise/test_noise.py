@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from twin.noise import measure_noise, noise_of
+from twin.noise.white import white_noise
 from twin.recording import Series
 from twin.rotation import from_rotation_vector, multiply
 
@@ -137,3 +138,19 @@ def test_rows_without_a_number_are_left_out():
     noise = measure_noise(Series(time, value, ("w", "x", "y", "z"), "1"))
     np.testing.assert_allclose(noise.white, 1e-3, rtol=0.1)
     assert noise.outliers.sum() == 10
+
+
+def test_noise_is_neither_over_nor_underestimated_and_known_as_well_as_is_said():
+    seed, count = 9, 4000
+    print("seed", seed)
+    rng = np.random.default_rng(seed)
+    ratio, spread = [], []
+    for _ in range(20):
+        value = rng.normal(size=(count, 10))
+        sigma, worth = white_noise(0.01 * np.arange(count), value)
+        ratio.append(np.mean(np.square(value), axis=0) / np.square(sigma) - 1.0)
+        spread.append(np.sqrt(2.0 / count * (1.0 / worth - 1.0)))
+    off = np.array(ratio) / np.array(spread)
+    # of 200: the mean is known to 0.07, the scatter to 5 %
+    assert abs(off.mean()) < 0.25
+    assert 0.8 < off.std() < 1.2

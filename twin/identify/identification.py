@@ -27,8 +27,6 @@ METHODS: tuple[str, ...] = get_args(Method)
 SURE = 0.2
 """Of a parameter's scale: half an interval with which the momentum's answer is worth starting from.
 """
-WORTH = 0.4
-"""What an estimated noise knows of its own variance: as much as this share of its samples would."""
 
 
 @dataclass(frozen=True)
@@ -190,8 +188,9 @@ def _misfit(problem: Problem, found: Fit) -> tuple[Misfit, ...]:
             name = output.stream
             squares[name] = squares.get(name, 0.0) + float(np.sum(np.square(values)))
             counts[name] = counts.get(name, 0) + values.size
-            spread = 2.0 * values.size * (1.0 if output.stated else 1.0 + 1.0 / WORTH)
-            variance[name] = variance.get(name, 0.0) + spread
+            # An estimated noise goes with the samples that it comes from.
+            unsure = 1.0 if output.stated else float(np.mean(1.0 / output.worth - 1.0))
+            variance[name] = variance.get(name, 0.0) + 2.0 * values.size * unsure
     fitted = found.innovations.columns.shape[1] + sum(s.width for s in found.at.starts)
     total = sum(counts.values())
     parts = [("all", sum(squares.values()), total, sum(variance.values()))]

@@ -52,17 +52,23 @@ def noise_of(series: Series) -> Array:
     return _white(series)[0]
 
 
+def noise_and_worth(series: Series) -> tuple[Array, Array]:
+    """The same, and the share of the samples that would tell as much of it were they all noise."""
+    white, worth, *_ = _white(series)
+    return white, worth
+
+
 def measure_noise(series: Series) -> StreamNoise:
     """Everything that a stream says of its own noise."""
-    white, resolution, flagged, moved = _white(series)
+    white, _, resolution, flagged, moved = _white(series)
     return StreamNoise(
         white, resolution, clock_of(series), flagged, _slow(series, moved, white, flagged)
     )
 
 
-def _white(series: Series) -> tuple[Array, Array, Mask, Array]:
-    """White noise, resolution, outliers, and the values as numbers that differences make sense
-    of."""
+def _white(series: Series) -> tuple[Array, Array, Array, Mask, Array]:
+    """White noise, what it is worth, resolution, outliers, and the values as numbers that
+    differences make sense of."""
     attitude = series.columns == ("w", "x", "y", "z")
     steps = np.array([resolution_of(column) for column in series.value.T])
     # a rotation vector is twice the vector part of its quaternion
@@ -72,13 +78,13 @@ def _white(series: Series) -> tuple[Array, Array, Mask, Array]:
     value[finite] = angles(series.value[finite]) if attitude else series.value[finite]
     flagged: Mask = np.logical_not(finite)
     flagged[finite] = outliers(value[finite], resolution)
-    white = white_noise(series.time[~flagged], value[~flagged])
+    white, worth = white_noise(series.time[~flagged], value[~flagged])
     fresh = np.concatenate([[True], (np.diff(series.value, axis=0) != 0.0).any(axis=1)])
     if 1.0 - fresh.mean() > HELD and np.all(resolution <= white):
         kept = fresh & ~flagged
-        white = white_noise(series.time[kept], value[kept])
+        white, worth = white_noise(series.time[kept], value[kept])
     white = np.maximum(np.maximum(white, resolution / np.sqrt(12.0)), FLOOR)
-    return white, resolution, flagged, value
+    return white, worth, resolution, flagged, value
 
 
 def angles(attitude: Array) -> Array:

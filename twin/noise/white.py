@@ -30,25 +30,61 @@ COLOURED = 0.25
 MOTION = 30.0
 """Strides at which the variance is more than this times the least show motion, not noise."""
 
+FLAT = 3.0
+"""Standard deviations by which the variance at a stride must exceed that at shorter ones to have
+grown."""
 
-def white_noise(time: Array, value: Array) -> Array:
-    """White noise of each column, 1 sigma a sample.
+
+def white_noise(time: Array, value: Array) -> tuple[Array, Array]:
+    """White noise of each column, 1 sigma a sample, and how well it is known.
 
     Args:
         time: (m,) [s], in order; uneven spacing and gaps do no harm.
         value: (m, k).
 
     Returns:
-        (k,); zeros where there are no more than ORDER rows.
+        (k,) sigma; zeros where there are no more than ORDER rows. (k,) the share of the samples
+        that would tell as much of sigma were they nothing but noise.
     """
     strides = [stride for stride in STRIDES if len(time) > ORDER * stride]
     enough = [stride for stride in strides if len(time) > ORDER * stride + SHORTEST_BLOCK]
     strides = enough or strides[:1]
     if not strides:
-        return np.zeros(value.shape[1])
+        return np.zeros(value.shape[1]), np.full(value.shape[1], _worth(1))
     variances = np.array([_variance(time, value, stride) for stride in strides])
     growth = np.array([_growth(stride) for stride in strides])
-    return np.array([_constant_part(column, growth) for column in variances.T])
+    spread = float(np.sqrt(2.0 / (len(time) * _worth(1))))
+    flat = [_flat(column, spread) for column in variances.T]
+    # Held to be no less than nothing, growth that is not there would take its share of the noise.
+    sigma = [
+        np.sqrt(column[:count].mean()) if count > 1 else _constant_part(column, growth)
+        for column, count in zip(variances.T, flat, strict=True)
+    ]
+    return np.array(sigma), np.array([_worth(count) for count in flat])
+
+
+def _flat(variance: Array, spread: float) -> int:
+    """How many of the first strides show no growth, their variances known to a share of them."""
+    for count in range(1, len(variance)):
+        if variance[count] > (1.0 + FLAT * spread) * variance[:count].mean():
+            return count
+    return len(variance)
+
+
+@cache
+def _worth(strides: int) -> float:
+    """Independent squares a sample, in the mean over so many strides of medians over blocks."""
+    taps = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(_SQUARED_WEIGHTS)
+    filters: list[Array] = []
+    for stride in STRIDES[:strides]:
+        spaced = np.zeros(ORDER * stride + 1)
+        spaced[::stride] = taps
+        filters.append(spaced)
+    alike = np.array(
+        [[np.sum(np.square(np.convolve(a, b[::-1]))) for a in filters] for b in filters]
+    )
+    # Medians of normal variables that correlate by r vary together as asin(r), means as r.
+    return float(1.0 / np.mean(alike[0, 0] * np.arcsin(np.minimum(alike / alike[0, 0], 1.0))))
 
 
 def _variance(time: Array, value: Array, stride: int) -> Array:

@@ -6,6 +6,7 @@ segment by segment, and within one in the order of the grid instants that they a
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any, cast
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.model import Machine
-from twin.noise import noise_of
+from twin.noise import noise_and_worth
 from twin.platform import Platform
 from twin.predict.states import States
 from twin.recording import Recording
@@ -66,6 +67,8 @@ class Output:
     """(k,) 1 sigma a sample; of attitudes [rad]."""
     stated: bool
     """Whether the noise is the log's own statement or estimated from its data."""
+    worth: Array
+    """(k,) the share of the samples that would tell as much of the noise as is known of it."""
     bias: Array
     """(k,) 1 sigma of the sensor's constant error, as platform.toml states it; 0: none."""
     time: Array
@@ -165,7 +168,7 @@ def outputs_of(
         columns = ("x", "y", "z") if attitude else series.columns
         k = len(columns)
         slot = width + rank[:, None] * k + np.arange(k)
-        noise, stated = _noise(recording, name, k)
+        noise, stated, worth = _noise(recording, name, k)
         found.append(
             Output(
                 name,
@@ -173,6 +176,7 @@ def outputs_of(
                 columns,
                 noise,
                 stated,
+                worth,
                 _bias(machine.platform, name, k),
                 series.time[inside],
                 series.value[inside],
@@ -185,12 +189,13 @@ def outputs_of(
     return tuple(found), width
 
 
-def _noise(recording: Recording, name: str, k: int) -> tuple[Array, bool]:
+def _noise(recording: Recording, name: str, k: int) -> tuple[Array, bool, Array]:
     facts = cast(Mapping[str, Mapping[str, Any]], recording.provenance.get("streams") or {})
     stated = facts.get(name, {}).get("noise")
     if stated is None:
-        return noise_of(recording[name]), False
-    return np.broadcast_to(np.asarray(stated, dtype=np.float64), (k,)).copy(), True
+        noise, worth = noise_and_worth(recording[name])
+        return noise, False, worth
+    return np.broadcast_to(np.asarray(stated, dtype=np.float64), (k,)).copy(), True, np.full(k, inf)
 
 
 def _bias(platform: Platform, name: str, k: int) -> Array:
