@@ -153,6 +153,7 @@ def bound(campaign: Campaign, logs: list[Recording], grade: Grade) -> np.ndarray
         campaign.truth,
         tuple(np.zeros(len(body.bias_scale)) for body in bodies),
         tuple(true_states(log, body.grid.starts) for log, body in zip(logs, bodies, strict=True)),
+        strengths=np.zeros(0),
     )
     return np.sqrt(np.diag(Problem(bodies, base).innovations(at).covariance))[:9]
 
