@@ -220,7 +220,7 @@ class Effect(abc.ABC):
 
     def words(self) -> str:
         """The effect with its numbers, as a person reads them."""
-        parts = [_words(known, getattr(self, known.name)) for known in self.parameters()]
+        parts = [value_words(known, getattr(self, known.name)) for known in self.parameters()]
         of = f" of {self.target}" if self.target else ""
         return f"{self.name}{of}: {', '.join(parts)}"
 
@@ -295,7 +295,8 @@ def _scale(known: Parameter) -> Array:
     return np.where(typical > 0.0, typical, largest)
 
 
-def _words(known: Parameter, value: Value) -> str:
+def value_words(known: Parameter, value: Value) -> str:
+    """A parameter's name and value, as a person reads them."""
     if not isinstance(value, tuple):
         return f"{known.name} {printed(value, known.unit)}"
     size = max(abs(entry) for entry in value)
