@@ -1,8 +1,11 @@
 """What the logs did not move enough to tell."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.identify.scale import Scale
 from twin.model import Machine
 from twin.predict.base import BaseParameters
 from twin.recording import Recording
@@ -32,11 +35,16 @@ _NAMES = {
 }
 
 
-def not_excited(base: BaseParameters, half_widths: Array) -> list[str]:
-    """Sentences for the parameters that these logs leave open, and for those no log shows."""
+def not_excited(base: BaseParameters, theta: Array, half_widths: Array) -> list[str]:
+    """Sentences for the parameters that these logs leave open, and for those no log shows.
+
+    What a joint takes of the motion is measured against what is found of it, where that is more.
+    """
+    first = len(theta) - len(base.joints)
+    size = np.concatenate([base.scale[:first], np.maximum(base.scale, np.abs(theta))[first:]])
     return [
-        f"{_NAMES[name]}: not excited"
-        for name, half, scale in zip(base.names, half_widths, base.scale, strict=True)
+        f"{_NAMES.get(name, name)}: not excited"
+        for name, half, scale in zip(base.names, half_widths, size, strict=True)
         if half > BLIND * scale
     ] + [f"{entry}: no motion of this joint shows it" for entry in base.not_excited]
 
@@ -44,14 +52,35 @@ def not_excited(base: BaseParameters, half_widths: Array) -> list[str]:
 def common_scale(machine: Machine, recordings: list[Recording]) -> list[str]:
     """The sentence about the one scale that wheels and gravity leave open, where it is open.
 
-    J, m r and the wheels' inertia may grow together and the motion stays the same. A known mass
-    that moves sets the scale.
+    J, m r, the wheels' inertia and what joints take may grow together and the motion stays the
+    same. A known torque on the base or a known mass that moves sets the scale.
     """
-    if not machine.platform.wheels or any(_mass_moved(r) for r in recordings):
+    if any(_mass_moved(r) or "command_joint_torque" in r for r in recordings):
         return []
+    what = "one common scale of J, m r"
+    if not machine.platform.wheels:
+        if machine.platform.base.kind == "ball":
+            return []
+        return [f"{what} and damping: it is that of the stated m r; needs a known torque"]
+    if any("command_wheel_duty" in r and "wheel_speed" not in r for r in recordings):
+        return [
+            f"{what}, damping and the wheels: it is that of the wheels' stated torque_limit, which "
+            "a duty of 1 is taken to give; needs a measured wheel speed and a known mass move"
+        ]
     return [
-        "one common scale of J, m r and wheel inertia: it is that of the wheels' stated inertia; "
+        f"{what} and wheel inertia: it is that of the wheels' stated inertia; "
         "needs a known mass move"
+    ]
+
+
+def scale_unknown(scales: Sequence[Scale]) -> list[str]:
+    """Sentences for the streams whose scale the logs do not tell."""
+    return [
+        f"scale of {scale.stream}: these motions look the same at any amplitude; "
+        f"{scale.value:.3g} {scale.unit} was taken; needs a wider swing, a known start, "
+        "or another sensor"
+        for scale in scales
+        if not scale.known
     ]
 
 

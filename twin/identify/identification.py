@@ -8,15 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import TwinError, UnknownName, UsageError
-from twin.identify.excitation import common_scale, not_excited
+from twin.identify.excitation import common_scale, not_excited, scale_unknown
 from twin.identify.momentum import MomentumFit, gyro_bias, momentum_fit
 from twin.identify.prediction_error import NORMAL, Fit, fit, fit_disturbed
+from twin.identify.scale import (
+    ROUNDS,
+    Scale,
+    change_of,
+    scaled_together,
+    scales_of,
+    unknown_scales,
+)
 from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.base import BaseParameters, base_parameters
 from twin.predict.body import Body, body_of
 from twin.predict.innovations import Problem
+from twin.predict.joint_parameters import joint_parameters
 from twin.predict.motion import motion_of
+from twin.predict.perturbation import Perturbation
+from twin.predict.ranges import within_range
+from twin.predict.scales import Scaled
 from twin.recording import Recording
 
 Array = NDArray[np.float64]
@@ -27,6 +39,9 @@ METHODS: tuple[str, ...] = get_args(Method)
 SURE = 0.2
 """Of a parameter's scale: half an interval with which the momentum's answer is worth starting from.
 """
+
+
+WHEEL_COMMANDS = ("command_wheel_torque", "command_wheel_duty")
 
 
 @dataclass(frozen=True)
@@ -66,6 +81,10 @@ class Identification:
     for a method that has none."""
     fit: Fit | None = None
     """Of the prediction-error method."""
+    scales: tuple[Scale, ...] = ()
+    """Of the streams whose log.toml asks for them."""
+    not_used: tuple[str, ...] = ()
+    """A sentence for each stream of which samples were left out."""
 
     @property
     def disturbance(self) -> float:
@@ -85,6 +104,10 @@ class Identification:
             "base": self.base.table(self.theta, self.covariance, self.quantile),
             "not_excited": list(self.not_excited),
         }
+        if self.base.joints:
+            document["joints"] = self._joints()
+        if self.scales:
+            document["scales"] = {scale.stream: scale.document() for scale in self.scales}
         if self.misfit:
             document["chi2_per_sample"] = {
                 part.name: {"value": part.chi2_per_sample, "band": [part.low, part.high]}
@@ -92,6 +115,18 @@ class Identification:
             }
             document["disturbance"] = self.disturbance
         return document
+
+    def _joints(self) -> Mapping[str, Any]:
+        first = len(self.theta) - len(self.base.joints)
+        return {
+            joint.name: {"value": v, "low": v - half, "high": v + half, "unit": joint.unit}
+            for joint, v, half in zip(
+                self.base.joints,
+                self.theta[first:].tolist(),
+                self.half_widths[first:].tolist(),
+                strict=True,
+            )
+        }
 
 
 def identify(
@@ -113,14 +148,21 @@ def identify(
         raise UnknownName("method", method, METHODS)
     if not recordings:
         raise UsageError("no log is given")
-    logs = [recording.without_truth() for recording in recordings]
+    checked = [within_range(recording.without_truth(), platform) for recording in recordings]
+    not_used = tuple(sentence for _, said in checked for sentence in said)
+    scaled = scaled_together([log for log, _ in checked], platform)
+    scales = unknown_scales([log.recording for log in scaled])
+    logs = [log.recording for log in scaled]
     machine = compile_model(platform)
-    base = base_parameters(machine)
-    motions = [motion_of(log, platform) for log in logs]
-    pairs = list(zip(logs, motions, strict=True))
-    first = momentum_fit(pairs, base)
+    base = base_parameters(
+        machine,
+        torque=any(_drives(log, platform) for log in logs),
+        angle=any("joint_angle" in log for log in logs),
+    )
     unseen = common_scale(machine, logs)
     if method == "momentum":
+        _refuse_guesses(logs, platform, scales)
+        first = momentum_fit([(log, motion_of(log, platform)) for log in logs], base)
         half = first.quantile * np.sqrt(np.diag(first.covariance))
         return Identification(
             method,
@@ -130,30 +172,63 @@ def identify(
             first.theta,
             first.covariance,
             first.quantile,
-            (*not_excited(base, half), *unseen),
+            (*not_excited(base, first.theta, half), *unseen),
+            not_used=not_used,
         )
-    bodies = [body_of(machine, log, motion) for log, motion in pairs]
-    problem = Problem(bodies, base)
-    biases = [_biases(body) for body in bodies]
-    start = problem.start(_start(base, first), biases)
-    found = fit(problem, start)
-    misfit = _misfit(problem, found)
-    if not misfit[0].is_noise:
-        found = fit_disturbed(problem, found, start)
+    wheels = any(name in log for log in logs for name in WHEEL_COMMANDS)
+    full = base.with_joints(joint_parameters(machine, wheels))
+    found, misfit = _fitted(base, full, scaled, scales)
+    told = scales_of(found, scales, scaled)
+    for _ in range(ROUNDS if scales else 0):
+        if not all(scale.known for scale in told):
+            # nothing tells them: as guessed, so that the rest may be told under that guess
+            found, misfit = _fitted(base, full, scaled, ())
+            break
+        change, settled = change_of(found, told)
+        if settled:
+            break
+        scaled = [log.by({n: f for n, f in change.items() if n in log.factor}) for log in scaled]
+        found, misfit = _fitted(base, full, scaled, scales, found.at.theta)
+        told = scales_of(found, scales, scaled)
     covariance, quantile = found.covariance()
     half = quantile * np.sqrt(np.diag(covariance))
     return Identification(
         method,
         platform,
-        tuple(logs),
-        base,
+        tuple(log.recording for log in scaled),
+        full,
         found.at.theta,
         covariance,
         quantile,
-        (*not_excited(base, half), *unseen),
+        (*not_excited(full, found.at.theta, half), *scale_unknown(told), *unseen),
         misfit,
         found,
+        told,
+        not_used,
     )
+
+
+def _fitted(
+    plain: BaseParameters,
+    base: BaseParameters,
+    scaled: Sequence[Scaled],
+    scales: Sequence[Perturbation],
+    theta: Array | None = None,
+) -> tuple[Fit, tuple[Misfit, ...]]:
+    """Fit the base by prediction error from `theta`, else from what the momentum says."""
+    logs = [log.recording for log in scaled]
+    pairs = [(log, motion_of(log, base.machine.platform)) for log in logs]
+    if theta is None:
+        first = _start(plain, momentum_fit(pairs, plain))
+        theta = np.concatenate([first, base.as_stated[len(first) :]])
+    bodies = [body_of(base.machine, log, motion) for log, motion in pairs]
+    problem = Problem(bodies, base, scales)
+    start = problem.start(theta, [_biases(body) for body in bodies])
+    found = fit(problem, start)
+    misfit = _misfit(problem, found)
+    if not misfit[0].is_noise:
+        found = fit_disturbed(problem, found, start)
+    return found, misfit
 
 
 def _start(base: BaseParameters, first: MomentumFit) -> Array:
@@ -166,6 +241,28 @@ def _start(base: BaseParameters, first: MomentumFit) -> Array:
     except TwinError:
         return base.as_stated
     return theta
+
+
+def _drives(recording: Recording, platform: Platform) -> bool:
+    """Whether a log has a torque of known size, or a momentum or mass that moves."""
+    known = (*platform.commands, "command_wheel_duty", "wheel_speed", "stage_position")
+    return any(name in recording for name in known)
+
+
+def _refuse_guesses(
+    recordings: Sequence[Recording], platform: Platform, scales: Sequence[Perturbation]
+) -> None:
+    """The balance of momentum is linear in J and m r only where everything else is measured."""
+    if scales:
+        raise UsageError(
+            f'{scales[0].stream} has `scale = "fit"`, which the method momentum cannot fit; '
+            "use prediction-error, or state the scale"
+        )
+    if platform.wheels and any("wheel_speed" not in recording for recording in recordings):
+        raise UsageError(
+            "a log has no wheel_speed, without which the method momentum knows no wheel's "
+            "momentum; use prediction-error"
+        )
 
 
 def _biases(body: Body) -> Array:

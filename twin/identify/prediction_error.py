@@ -59,25 +59,31 @@ class Fit:
         return self.innovations.at
 
     def covariance(self) -> tuple[Array, float]:
-        """Covariance (p, p) of the base, and the quantile that makes 95 % intervals of it.
+        """Covariance (p, p) of the base, and the quantile that makes 95 % intervals of it."""
+        everything, quantile = self.spread()
+        p = len(self.at.theta)
+        return everything[:p, :p], quantile
+
+    def spread(self) -> tuple[Array, float]:
+        """Covariance of base, biases and strengths, in this order; and the same quantile.
 
         (A^T A)^-1. Where a disturbance had to be fitted, it is not as white as it was taken to be:
         there the scatter of the segments' own gradients is a second opinion (sandwich estimate,
         segments as clusters), and the wider of the two is kept, if there are segments enough.
         """
-        now, p = self.innovations, len(self.at.theta)
+        now = self.innovations
         inverse = now.covariance
         _, cluster = np.unique(now.cluster, return_inverse=True)
         clusters = int(cluster.max()) + 1
         if now.intensity == 0.0 or clusters < ENOUGH * len(inverse):
-            return inverse[:p, :p], NORMAL
+            return inverse, NORMAL
         scores = np.zeros((clusters, len(inverse)))
         np.add.at(scores, cluster, now.columns * now.residual[:, None])
         freedom = clusters - len(inverse)
         sandwich = inverse @ (scores.T @ scores) @ inverse * clusters / freedom
         wider = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(inverse), 1.0))
         scaled = inverse * np.outer(wider, wider)
-        return scaled[:p, :p], float(student.ppf(0.975, freedom))
+        return scaled, float(student.ppf(0.975, freedom))
 
 
 def fit(problem: Problem, start: Unknowns) -> Fit:

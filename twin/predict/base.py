@@ -1,12 +1,13 @@
 """The base parameters of a machine: its inertia and mass moment, as numbers to be fitted.
 
 Seen are J and m r about the centre of rotation, never the mass itself. A hinge sees J about its
-axis and the two components of m r across it; a ball joint sees all 6 + 3.
+axis and the two components of m r across it, unless it stands upright; a ball joint sees all 6 + 3.
+What its joints take of the motion may follow.
 """
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from twin.errors import TwinError
 from twin.model import Machine, MassProperties, set_mass_properties
+from twin.predict.joint_parameters import JointParameter
 
 Array = NDArray[np.float64]
 
@@ -37,6 +39,21 @@ class BaseParameters:
     """(p,) a typical change of each, for finite differences and conditioning."""
     map: Array
     """(9, p) onto Jxx Jyy Jzz Jxy Jxz Jyz, mr_x mr_y mr_z."""
+    joints: tuple[JointParameter, ...] = ()
+    """What the last entries of theta are, as far as they are not J and m r."""
+
+    def with_joints(self, joints: tuple[JointParameter, ...]) -> "BaseParameters":
+        """With parameters of joints as further entries of theta."""
+        stated = np.array([joint.stated for joint in joints])
+        return replace(
+            self,
+            names=self.names + tuple(joint.name for joint in joints),
+            units=self.units + tuple(joint.unit for joint in joints),
+            as_stated=np.concatenate([self.as_stated, stated]),
+            scale=np.concatenate([self.scale, np.abs(stated)]),
+            map=np.concatenate([self.map, np.zeros((9, len(joints)))], axis=1),
+            joints=self.joints + joints,
+        )
 
     def entries(self, theta: Array) -> Array:
         """(9,) J and m r [kg m^2, kg m]."""
@@ -70,6 +87,9 @@ class BaseParameters:
             )
         except ValueError as problem:
             raise TwinError(f"the fitted base is no rigid body: {problem}") from None
+        first = len(theta) - len(self.joints)
+        for joint, value in zip(self.joints, theta[first:].tolist(), strict=True):
+            joint.put(model, value)
         return model
 
     def table(self, theta: Array, covariance: Array, quantile: float) -> Mapping[str, Any]:
@@ -112,11 +132,21 @@ class BaseParameters:
             return ()
         axis = hinge_axis(self.machine)
         hidden = [f"J but about the axis {_axis(axis)}"]
+        if _upright(axis):
+            return (*hidden, "m r")
         return (*hidden, f"m r along the axis {_axis(axis)}")
 
 
-def base_parameters(machine: Machine) -> BaseParameters:
-    """What a log of this machine can show of its base."""
+def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True) -> BaseParameters:
+    """What logs of this machine can show of its base.
+
+    Args:
+        machine: compiled.
+        torque: whether they have a known torque, on a hinge. Without one only J / (m r) shows; then
+            m r keeps its stated length, for it is what a scale and a ruler tell.
+        angle: whether they have the angle of a hinge. With its rate alone nobody knows from where
+            it counts, and so not which way m r points.
+    """
     stated = _stated(machine)
     units = ("kg m^2",) * 6 + ("kg m",) * 3
     if machine.platform.base.kind == "ball":
@@ -129,7 +159,15 @@ def base_parameters(machine: Machine) -> BaseParameters:
     # J keeps its stated proportions; only the moment about the axis is seen
     columns = [np.concatenate([stated[:6] / about_axis, np.zeros(3)])]
     starts, names = [about_axis], ["J"]
-    for name, across in zip(("mr_1", "mr_2"), _across(axis), strict=True):
+    directions = _across(axis)
+    moment = stated[6:] - (axis @ stated[6:]) * axis
+    if _upright(axis):
+        directions = ()
+    elif not torque and np.linalg.norm(moment) > 0.0:
+        # what is across m r turns it and keeps its length
+        turned = np.cross(axis, moment) / np.linalg.norm(moment)
+        directions = (turned,) if angle else ()
+    for name, across in zip(("mr_1", "mr_2"), directions, strict=False):
         columns.append(np.concatenate([np.zeros(6), across]))
         starts.append(float(across @ stated[6:]))
         single = int(np.argmax(np.abs(across)))
@@ -138,9 +176,9 @@ def base_parameters(machine: Machine) -> BaseParameters:
     return BaseParameters(
         machine,
         tuple(names),
-        ("kg m^2", "kg m", "kg m"),
+        ("kg m^2", *["kg m"] * len(directions)),
         np.array(starts),
-        np.array([about_axis, reach, reach]),
+        np.array([about_axis, *[reach] * len(directions)]),
         np.stack(columns, axis=-1),
     )
 
@@ -153,7 +191,12 @@ def hinge_axis(machine: Machine) -> Array:
     return data.xaxis[joint].copy()
 
 
-def _across(axis: Array) -> tuple[Array, Array]:
+def _upright(axis: Array) -> bool:
+    """Whether gravity has no moment about a hinge."""
+    return bool(abs(axis[2]) > 1.0 - 1e-9)
+
+
+def _across(axis: Array) -> tuple[Array, ...]:
     """Two unit vectors across the axis; body axes themselves where they are."""
     free = [unit for unit in np.eye(3) if abs(unit @ axis) < 1e-9]
     first = free[0] if free else np.linalg.svd(axis[None])[2][1]

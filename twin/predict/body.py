@@ -313,10 +313,9 @@ class Body:
         return States(there.position, there.rate, speeds)
 
     def _predicted(self) -> tuple[str, ...]:
-        if self.machine.platform.base.kind == "hinge":
-            return ("joint_angle", "joint_rate")
+        hinge = self.machine.platform.base.kind == "hinge"
         wheels = ("wheel_speed",) if self.inputs.wheels_predicted else ()
-        return ("attitude", "gyro", *wheels)
+        return (*(("joint_angle", "joint_rate") if hinge else ("attitude", "gyro")), *wheels)
 
 
 def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:

@@ -35,9 +35,12 @@ class Inputs:
 
     Commands hold from their stamp to the next; a step in which one changes gets the mean over the
     step, so that the impulse is exact. A wheel is driven by its commanded torque where that was
-    recorded. Where only its speed was, the smoothed reading is prescribed (large armature,
-    acceleration through the applied force): its noise then drives the prediction, which is known
-    to bias a fit, so a recorded command is always preferred. A stage follows its measured position.
+    recorded, or by its commanded duty: that share of its torque limit is what its motor gives at
+    rest, and the damping of its joint is what its back EMF takes. Its speed is then a state,
+    measured or not. Where only its speed was recorded, the smoothed reading is prescribed (large
+    armature, acceleration through the applied force): its noise then drives the prediction, which
+    is known to bias a fit, so a recorded command is always preferred. A stage follows its measured
+    position.
     """
 
     def __init__(self, machine: Machine, recording: Recording) -> None:
@@ -47,10 +50,15 @@ class Inputs:
         platform = machine.platform
         self._joint = self._stream(recording, "command_joint_torque", 1)
         self._wheel_torque = self._stream(recording, "command_wheel_torque", len(platform.wheels))
+        if self._wheel_torque is None:
+            duty = self._stream(recording, "command_wheel_duty", len(platform.wheels))
+            self._wheel_torque = None if duty is None else self._torque_at_rest(duty)
         self._wheel_speed: tuple[Series, Series] | None = None
         speed = self._stream(recording, "wheel_speed", len(platform.wheels))
         if speed is not None:
             self._wheel_speed = smoothed_series(speed)
+        elif self._wheel_torque is not None:
+            self._wheel_speed = self._unmeasured(self._wheel_torque, recording)
         self._stage: tuple[Series, Series] | None = None
         for name in ("stage_position", "command_stage_position"):
             stage = self._stream(recording, name, len(platform.stages))
@@ -59,7 +67,7 @@ class Inputs:
 
     @property
     def wheels_predicted(self) -> bool:
-        """Whether the wheels' speed follows from their commands, and so is an output."""
+        """Whether the wheels' speed follows from their commands: a state, an output if measured."""
         return self._wheel_torque is not None and self._wheel_speed is not None
 
     def prepare(self, model: mujoco.MjModel) -> None:
@@ -134,6 +142,30 @@ class Inputs:
             velocity[:, machine.stage_dof] = rate.interpolated_at(times)
         return position, velocity, acceleration
 
+    def _torque_at_rest(self, duty: Series) -> Series:
+        """Of the wheels' motors [N m], from their duty."""
+        limit = np.array([wheel.torque_limit for wheel in self.machine.platform.wheels])
+        return Series(duty.time, duty.value * limit, duty.columns, "N m")
+
+    def _unmeasured(self, torque: Series, recording: Recording) -> tuple[Series, Series]:
+        """Speed and acceleration of wheels that start at rest on a body that stands still: where
+        the prediction of wheels begins that nobody measured."""
+        platform = self.machine.platform
+        rotor = np.array([wheel.inertia for wheel in platform.wheels])
+        damping = self.model.dof_damping[self.machine.wheel_dof]
+        time = np.arange(recording.start, recording.stop + platform.tick, platform.tick)
+        pull = held_mean(torque, time) / rotor
+        decay = np.exp(-damping / rotor * platform.tick)
+        reach = platform.tick * _filled(damping / rotor * platform.tick)
+        speed = np.zeros((len(time), len(rotor)))
+        for i, rise in enumerate(pull):
+            speed[i + 1] = decay * speed[i] + reach * rise
+        change = np.asarray(np.gradient(speed, platform.tick, axis=0), dtype=np.float64)
+        return (
+            Series(time, speed, torque.columns, "rad/s"),
+            Series(time, change, torque.columns, "rad/s/s"),
+        )
+
     def _wheel_axes(self) -> Array:
         """(wheels, 3) in body axes, at qpos0."""
         data = mujoco.MjData(self.machine.model)
@@ -152,6 +184,11 @@ class Inputs:
             )
         self.used = (*self.used, name)
         return series
+
+
+def _filled(x: Array) -> Array:
+    """(1 - exp(-x)) / x."""
+    return np.where(x > 1e-9, -np.expm1(-x) / np.maximum(x, 1e-9), 1.0)
 
 
 def held_mean(series: Series, edges: Array) -> Array:

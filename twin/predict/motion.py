@@ -8,13 +8,16 @@ quantisation is not taken for motion. Good to start a fit and to shape a law, no
 from dataclasses import dataclass
 from typing import cast
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
+from scipy.integrate import cumulative_trapezoid
+from scipy.signal import detrend, savgol_filter
 
 from twin import rotation
 from twin.errors import UsageError
 from twin.platform import Platform
+from twin.platform.mjcf import load_mjcf
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
@@ -61,9 +64,12 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
     """Smooth the streams that show how the base moves.
 
     Raises:
-        UsageError: the log lacks the stream that shows it (`joint_angle`, or `attitude`).
+        UsageError: the log lacks the stream that shows it (`joint_angle` or `joint_rate`, or
+            `attitude`).
     """
     stream = "joint_angle" if platform.base.kind == "hinge" else "attitude"
+    if stream == "joint_angle" and stream not in recording and "joint_rate" in recording:
+        stream = "joint_rate"
     if stream not in recording or len(recording[stream]) < 2 * WINDOWS[0]:
         raise UsageError(
             f"the log has no stream {stream!r} of at least {2 * WINDOWS[0]} samples, without which "
@@ -73,6 +79,8 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
     if stream == "joint_angle":
         time, values, width = _smoothed(series, noise_of(series))
         return Motion(time, *values, width)
+    if stream == "joint_rate":
+        return _integrated(series, platform)
     # A quaternion's components are smooth too, and small windows keep its length near 1.
     time, (q, q_rate, q_acceleration), width = _smoothed(series, noise_of(series)[:1] / 2.0)
     attitude = rotation.normalized(q)
@@ -85,6 +93,48 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
         rate = _interpolated(time, gyro_time, smooth_rate)
         acceleration = _interpolated(time, gyro_time, smooth_acceleration)
     return Motion(time, attitude, rate, acceleration, width)
+
+
+def _integrated(series: Series, platform: Platform) -> Motion:
+    """A hinge's motion from its rate alone.
+
+    The angle is the integral of the rate. A body that gravity holds swings about where it hangs:
+    the mean and the trend of the angle are then those of the gyro, and are taken out. Else it
+    starts at 0.
+    """
+    time, (rate, change, _), width = _smoothed(series, noise_of(series))
+    swings = swing_rate(platform) > 0.0
+    if swings:
+        rate = rate - rate.mean(axis=0)
+    angle = cumulative_trapezoid(rate, time, axis=0, initial=0.0)
+    if swings:
+        angle = detrend(angle, axis=0) + _hanging(platform)
+    return Motion(time, np.asarray(angle, dtype=np.float64), rate, change, width)
+
+
+def swing_rate(platform: Platform) -> float:
+    """Of small swings about a hinge, sqrt(g m r / J) [rad/s]; 0 where gravity does not hold it."""
+    axis, _, pull = _plane(platform)
+    return float(np.sqrt(pull * platform.gravity / (axis @ platform.inertia @ axis)))
+
+
+def _hanging(platform: Platform) -> float:
+    """The angle of a hinge at which m r points down."""
+    axis, moment, _ = _plane(platform)
+    down = np.array([0.0, 0.0, -1.0])
+    return float(np.arctan2(axis @ np.cross(moment, down), moment @ down))
+
+
+def _plane(platform: Platform) -> tuple[Array, Array, float]:
+    """A hinge's axis, m r across it, and the most of m r that gravity gets hold of [kg m]."""
+    model = load_mjcf(platform.model_path)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    axis = data.xaxis[model.joint(platform.base.joint).id]
+    offset = platform.center_of_mass_offset
+    moment = offset - (axis @ offset) * axis
+    level = np.sqrt(max(1.0 - axis[2] ** 2, 0.0))
+    return axis, moment, float(level * np.linalg.norm(moment))
 
 
 def noise_of(series: Series) -> Array:

@@ -1,10 +1,12 @@
 """What an identification found, in lines for a terminal."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify import Identification
-from twin.predict.base import NAMES
+from twin.predict.base import ENTRIES, NAMES, hinge_axis
 from twin.recording import Recording
 from twin.units import printed
 
@@ -16,8 +18,8 @@ def identified(found: Identification) -> list[str]:
     count = len(found.recordings)
     logs = f"{count} logs together" if count > 1 else "1 log"
     lines = [f"{found.platform.name}, {found.method}, {logs}; intervals are 95 %"]
-    lines += [f"  {line}" for line in _entries(found)]
-    lines += [f"  {line}" for line in _trust(found)]
+    lines += [f"  {line}" for line in (*_entries(found), *_joints(found), *_scales(found))]
+    lines += [f"  {line}" for line in (*_sentences(found.not_used), *_trust(found))]
     lines += [f"  Cannot be told: {sentence}." for sentence in found.not_excited]
     return lines
 
@@ -27,11 +29,18 @@ def _entries(found: Identification) -> list[str]:
     values = base.entries(found.theta)
     half = found.quantile * np.sqrt(np.diag(base.map @ found.covariance @ base.map.T))
     seen = np.abs(base.map).sum(axis=1) > 0.0
-    lines = [
-        f"{name:<5} {_pair(value, width)} kg m^2"
-        for name, value, width, known in zip(NAMES, values, half, seen, strict=True)
-        if known and name.startswith("J")
-    ]
+    if platform.base.kind == "hinge":
+        # of the others nothing is seen: they only keep their stated proportions
+        axis = hinge_axis(base.machine)
+        turn = np.array([axis[i] * axis[j] * (1.0 if i == j else 2.0) for i, j in ENTRIES])
+        about = float(turn @ values[:6])
+        width = float(found.quantile * np.sqrt(found.covariance[0, 0]))
+        lines = [f"J     {_pair(about, width)} kg m^2 about the axis"]
+    else:
+        lines = [
+            f"{name:<5} {_pair(value, width)} kg m^2"
+            for name, value, width in zip(NAMES[:6], values[:6], half[:6], strict=True)
+        ]
     moved = _carried(found.recordings[-1], found)
     for place, extra in [("", np.zeros(3)), (" with the masses as the log left them", moved)]:
         if place and not extra.any():
@@ -47,6 +56,28 @@ def _entries(found: Identification) -> list[str]:
                 f" of {platform.mass:g} kg{place}"
             )
     return lines
+
+
+def _joints(found: Identification) -> list[str]:
+    first = len(found.theta) - len(found.base.joints)
+    return [
+        f"{joint.name} {_pair(value, width)} {joint.unit}"
+        for joint, value, width in zip(
+            found.base.joints, found.theta[first:], found.half_widths[first:], strict=True
+        )
+    ]
+
+
+def _scales(found: Identification) -> list[str]:
+    return [
+        f"scale of {scale.stream} {_pair(scale.value, 0.5 * (scale.high - scale.low))} {scale.unit}"
+        for scale in found.scales
+        if scale.known
+    ]
+
+
+def _sentences(said: Sequence[str]) -> list[str]:
+    return [f"{sentence}." for sentence in said]
 
 
 def _trust(found: Identification) -> list[str]:

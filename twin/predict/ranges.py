@@ -1,0 +1,31 @@
+"""Samples at the end of a sensor's range say only that the truth is there or beyond: not used."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from twin.platform import Platform
+from twin.recording import Recording
+from twin.units import printed
+
+AT_RANGE = 1e-3
+"""Of the range: so near to it a reading is taken to be at its end."""
+
+
+def within_range(recording: Recording, platform: Platform) -> tuple[Recording, tuple[str, ...]]:
+    """A log without the samples at the range that platform.toml states, and a sentence a stream."""
+    streams = dict(recording.streams)
+    said: list[str] = []
+    for name, sensor in platform.sensors.items():
+        if name not in streams or not np.isfinite(sensor.range):
+            continue
+        series = streams[name]
+        good = np.all(np.abs(series.value) < sensor.range * (1.0 - AT_RANGE), axis=1)
+        lost = int(np.count_nonzero(~good))
+        if lost:
+            streams[name] = replace(series, time=series.time[good], value=series.value[good])
+            said.append(
+                f"{lost} of {len(series)} samples of {name} are at the end of its range, "
+                f"{printed(sensor.range, series.unit)}, and are not used"
+            )
+    return replace(recording, streams=streams), tuple(said)
