@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.predict.base import ENTRIES, BaseParameters, hinge_axis
+from twin.predict.joint_parameters import joint_forces
 from twin.predict.states import States
 
 Array = NDArray[np.float64]
@@ -39,4 +40,6 @@ def base_forces(base: BaseParameters, path: States, step: float) -> Array:
         torque = np.einsum("skip,i->skp", torque, axis)[:, :, None]
     force = np.zeros((*torque.shape[:2], machine.model.nv, torque.shape[-1]))
     force[:, :, machine.base_dof] = torque
+    if base.joints:
+        force[..., -len(base.joints) :] += joint_forces(base.joints, machine, path)
     return force
