@@ -38,6 +38,7 @@ class Compare:
         """Compare, print, write what was asked for."""
         from twin.cli.output import print_json
         from twin.errors import UsageError
+        from twin.identify import calibrated
         from twin.platform import platform_of
         from twin.predict import compare, transfer
         from twin.recording import open_log
@@ -54,7 +55,11 @@ class Compare:
         logs = [open_log(path) for path in self.logs]
         if all(log.provenance.get("platform") is None for log in logs):
             return self._sensors(logs)
-        comparisons = [compare(log, platform_of(log), as_built=self.as_built) for log in logs]
+        comparisons = [
+            compare(calibrated(log, platform), platform, as_built=self.as_built)
+            for log in logs
+            for platform in [platform_of(log)]
+        ]
         first, *others = comparisons
         transfers = [transfer(first, other) for other in others]
         if self.report is not None:

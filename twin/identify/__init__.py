@@ -1,5 +1,6 @@
 """Inertia and mass moment from logs, with intervals and what the logs cannot tell."""
 
+from twin.identify.calibrate import calibrated as calibrated
 from twin.identify.identification import METHODS as METHODS
 from twin.identify.identification import Identification as Identification
 from twin.identify.identification import Misfit as Misfit

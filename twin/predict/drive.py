@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from twin.errors import UsageError
 from twin.model import Machine
+from twin.predict.base import hinge_axis
 from twin.predict.motion import smoothed_series
 from twin.predict.segments import Segment
 from twin.recording import Recording, Series
@@ -108,7 +109,10 @@ class Inputs:
         if self._joint is not None:
             return held_mean(self._joint, edges)
         if self._wheel_torque is not None:
-            return -held_mean(self._wheel_torque, edges) @ self._wheel_axes()
+            torque = -held_mean(self._wheel_torque, edges) @ self._wheel_axes()
+            if self.machine.platform.base.kind == "hinge":
+                return (torque @ hinge_axis(self.machine))[:, None]
+            return torque
         return None
 
     def commanded(self, edges: Array) -> Array:
