@@ -109,7 +109,7 @@ def test_inertia_damping_and_scale_of_a_swinging_fork(seed: int):
 
 
 def test_a_small_swing_leaves_the_scale_open_and_says_so():
-    stated, log, model, inertia = swinging(seed=14, amplitude=0.03)
+    stated, log, _, _ = swinging(seed=14, amplitude=0.03)
     found = identify([log], stated)
     assert any("same at any amplitude" in sentence for sentence in found.not_excited)
     assert found.document()["scales"]["joint_rate"]["value"] is None
@@ -129,7 +129,7 @@ def test_body_and_motor_under_a_duty_that_nobody_measured_the_answer_of(seed: in
 
 
 def test_samples_at_the_end_of_the_range_are_counted_and_left_out():
-    stated, log, model, inertia = spun(seed=24)
+    stated, log, _, inertia = spun(seed=24)
     limit = 2.0
     sensors = {"joint_rate": replace(stated.sensors["joint_rate"], range=limit)}
     series = log["joint_rate"]
