@@ -12,6 +12,7 @@ from twin import rotation
 from twin.cli.main import main
 from twin.library import library
 from twin.recording import Recording, Series, write_folder
+from twin.report.contents import contents_of, contents_words
 
 PENDULUM = library("models") / "dfki_pendulum" / "logs" / "sysid"
 XYZ = ("x", "y", "z")
@@ -158,3 +159,19 @@ def test_a_log_that_cannot_be_read_costs_little_memory(tmp_path: Path):
     assert exit_code == "1"
     assert "g.csv:1: holds a line of more than 1 MiB" in done.stderr
     assert int(peak) < 100_000, "kB of memory"
+
+
+def test_a_command_written_when_it_changes_has_no_gaps():
+    """Its value holds until the next row, however long that takes."""
+    time = np.arange(300) / 10.0
+    gyro = Series(time, np.random.default_rng(0).normal(0.0, 1e-3, (300, 3)), XYZ, "rad/s")
+    duty = Series(np.array([0.0, 6.0, 25.0]), np.array([[0.0], [0.5], [0.0]]), ("w1",), "1")
+    late = Series(np.delete(time, slice(100, 150)), np.zeros((250, 1)), ("w1",), "N m")
+    streams = {"gyro": gyro, "command_wheel_duty": duty, "command_wheel_torque": late}
+    contents = contents_of("here", Recording(streams), None)
+    words = contents_words(contents)
+    assert "command_wheel_duty: 3 rows from 0.000 to 25.000 s, each holds until the next\n" in words
+    assert "1 gap of 5.1 s at 9.900 s" in words, "one by a clock has lost rows all the same"
+    by_name = {stream.name: stream for stream in contents.streams}
+    assert by_name["command_wheel_duty"].gaps == ()
+    assert len(by_name["command_wheel_torque"].gaps) == 1

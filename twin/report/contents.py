@@ -1,7 +1,7 @@
 """What is in a log: each stream's rows, clock, gaps, ranges and noise, in words and as JSON."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -20,6 +20,12 @@ Array = NDArray[np.float64]
 DERIVED = ("command_", "wanted_", "truth_", "estimate_", "reference_")
 """Streams that no sensor measured begin so: their scatter is no noise."""
 
+HELD = ("command_", "wanted_")
+"""Streams whose value holds until the next row begin so."""
+UNCLOCKED = 0.1
+"""Such a stream was written when it changed, not by a clock, if its intervals scatter by more than
+this share of their median: then no row of it is missing."""
+
 LISTED = 100
 """Gaps of a stream that the JSON document lists, the longest first."""
 
@@ -34,7 +40,8 @@ class StreamContents:
     measured: bool
     """By a sensor; else `noise` says something of its clock only."""
     gaps: tuple[tuple[float, float], ...]
-    """First and last instant of the stretches without samples [s], the longest first."""
+    """First and last instant of the stretches without samples [s], the longest first; none where
+    no clock tells when a sample is due."""
     unscaled: str
     """The SI unit that the values are still in, where their scale is to be fitted; else empty."""
 
@@ -45,6 +52,17 @@ class StreamContents:
             angles = np.unwrap(rotation.to_euler_zyx(self.series.value), axis=0)
             return ("yaw", "pitch", "roll"), angles, "rad"
         return self.series.columns, self.series.value, self.unscaled or self.series.unit
+
+    @property
+    def held(self) -> bool:
+        """Whether a value holds until the next row."""
+        return self.name.startswith(HELD)
+
+    @property
+    def clocked(self) -> bool:
+        """Whether rows came by a clock, so that one can be late or missing."""
+        clock = self.noise.clock
+        return not (self.held and clock.jitter > UNCLOCKED * clock.period)
 
     @property
     def still(self) -> bool:
@@ -97,7 +115,8 @@ def _stream(recording: Recording, name: str) -> StreamContents:
     wide = wide[np.argsort(-intervals[wide], kind="stable")]
     gaps = tuple((float(series.time[i]), float(series.time[i + 1])) for i in wide)
     unscaled = recording.unit_of(name) if entry.get("fit_scale") else ""
-    return StreamContents(name, series, noise, not name.startswith(DERIVED), gaps, unscaled)
+    stream = StreamContents(name, series, noise, not name.startswith(DERIVED), gaps, unscaled)
+    return stream if stream.clocked else replace(stream, gaps=())
 
 
 def contents_words(contents: Contents) -> str:
@@ -135,8 +154,11 @@ def _stream_lines(stream: StreamContents) -> list[str]:
         return [f"{stream.name}: {'1 row' if len(series) else 'no rows'}"]
     head = (
         f"{stream.name}: {len(series)} rows from {series.time[0]:.3f} to {series.time[-1]:.3f} s, "
-        f"{three_digits(series.rate)} Hz, {_jitter(clock.jitter)}, {_gaps(stream)}"
     )
+    if stream.clocked:
+        head += f"{three_digits(series.rate)} Hz, {_jitter(clock.jitter)}, {_gaps(stream)}"
+    else:
+        head += "each holds until the next"
     columns, values, unit = stream.shown
     factor, name = fitting(float(np.abs(values).max()), unit)
     name = "" if name == "1" else f" {name}"
@@ -220,14 +242,9 @@ def _stream_document(stream: StreamContents, entry: Mapping[str, Any]) -> dict[s
         "rows": rows,
         "start": series.time[0] if rows else None,
         "stop": series.time[-1] if rows else None,
-        "rate": series.rate,
-        "jitter": noise.clock.jitter,
-        "gaps": {
-            "count": noise.clock.gaps,
-            "samples_lost": noise.clock.lost,
-            "longest": noise.clock.longest_gap,
-            "at": stream.gaps[:LISTED],
-        },
+        "rate": series.rate if stream.clocked else None,
+        "jitter": noise.clock.jitter if stream.clocked else None,
+        "gaps": _gaps_document(stream) if stream.clocked else None,
         "repeated": noise.clock.repeated,
         "columns": [
             {"name": name, "min": column.min(), "max": column.max()}
@@ -238,4 +255,14 @@ def _stream_document(stream: StreamContents, entry: Mapping[str, Any]) -> dict[s
         "resolution": noise.resolution if known else None,
         "outliers": int(np.count_nonzero(noise.outliers)) if known else None,
         "stated": entry or None,
+    }
+
+
+def _gaps_document(stream: StreamContents) -> dict[str, Any]:
+    clock = stream.noise.clock
+    return {
+        "count": clock.gaps,
+        "samples_lost": clock.lost,
+        "longest": clock.longest_gap,
+        "at": stream.gaps[:LISTED],
     }

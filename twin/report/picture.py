@@ -57,25 +57,26 @@ def _figure(contents: Contents) -> Figure:
     figure = Figure(figsize=(9.6, 0.6 + 1.7 * max(len(streams), 1)))
     panels = figure.subplots(max(len(streams), 1), 1, sharex=True, squeeze=False)[:, 0]
     for panel, stream in zip(panels, streams, strict=False):
-        _draw(panel, stream)
+        _draw(panel, stream, contents.recording.stop)
     panels[-1].set_xlabel("time [s]")
     return figure
 
 
-def _draw(panel: Axes, stream: StreamContents) -> None:
+def _draw(panel: Axes, stream: StreamContents, stop: float) -> None:
     columns, values, unit = stream.shown
     factor, name = fitting(float(np.abs(values).max()), unit)
-    held = stream.name.startswith(("command_", "wanted_"))
+    times, period = stream.series.time, stream.noise.clock.period
+    if not stream.clocked:
+        # the last value holds to the end of the log
+        times, values, period = np.append(times, stop), np.vstack([values, values[-1:]]), np.inf
     for index, column in enumerate(columns):
-        time, value = _thinned(
-            stream.series.time, values[:, index] / factor, stream.noise.clock.period
-        )
+        time, value = _thinned(times, values[:, index] / factor, period)
         panel.plot(
             time,
             value,
             color=PALETTE[index % len(PALETTE)],
             label=column,
-            drawstyle="steps-post" if held else "default",
+            drawstyle="steps-post" if stream.held else "default",
             marker="." if len(time) < 2 else "",
         )
     for start, stop in stream.gaps[:MARKED]:
