@@ -10,6 +10,7 @@ SUBJECTS = {
     "start_up": "how long the command takes to answer",
     "single": "one run, against Basilisk where it is installed",
     "recording": "what recording costs",
+    "identify": "the base from a log of five minutes",
     "batch": "closed loop against bare physics",
 }
 

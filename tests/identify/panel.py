@@ -94,12 +94,14 @@ def fit_all(campaign: Campaign, grade: Grade) -> list[dict]:
         began = time.perf_counter()
         found = identify(logs, campaign.stated)
         took = time.perf_counter() - began
-        total = found.misfit[0]
+        total, least = found.misfit[0], bound(campaign, logs, grade)
         results.append(
             {
                 "error": (found.theta - campaign.truth).tolist(),
                 "half": found.half_widths.tolist(),
-                "bound": bound(campaign, logs, grade).tolist(),
+                "covariance": found.covariance.tolist(),
+                "bound": np.sqrt(np.diag(least)).tolist(),
+                "least": least.tolist(),
                 "chi2": total.chi2_per_sample,
                 "inside": total.low <= total.chi2_per_sample <= total.high,
                 "scores": scores(found, logs).tolist(),
@@ -138,7 +140,7 @@ def scores(found: Identification, logs: list[Recording]) -> np.ndarray:
 
 
 def bound(campaign: Campaign, logs: list[Recording], grade: Grade) -> np.ndarray:
-    """(9,) Cramer-Rao bounds, 1 sigma: at the true base, along the true path, the noise as it is.
+    """(9, 9) Cramer-Rao bound: at the true base, along the true path, the noise as it is.
 
     Along the path, because what an unstable machine shows of its base depends on where it went: a
     few degrees of noise in the states make the bound several times too small.
@@ -155,7 +157,7 @@ def bound(campaign: Campaign, logs: list[Recording], grade: Grade) -> np.ndarray
         tuple(true_states(log, body.grid.starts) for log, body in zip(logs, bodies, strict=True)),
         strengths=np.zeros(0),
     )
-    return np.sqrt(np.diag(Problem(bodies, base).innovations(at).covariance))[:9]
+    return Problem(bodies, base).innovations(at).covariance[:9, :9]
 
 
 def true_states(log: Recording, times: np.ndarray) -> States:

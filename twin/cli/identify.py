@@ -1,6 +1,5 @@
 """`twin identify LOG...`: inertia and mass moment, with intervals and what the logs cannot tell."""
 
-import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,9 +28,6 @@ class Identify:
 
     def run(self) -> int:
         """Identify and print."""
-        # Many small factorisations: threads of the linear algebra would only wait for each other.
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
         from twin.cli.output import print_json
         from twin.conventions import convention_advice
         from twin.errors import UsageError

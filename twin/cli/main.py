@@ -26,6 +26,10 @@ VERBS: dict[str, tuple[str, str, str]] = {
 }
 """Module, class and summary of each verb."""
 
+BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""What the linear algebra under NumPy reads on first import. Ours are many small factorisations, in
+which its threads only wait for each other."""
+
 FAILED = 1
 WRONG_USE = 2
 INTERRUPTED = 130
@@ -44,6 +48,8 @@ class Verb(Protocol):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line `argv` (default: the process's own); the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
+    for variable in BLAS_THREADS:
+        os.environ.setdefault(variable, "1")
     try:
         code = _dispatch(words)
         sys.stdout.flush()
