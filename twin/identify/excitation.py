@@ -1,13 +1,17 @@
-"""What the logs did not move enough to tell."""
+"""How much the logs moved the machine, and what they did not move enough to tell."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import rotation
 from twin.identify.scale import Scale
 from twin.model import Machine
 from twin.predict.base import BaseParameters
+from twin.predict.motion import Motion
 from twin.recording import Recording
 
 Array = NDArray[np.float64]
@@ -15,6 +19,12 @@ Array = NDArray[np.float64]
 BLIND = 0.5
 """A parameter is not excited when half its 95 % interval exceeds so much of its scale: of a mean
 principal moment for J, of the whole mass 1 mm off for m r."""
+
+COUNTS = 0.3
+"""Smallest weight that is worth naming."""
+
+SINGULAR = 1e-12
+"""A covariance from fewer blocks than parameters knows some combination perfectly; it does not."""
 
 MOVED = 1e-3
 """[m]: a sliding mass that moved so far was moved on purpose."""
@@ -33,6 +43,60 @@ _NAMES = {
     "mr_1": "mass moment across the axis (first)",
     "mr_2": "mass moment across the axis (second)",
 }
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What the logs went through, and how evenly it shows the base."""
+
+    rate: Array
+    """(k,) rms over all logs, about the joint's axes [rad/s]."""
+    reach: float
+    """Largest tilt of a ball, largest angle from the mean of a hinge [rad]."""
+    least_known: Mapping[str, float]
+    """Of all combinations of J the one that is known worst: its weights, their squares adding up to
+    1; those that count."""
+    half_width: float
+    """Of the 95 % interval of that combination, as a share of a mean principal moment."""
+    condition: float
+    """How many times worse it is known than the best known one; 1 is the most even excitation."""
+
+    def document(self) -> Mapping[str, Any]:
+        """For `--json`."""
+        return {
+            "rate": [float(value) for value in self.rate],
+            "reach": self.reach,
+            "least_known": dict(self.least_known),
+            "half_width": self.half_width,
+            "condition": self.condition,
+        }
+
+
+def excitation_of(
+    motions: Sequence[Motion], base: BaseParameters, covariance: Array, quantile: float
+) -> Excitation:
+    """Measure it on smoothed motions and on the covariance (p, p) that they led to."""
+    square = np.concatenate([np.square(motion.rate) for motion in motions])
+    tensor = [index for index, name in enumerate(base.names) if name.startswith("J")]
+    size, direction = np.linalg.eigh(covariance[np.ix_(tensor, tensor)])
+    worst = direction[:, -1] * np.sign(direction[np.argmax(np.abs(direction[:, -1])), -1])
+    return Excitation(
+        np.sqrt(square.mean(axis=0)),
+        max(_reach(motion.position) for motion in motions),
+        {
+            base.names[index]: float(weight)
+            for index, weight in zip(tensor, worst, strict=True)
+            if abs(weight) > COUNTS
+        },
+        quantile * float(np.sqrt(size[-1])) / float(base.scale[tensor[0]]),
+        float(np.sqrt(size[-1] / max(float(size[0]), SINGULAR * float(size[-1])))),
+    )
+
+
+def _reach(position: Array) -> float:
+    if position.shape[-1] == 4:
+        return float(rotation.tilt(position).max())
+    return float(np.abs(position - position.mean()).max())
 
 
 def not_excited(base: BaseParameters, theta: Array, half_widths: Array) -> list[str]:

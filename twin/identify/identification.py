@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import TwinError, UnknownName, UsageError
-from twin.identify.excitation import common_scale, not_excited, scale_unknown
+from twin.identify.excitation import (
+    Excitation,
+    common_scale,
+    excitation_of,
+    not_excited,
+    scale_unknown,
+)
 from twin.identify.momentum import MomentumFit, gyro_bias, momentum_fit
 from twin.identify.prediction_error import NORMAL, Fit, fit, fit_disturbed
 from twin.identify.scale import (
@@ -74,6 +80,7 @@ class Identification:
     """(p, p)."""
     quantile: float
     """Half a 95 % interval is this many standard deviations."""
+    excitation: Excitation
     not_excited: tuple[str, ...]
     """A sentence each."""
     misfit: tuple[Misfit, ...] = ()
@@ -102,6 +109,7 @@ class Identification:
         document: dict[str, Any] = {
             "method": self.method,
             "base": self.base.table(self.theta, self.covariance, self.quantile),
+            "excitation": self.excitation.document(),
             "not_excited": list(self.not_excited),
         }
         if self.base.joints:
@@ -162,7 +170,8 @@ def identify(
     unseen = common_scale(machine, logs)
     if method == "momentum":
         _refuse_guesses(logs, platform, scales)
-        first = momentum_fit([(log, motion_of(log, platform)) for log in logs], base)
+        motions = [motion_of(log, platform) for log in logs]
+        first = momentum_fit(list(zip(logs, motions, strict=True)), base)
         half = first.quantile * np.sqrt(np.diag(first.covariance))
         return Identification(
             method,
@@ -172,6 +181,7 @@ def identify(
             first.theta,
             first.covariance,
             first.quantile,
+            excitation_of(motions, base, first.covariance, first.quantile),
             (*not_excited(base, first.theta, half), *unseen),
             not_used=not_used,
         )
@@ -191,6 +201,7 @@ def identify(
         found, misfit = _fitted(base, full, scaled, scales, found.at.theta)
         told = scales_of(found, scales, scaled)
     covariance, quantile = found.covariance()
+    motions = [motion_of(log.recording, platform) for log in scaled]
     half = quantile * np.sqrt(np.diag(covariance))
     return Identification(
         method,
@@ -200,6 +211,7 @@ def identify(
         found.at.theta,
         covariance,
         quantile,
+        excitation_of(motions, full, covariance, quantile),
         (*not_excited(full, found.at.theta, half), *scale_unknown(told), *unseen),
         misfit,
         found,

@@ -5,21 +5,25 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.identify import Identification
-from twin.predict.base import ENTRIES, NAMES, hinge_axis
+from twin.identify import Identification, Misfit
+from twin.predict.base import NAMES
 from twin.recording import Recording
-from twin.units import printed
+from twin.units import printed, three_digits
 
 Array = NDArray[np.float64]
 
 
 def identified(found: Identification) -> list[str]:
     """The entries with their 95 % intervals, then how far to trust them."""
-    count = len(found.recordings)
-    logs = f"{count} logs together" if count > 1 else "1 log"
-    lines = [f"{found.platform.name}, {found.method}, {logs}; intervals are 95 %"]
-    lines += [f"  {line}" for line in (*_entries(found), *_joints(found), *_scales(found))]
-    lines += [f"  {line}" for line in (*_sentences(found.not_used), *_trust(found))]
+    logs = " and ".join(f"{_duration(log):.0f} s" for log in found.recordings)
+    together = ", fitted together" if len(found.recordings) > 1 else ""
+    lines = [
+        f"{found.platform.title} ({found.platform.name}), {logs} of log{together}",
+        f"  by {found.method}, with 95 % intervals:",
+    ]
+    lines += [f"    {line}" for line in (*_entries(found), *_joints(found), *_scales(found))]
+    lines += [f"  {line}" for line in (*_excitation(found), *_sentences(found.not_used))]
+    lines += [f"  {line}" for line in _trust(found)]
     lines += [f"  Cannot be told: {sentence}." for sentence in found.not_excited]
     return lines
 
@@ -30,16 +34,11 @@ def _entries(found: Identification) -> list[str]:
     half = found.quantile * np.sqrt(np.diag(base.map @ found.covariance @ base.map.T))
     seen = np.abs(base.map).sum(axis=1) > 0.0
     if platform.base.kind == "hinge":
-        # of the others nothing is seen: they only keep their stated proportions
-        axis = hinge_axis(base.machine)
-        turn = np.array([axis[i] * axis[j] * (1.0 if i == j else 2.0) for i, j in ENTRIES])
-        about = float(turn @ values[:6])
-        width = float(found.quantile * np.sqrt(found.covariance[0, 0]))
-        lines = [f"J     {_pair(about, width)} kg m^2 about the axis"]
+        lines = [f"J about the axis {_pair(found.theta[0], found.half_widths[0])} kg m^2"]
     else:
         lines = [
             f"{name:<5} {_pair(value, width)} kg m^2"
-            for name, value, width in zip(NAMES[:6], values[:6], half[:6], strict=True)
+            for name, value, width in zip(NAMES[:6], values, half, strict=False)
         ]
     moved = _carried(found.recordings[-1], found)
     for place, extra in [("", np.zeros(3)), (" with the masses as the log left them", moved)]:
@@ -80,14 +79,35 @@ def _sentences(said: Sequence[str]) -> list[str]:
     return [f"{sentence}." for sentence in said]
 
 
+def _excitation(found: Identification) -> list[str]:
+    moved = found.excitation
+    rates = ", ".join(three_digits(float(np.degrees(rate))) for rate in moved.rate)
+    reach = f"{three_digits(float(np.degrees(moved.reach)))} deg"
+    if found.platform.base.kind == "hinge":
+        return [f"Excitation: rate {rates} deg/s rms, angle up to {reach} from its mean"]
+    weights = " ".join(
+        f"{'+-'[weight < 0.0]} {abs(weight):.1f} {name}"
+        for name, weight in moved.least_known.items()
+    ).removeprefix("+ ")
+    return [
+        f"Excitation: rate {rates} deg/s rms about x, y, z; tilt up to {reach}",
+        f"Least known of J: {weights}, to {three_digits(100.0 * moved.half_width)} % of a mean "
+        f"moment, {three_digits(moved.condition)} times worse than the best known",
+    ]
+
+
+def _duration(recording: Recording) -> float:
+    ends = [(s.time[0], s.time[-1]) for _, s in recording.items() if len(s)]
+    return float(max(stop for _, stop in ends) - min(start for start, _ in ends))
+
+
 def _trust(found: Identification) -> list[str]:
     if not found.misfit:
         return []
     total, *streams = found.misfit
     lines = [
-        f"chi2 per sample {total.chi2_per_sample:.3f}, "
-        f"a true model keeps {total.low:.3f} to {total.high:.3f}: "
-        + ", ".join(f"{part.name} {part.chi2_per_sample:.3f}" for part in streams)
+        f"chi2 per sample {_chi2(total)}, a true model keeps {total.low:.3f} to {total.high:.3f}: "
+        + ", ".join(f"{part.name} {_chi2(part)}" for part in streams)
     ]
     if not total.is_noise and not found.disturbance:
         lines.append("More is left than noise, but no torque explains it: look at the sensors.")
@@ -101,6 +121,11 @@ def _trust(found: Identification) -> list[str]:
     if found.fit is not None and not found.fit.converged:
         lines.append("The fit has not settled: take its numbers as a guess.")
     return lines
+
+
+def _chi2(part: Misfit) -> str:
+    value = part.chi2_per_sample
+    return f"{value:.3f}" if value < 100.0 else three_digits(value)
 
 
 def _carried(recording: Recording, found: Identification) -> Array:

@@ -1,0 +1,43 @@
+"""What a person reads of an identification: every parameter, how well excited, what is open."""
+
+import numpy as np
+import pytest
+
+from twin.identify import identify
+from twin.identify.excitation import excitation_of
+from twin.model import compile_model
+from twin.predict.base import base_parameters
+from twin.predict.motion import motion_of
+from twin.report import identified
+
+
+@pytest.fixture(scope="module")
+def lines(campaign) -> list[str]:
+    return identified(identify(campaign.logs, campaign.stated, "momentum"))
+
+
+def test_the_nine_parameters_stand_with_their_intervals(lines):
+    names = ("Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz", "m r_x", "m r_y", "m r_z")
+    for name in names:
+        (line,) = [line for line in lines if line.strip().startswith(name)]
+        assert " +- " in line
+
+
+def test_the_excitation_is_said_and_what_no_log_can_tell(lines):
+    text = "\n".join(lines)
+    assert "deg/s rms about x, y, z; tilt up to" in text
+    assert "Least known of J: " in text
+    assert "Cannot be told: one common scale" in text
+
+
+def test_the_combination_of_moments_that_is_known_worst_is_named(campaign):
+    base = base_parameters(compile_model(campaign.stated))
+    motions = [motion_of(campaign.logs[0], campaign.stated)]
+    # of Jxx and Jyy the sum is known ten times worse than the rest
+    sum_of_two = np.array([1.0, 1.0, 0, 0, 0, 0, 0, 0, 0]) / np.sqrt(2.0)
+    covariance = 1e-4 * np.eye(9) + 99e-4 * np.outer(sum_of_two, sum_of_two)
+    found = excitation_of(motions, base, covariance, 2.0)
+    assert found.least_known == pytest.approx({"Jxx": np.sqrt(0.5), "Jyy": np.sqrt(0.5)})
+    assert found.condition == pytest.approx(10.0)
+    # 27 kg m2 in all
+    assert found.half_width == pytest.approx(2.0 * 0.1 / 9.0)
