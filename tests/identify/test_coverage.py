@@ -24,7 +24,7 @@ def fits(request, tmp_path_factory) -> list[dict]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=900,
+        timeout=3600,
     )
     print(run.stdout, run.stderr)
     assert run.returncode == 0
