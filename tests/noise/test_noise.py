@@ -154,3 +154,13 @@ def test_noise_is_neither_over_nor_underestimated_and_known_as_well_as_is_said()
     # of 200: the mean is known to 0.07, the scatter to 5 %
     assert abs(off.mean()) < 0.25
     assert 0.8 < off.std() < 1.2
+
+
+def test_what_a_law_makes_of_the_noise_is_not_taken_for_noise():
+    """A control law that answers a sensor shakes the machine by two percent of its noise."""
+    draw = np.random.default_rng(SEED)
+    time = np.arange(10000) * 0.01
+    shaken = 0.15 * np.repeat(draw.standard_normal((2000, 60)), 5, axis=0)
+    white = draw.standard_normal((10000, 60))
+    variance = np.square(white_noise(time, white + shaken)[0]) / white.var(axis=0)
+    assert variance.mean() == pytest.approx(1.0, abs=0.008)
