@@ -34,7 +34,7 @@ def _entries(found: Identification) -> list[str]:
     half = found.quantile * np.sqrt(np.diag(base.map @ found.covariance @ base.map.T))
     seen = np.abs(base.map).sum(axis=1) > 0.0
     if platform.base.kind == "hinge":
-        lines = [f"J about the axis {_pair(found.theta[0], found.half_widths[0])} kg m^2"]
+        lines = [f"J     {_pair(found.theta[0], found.half_widths[0])} kg m^2 about the axis"]
     else:
         lines = [
             f"{name:<5} {_pair(value, width)} kg m^2"
