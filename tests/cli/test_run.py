@@ -119,17 +119,42 @@ def test_wrong_use_is_told_in_a_sentence_with_exit_code_2(words, sentence, capsy
     assert sentence in capsys.readouterr().err
 
 
+LAW_THAT_IS_STOPPED = '''
+"""A law during which the operator presses Ctrl-C."""
+
+import os
+import signal
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.controller import Controller
+
+
+@dataclass(frozen=True)
+class Stopped(Controller[None]):
+    """Asks for nothing, and is interrupted after a second."""
+
+    def init(self, platform, n):
+        return None
+
+    def update(self, state, estimate, target, time):
+        if time >= 1.0:
+            os.kill(os.getpid(), signal.SIGINT)
+        return {"command_wheel_torque": np.zeros((len(estimate.valid), 3))}, state
+'''
+
+
 def test_ctrl_c_closes_the_recording_properly(tmp_path):
-    out = tmp_path / "out.rrd"
-    words = ["run", "sads", "--controller", "quaternion_pd", "--realtime", "--rrd", str(out)]
-    program = (
-        "import os, signal, sys, threading\n"
-        "from twin.cli.main import main\n"
-        "threading.Timer(6.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()\n"
-        f"sys.exit(main({words!r}))\n"
-    )
+    out, law = tmp_path / "out.rrd", tmp_path / "stopped.py"
+    law.write_text(LAW_THAT_IS_STOPPED, encoding="utf-8")
+    words = ["run", "sads", "--controller", str(law), "--realtime", "--rrd", str(out)]
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-m", "twin", *words],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert "safe_stop" in done.stdout
