@@ -6,6 +6,7 @@ given the inertial that makes the whole machine's mass properties those that pla
 whatever bodies its effects add.
 """
 
+import copy
 from dataclasses import dataclass
 from functools import partial
 
@@ -147,8 +148,25 @@ def mass_properties(model: mujoco.MjModel, base_body: int) -> MassProperties:
     return MassProperties(float(mass.sum()), inertia, mass @ centers)
 
 
-def set_mass_properties(model: mujoco.MjModel, base_body: int, wanted: MassProperties) -> None:
+def carried_properties(model: mujoco.MjModel, base_body: int) -> MassProperties:
+    """Measure all that `base_body` carries, without itself, at qpos0."""
+    carried = copy.copy(model)
+    carried.body_mass[base_body] = 0.0
+    carried.body_inertia[base_body] = 0.0
+    return mass_properties(carried, base_body)
+
+
+def set_mass_properties(
+    model: mujoco.MjModel, base_body: int, wanted: MassProperties, *, rigid: bool = True
+) -> None:
     """Give `base_body` the inertial that makes the whole equal to `wanted`; the rest stays.
+
+    Args:
+        model: is changed.
+        base_body: id.
+        wanted: of all that floats.
+        rigid: whether its moments must keep the triangle inequality. The equations of motion are as
+            good without, so a fit may pass there on its way.
 
     Raises:
         ValueError: what would be left for the body has no positive mass or moment of inertia.
@@ -165,7 +183,8 @@ def set_mass_properties(model: mujoco.MjModel, base_body: int, wanted: MassPrope
     about_anchor = wanted.inertia - np.sum(tensors + _parallel_axis(mass, centers), axis=0)
     about_center = about_anchor - _parallel_axis(np.array([body_mass]), center[None])[0]
     moments, axes = np.linalg.eigh(about_center)
-    if moments[0] <= 0.0 or moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
+    broken = moments[0] + moments[1] < moments[2] * (1.0 - 1e-9)
+    if moments[0] <= 0.0 or (rigid and broken):
         raise ValueError(
             f"the bus would need principal moments {moments.round(6).tolist()} kg m^2, "
             "which no rigid body has"

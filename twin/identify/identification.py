@@ -16,6 +16,7 @@ from twin.identify.excitation import (
     scale_unknown,
 )
 from twin.identify.momentum import MomentumFit, gyro_bias, momentum_fit
+from twin.identify.physical import nearest_body
 from twin.identify.prediction_error import NORMAL, Fit, fit, fit_disturbed
 from twin.identify.scale import (
     ROUNDS,
@@ -92,6 +93,8 @@ class Identification:
     """Of the streams whose log.toml asks for them."""
     not_used: tuple[str, ...] = ()
     """A sentence for each stream of which samples were left out."""
+    not_rigid: str = ""
+    """A sentence where what fits best is no rigid body; theta is the nearest one."""
 
     @property
     def disturbance(self) -> float:
@@ -111,6 +114,7 @@ class Identification:
             "base": self.base.table(self.theta, self.covariance, self.quantile),
             "excitation": self.excitation.document(),
             "not_excited": list(self.not_excited),
+            "not_rigid": self.not_rigid or None,
         }
         if self.base.joints:
             document["joints"] = self._joints()
@@ -203,12 +207,13 @@ def identify(
     covariance, quantile = found.covariance()
     motions = [motion_of(log.recording, platform) for log in scaled]
     half = quantile * np.sqrt(np.diag(covariance))
+    nearest = nearest_body(full, found.at.theta, covariance)
     return Identification(
         method,
         platform,
         tuple(log.recording for log in scaled),
         full,
-        found.at.theta,
+        nearest.theta,
         covariance,
         quantile,
         excitation_of(motions, full, covariance, quantile),
@@ -217,6 +222,7 @@ def identify(
         found,
         told,
         not_used,
+        nearest.sentence,
     )
 
 

@@ -68,7 +68,7 @@ class BaseParameters:
         """A copy of the machine's model with these parameters.
 
         Raises:
-            TwinError: no rigid body has them.
+            TwinError: a moment of inertia would not be positive.
         """
         entries = self.entries(theta)
         inertia = np.empty((3, 3))
@@ -82,9 +82,8 @@ class BaseParameters:
         mass = max(self.machine.platform.mass, 4.0 * float(offset @ offset) / smallest)
         model = copy.copy(self.machine.model)
         try:
-            set_mass_properties(
-                model, self.machine.base_body, MassProperties(mass, inertia, offset)
-            )
+            wanted = MassProperties(mass, inertia, offset)
+            set_mass_properties(model, self.machine.base_body, wanted, rigid=False)
         except ValueError as problem:
             raise TwinError(f"the fitted base is no rigid body: {problem}") from None
         first = len(theta) - len(self.joints)

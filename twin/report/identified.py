@@ -24,6 +24,7 @@ def identified(found: Identification) -> list[str]:
     lines += [f"    {line}" for line in (*_entries(found), *_joints(found), *_scales(found))]
     lines += [f"  {line}" for line in (*_excitation(found), *_sentences(found.not_used))]
     lines += [f"  {line}" for line in _trust(found)]
+    lines += [f"  {found.not_rigid}"] if found.not_rigid else []
     lines += [f"  Cannot be told: {sentence}." for sentence in found.not_excited]
     return lines
 
