@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from twin.conventions.finding import ConventionFinding
+from twin.conventions.finding import ConventionFinding, opened
 from twin.conventions.log_toml import corrected_lines
 from twin.conventions.search import check_conventions
 from twin.platform import Platform
@@ -52,7 +52,7 @@ def convention_advice(recording: Recording, platform: Platform | None) -> Conven
     for others in dict.fromkeys(finding.alternatives for finding in open_ones):
         together = [f.correction.words for f in open_ones if f.alternatives == others]
         words = "; or ".join([", and ".join(together), *others])
-        sentences.append(f"{words[0].upper()}{words[1:]}: the log does not tell which.")
+        sentences.append(f"{opened(words)}: the log does not tell which.")
     lines = corrected_lines(recording, (finding.correction for finding in sure))
     exported = recording.provenance.get("kind") != "log"
     return ConventionAdvice(tuple(findings), tuple(sentences), "\n".join(lines), exported)

@@ -40,8 +40,14 @@ class ConventionFinding:
     @property
     def sentence(self) -> str:
         """For a person."""
-        words = self.correction.words[0].upper() + self.correction.words[1:]
+        words = opened(self.correction.words)
         if not self.ambiguous:
             return f"{words}."
         others = "; or ".join(self.alternatives)
         return f"{words}; or {others}: the log does not tell which."
+
+
+def opened(words: str) -> str:
+    """As a sentence begins; the name of a stream stays as it is written in log.toml."""
+    first = words.split()[0]
+    return words if "_" in first else words[0].upper() + words[1:]
