@@ -24,6 +24,8 @@ MOTIONS = ("multisine", "slow", "still", "hanging", "falling", "unstable", "stag
 """Tracking a large or a small reference, or holding; floating freely with the CM below the CR, or
 above until the stop; tracking with the CM above, and with masses that travel."""
 FREE = ("hanging", "falling")
+LATENCY = 0.04
+"""The stamps of every stream are late by up to this [s]."""
 
 
 class WithStages(Controller):
@@ -61,7 +63,7 @@ def another_machine(sads: Platform, draw: np.random.Generator, grade: str, motio
 def flights(
     sads: Platform, draw: np.random.Generator, grade: str, motion: str, count: int
 ) -> Iterator[Recording]:
-    """Logs of one machine, 60 to 120 s, their stamps late by up to 40 ms."""
+    """Logs of one machine, 60 to 120 s."""
     platform = another_machine(sads, draw, grade, motion)
     free = motion in FREE
     law = load_controller("free_float" if free else "quaternion_pd")
@@ -93,7 +95,7 @@ def flights(
         recording = memory.recording(run).without_truth()
         for name in STREAMS:
             series = recording[name]
-            late = series.time + draw.uniform(0.0, 0.04)
+            late = series.time + draw.uniform(0.0, LATENCY)
             recording = misread(recording, name, time=late)
         yield recording
 

@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from flights import FREE, GRADES, KINDS, MOTIONS, Mistake, flights, make_mistake
+from flights import FREE, GRADES, KINDS, LATENCY, MOTIONS, Mistake, flights, make_mistake
 
 from twin.conventions import ConventionFinding, check_conventions
 from twin.platform import Platform, load_platform
@@ -24,10 +24,10 @@ from twin.platform import Platform, load_platform
 SEED = 2000
 """Of the first chunk; the next one has the next."""
 CELLS = [(grade, motion) for motion in MOTIONS for grade in GRADES]
+PROMISED = 0.95
+"""Share of the misread logs that is recognised."""
 WRONG = 2
 """Misread logs of a chunk; one more is left right."""
-LAG_ERROR = 0.1
-"""A clock's offset is named rightly within this: the latencies of the logs are in it [s]."""
 
 
 def main() -> int:
@@ -38,7 +38,7 @@ def main() -> int:
     options.folder.mkdir(parents=True, exist_ok=True)
     sads, rows = load_platform("sads"), list[dict]()
     for chunk in itertools.count():
-        if sum(row["kind"] != "right" and shows(row) for row in rows) >= options.count:
+        if sum(misread_visibly(row) for row in rows) >= options.count:
             break
         path = options.folder / f"{chunk:03d}.json"
         if not path.exists():
@@ -97,8 +97,14 @@ def is_true(mistake: Mistake, reading: str) -> bool:
     """Whether a reading tells the mistake, and nothing else."""
     if ", and " in reading or not {mistake.stream, mistake.name} <= set(_terms(mistake, reading)):
         return False
-    number = re.search(r"([\d.]+) s ", reading) if mistake.lag else None
-    return number is None or abs(float(number[1]) - abs(mistake.lag)) < LAG_ERROR
+    if not mistake.lag:
+        return True
+    told = re.search(r"([\d.]+) \+- ([\d.]+) s ", reading)
+    if told is None:
+        return False
+    lag, half_width = float(told[1]), float(told[2])
+    # the other streams' own latencies are part of what is told
+    return abs(lag - abs(mistake.lag)) <= half_width + LATENCY
 
 
 def _terms(mistake: Mistake, reading: str) -> Iterable[str]:
@@ -126,6 +132,11 @@ def table(rows: list[dict]) -> str:
             said = " ".join(row["sentences"]) or "nothing"
             lines.append(f"{row['verdict']} ({where}) {row['mistake'] or 'a right log'}: {said}")
     return "\n".join(lines)
+
+
+def misread_visibly(row: dict) -> bool:
+    """Whether a log is misread, and can show it."""
+    return row["kind"] != "right" and shows(row)
 
 
 def shows(row: dict) -> bool:

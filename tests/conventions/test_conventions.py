@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from twin.conventions import check_conventions
 from twin.platform import Platform, load_platform
@@ -22,6 +23,9 @@ def _beside(name: str):
 
 flights = _beside("flights")
 panel = _beside("panel")
+
+BY_CHANCE = 1e-3
+"""How often a part of the panel may fall short though the whole keeps its promise."""
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +67,7 @@ def test_most_of_a_panel_is_recognised_and_no_right_log_is_accused(sads):
     order = np.random.default_rng(seed).permutation(len(panel.CELLS))[:12]
     rows = [row for cell in order for row in panel.fly_and_check(sads, int(cell), seed + int(cell))]
     print(panel.table(rows))
-    verdicts = [row["verdict"] for row in rows if row["kind"] != "right" and panel.shows(row)]
-    assert not {"accused", "wrong"} & {row["verdict"] for row in rows}
-    assert verdicts.count("missed") <= 0.25 * len(verdicts), "of the whole panel 1 in 20"
+    assert not [row for row in rows if row["verdict"] == "accused"]
+    seen = [row["verdict"] in ("named", "tied") for row in rows if panel.misread_visibly(row)]
+    fewest = binom.ppf(BY_CHANCE, len(seen), panel.PROMISED)
+    assert sum(seen) >= fewest, f"{sum(seen)} of {len(seen)} recognised"

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from twin.conventions.axes import SIMPLE
 from twin.conventions.changes import axes_change, lag_change
+from twin.conventions.correction import Correction
+from twin.conventions.dating import dated
 from twin.conventions.evidence import evidence, inflation
 from twin.conventions.gravity import upright_of
 from twin.conventions.hypothesis import Hypothesis
@@ -91,7 +93,7 @@ class Body:
     def weigh(self, one: Hypothesis, other: Hypothesis) -> float:
         """Evidence for the one over the other [nats], their costs taken off."""
         turned, *rest = (evidence(*residuals) for residuals in self._residuals(one, other))
-        others = sum(rest)
+        others = sum(rest) + self._driven(other) - self._driven(one)
         # Under feedback the body answers the gyro's noise a moment later, so that a gyro taken for
         # late leaves less momentum over: of a lag between gyro and attitude that alone is no proof.
         if one.out_of_step and not other.out_of_step:
@@ -99,6 +101,32 @@ class Body:
         elif other.out_of_step and not one.out_of_step:
             others = max(others, min(turned, 0.0))
         return turned + others + other.cost - one.cost
+
+    def dated(self, h: Hypothesis) -> Hypothesis:
+        """The same with each clock's offset sought finely, and told with its interval."""
+        told = [self._dated(h, c) if c.kind == "clock_lag" else c for c in h.corrections]
+        return replace(h, corrections=tuple(told))
+
+    def _dated(self, h: Hypothesis, clock: Correction) -> Correction:
+        wheels, reading = self._wheels, h.wheels
+        if clock.stream != "wheel_speed" or wheels is None or reading is None:
+            # That the wheels would have it otherwise is no proof: see `weigh`.
+            late = -1.0 if clock.stream == "attitude" else 1.0
+
+            def residual(lag: float) -> Array:
+                return self._turning.residual(h.attitude, h.gyro, late * lag)
+        elif (drive := wheels.drive) is not None:
+            # Commands have no noise, so they tell the time better than the body does.
+
+            def residual(lag: float) -> Array:
+                return drive.residual(reading.axes, reading.command, lag)
+        else:
+            exchange = self._exchange(h)
+
+            def residual(lag: float) -> Array:
+                return wheels.residual(exchange, replace(reading, lag=lag))
+
+        return lag_change(clock.stream, *dated(residual, clock.lag)) or clock
 
     def _residuals(
         self, one: Hypothesis, other: Hypothesis
@@ -114,9 +142,13 @@ class Body:
             return
         left = [wheels.residual(self._exchange(h), r) for h, r in ((one, mine), (other, theirs))]
         yield left[0], left[1], wheels.inflation
-        if wheels.drive is not None:
-            left = [wheels.drive.residual(r.axes, r.command, r.lag) for r in (mine, theirs)]
-            yield left[0], left[1], wheels.drive.inflation
+
+    def _driven(self, h: Hypothesis) -> float:
+        """What the wheels leave of their commands [nats]. Commands have no noise of their own, so
+        this is a likelihood as it stands."""
+        if self._wheels is None or h.wheels is None:
+            return 0.0
+        return self._wheels.driven(h.wheels)
 
     def _wheels_beside(self, body: Hypothesis) -> Wheels | None:
         """The wheels, held against the body while that floats freely."""

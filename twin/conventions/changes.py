@@ -123,12 +123,16 @@ def attitude_changes(recording: Recording) -> Iterator[tuple[Array, Correction |
             yield matrix, None
 
 
-def lag_change(stream: str, lag: float) -> Correction | None:
-    """A clock that is off by `lag` [s]; positive: its stamps are late. None where a latency may be
-    behind it."""
+def lag_change(stream: str, lag: float, half_width: float = 0.0) -> Correction | None:
+    """A clock that is off by `lag` [s], known to +- `half_width`; positive: its stamps are late.
+    None where a latency may be behind it."""
     if abs(lag) < TOLD:
         return None
-    where = f"{abs(lag):.2f} s {'behind' if lag > 0.0 else 'ahead of'} the other streams"
+    size = f"{abs(lag):.2f} s"
+    if half_width and np.isfinite(half_width):
+        # rounded up: an interval of no width would be none
+        size = f"{abs(lag):.2f} +- {np.ceil(100.0 * half_width) / 100.0:.2f} s"
+    where = f"{size} {'behind' if lag > 0.0 else 'ahead of'} the other streams"
     return Correction(
         stream,
         "clock_lag",

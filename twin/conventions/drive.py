@@ -36,61 +36,65 @@ class Moments:
 
     shared: Array
     """(lags, wheels, wheels) acceleration times torque."""
-    gained: Array
-    """(lags,) acceleration squared."""
-    wanted: float
-    """Torque squared."""
+    wanted: Array
+    """(lags,) torque squared."""
+    gained: float
+    """Acceleration squared."""
 
     def misfit(self, wheels: Array, command: Array) -> Array:
         """(lags, axes) squared norm of the residual for axes (axes, k, k) and command (k, k)."""
         together = np.einsum("sij,ik->sjk", wheels, command)
         shared = np.einsum("sjk,ljk->ls", together, self.shared)
-        return self.gained[:, None] + self.wanted - 2.0 * shared
+        return self.gained + self.wanted[:, None] - 2.0 * shared
 
 
 class Drive:
-    """Commanded torque and wheel speed on one grid."""
+    """Commanded torque and wheel speed on one grid.
+
+    It is the commands that are shifted: they have no noise, so what every lag is held against is
+    one draw of it.
+    """
 
     def __init__(self, recording: Recording, platform: Platform, grid: Grid) -> None:
         self.grid = grid
-        self._speed = Means(recording["wheel_speed"])
-        inertia = np.array([wheel.inertia for wheel in platform.wheels])
-        torque = Means(recording["command_wheel_torque"], held=True)
-        self._wanted = torque.over(grid.edges) / inertia
-        self._rate_noise = max(UNKNOWN * float(np.sqrt(np.mean(np.square(self._wanted)))), 1e-9)
-        self._angle_noise = self._speed.cell_noise(grid.cell) / grid.cell
-        self._white = self._whiten(self._wanted)
+        speed = Means(recording["wheel_speed"])
+        self._inertia = np.array([wheel.inertia for wheel in platform.wheels])
+        self._torque = Means(recording["command_wheel_torque"], held=True)
+        wanted = self._torque.over(grid.edges) / self._inertia
+        self._rate_noise = max(UNKNOWN * float(np.sqrt(np.mean(np.square(wanted)))), 1e-9)
+        self._angle_noise = speed.cell_noise(grid.cell) / grid.cell
+        self._gained = self._whiten(np.diff(speed.over(grid.around_edges), axis=0) / grid.cell)
         self.inflation = 1.0
 
     def residual(self, wheels: Array, command: Array, lag: float) -> Array:
         """(n, wheels) for speeds and commands in these axes, the speeds late by `lag` [s]."""
-        return self._whiten(self._gained(lag)) @ wheels.T - self._white @ command.T
+        return self._gained @ wheels.T - self._wanted(lag) @ command.T
 
-    def moments(self, lags: Array) -> "Moments":
+    def moments(self, lags: Array) -> Moments:
         """What every pair of axes needs to be judged, at each of these lags."""
-        gained = [self._whiten(self._gained(float(lag))) for lag in lags]
+        wanted = [self._wanted(float(lag)) for lag in lags]
         return Moments(
-            np.array([g.T @ self._white for g in gained]),
-            np.array([np.sum(np.square(g)) for g in gained]),
-            float(np.sum(np.square(self._white))),
+            np.array([self._gained.T @ w for w in wanted]),
+            np.array([np.sum(np.square(w)) for w in wanted]),
+            float(np.sum(np.square(self._gained))),
         )
 
     def believed(self) -> bool:
         """Whether the wheels follow the commands at all, in some axes and at some lag; if so, what
         the best of them leaves unexplained is taken into account from now on."""
         lags = np.concatenate([NEAR, far_lags(self.grid.longest_lag)])
-        axes, same = signed_permutations(self._wanted.shape[1]), np.eye(self._wanted.shape[1])
+        axes, same = signed_permutations(len(self._inertia)), np.eye(len(self._inertia))
         misfit = self.moments(lags).misfit(axes, same)
         row, best = np.unravel_index(int(np.argmin(misfit)), misfit.shape)
-        gained = self._whiten(self._gained(float(lags[row]))) @ axes[best].T
-        shared, power = float(np.sum(gained * self._white)), float(np.sum(np.square(self._white)))
-        self.inflation = inflation(gained - self._white)
+        gained, wanted = self._gained @ axes[best].T, self._wanted(float(lags[row]))
+        shared, power = float(np.sum(gained * wanted)), float(np.sum(np.square(wanted)))
+        self.inflation = inflation(gained - wanted)
         seen = shared > SIGNIFICANT * np.sqrt(power * self.inflation)
         return seen and RIGHT[0] < shared / max(power, 1e-300) < RIGHT[1]
 
-    def _gained(self, lag: float) -> Array:
-        """(n, wheels) acceleration between the centres of two cells."""
-        return np.diff(self._speed.over(self.grid.around_edges + lag), axis=0) / self.grid.cell
+    def _wanted(self, lag: float) -> Array:
+        """(n, wheels) acceleration that the commands ask for, as the speeds show it."""
+        return self._whiten(self._torque.over(self.grid.edges - lag) / self._inertia)
 
     def _whiten(self, rate: Array) -> Array:
         pole = forgetting(self._angle_noise, self._rate_noise)

@@ -4,7 +4,7 @@ Which of the two is wrong the two alone cannot tell, so a sign or a clock is tol
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from twin.conventions.axes import SIMPLE
 from twin.conventions.changes import CLOSE, axes_change, lag_change, unit_changes
 from twin.conventions.correction import Correction, apply_all
+from twin.conventions.dating import dated
 from twin.conventions.evidence import evidence, inflation, whitened, without
 from twin.conventions.finding import CERTAIN, CLEAR, TIED, ConventionFinding
 from twin.conventions.grid import Grid, Means, grid_of
@@ -91,14 +92,13 @@ def joint_findings(recording: Recording) -> list[ConventionFinding]:
     certainty = evidence(left[best], left[0], inflated) - options[best].cost
     if not options[best].readings or certainty < CLEAR:
         return found
-    words = options[best].words[1:]
+    told = _dated(hinge, options[best])
+    words = told.words[1:]
     for option, residual in zip(options, left, strict=True):
         rival = evidence(left[best], residual, inflated) + option.cost - options[best].cost
         if option is not options[best] and rival < TIED:
-            words += option.words
-    return found + [
-        ConventionFinding(c, certainty, tuple(words)) for c in options[best].readings[0]
-    ]
+            words += _dated(hinge, option).words
+    return found + [ConventionFinding(c, certainty, tuple(words)) for c in told.readings[0]]
 
 
 def _options(hinge: Hinge) -> Iterator[_Option]:
@@ -106,16 +106,26 @@ def _options(hinge: Hinge) -> Iterator[_Option]:
         for sign in (1.0, -1.0):
             misfit = [float(np.sum(np.square(hinge.residual(sign, float(lag))))) for lag in lags]
             lag = float(lags[int(np.argmin(misfit))])
-            readings: list[tuple[Correction, ...]] = []
-            for stream, own in (("joint_rate", lag), ("joint_angle", -lag)):
-                changes = (
-                    axes_change(stream, np.array([[sign]]), ("",)),
-                    lag_change(stream, own) if lags is not NEAR else None,
-                )
-                told = tuple(change for change in changes if change is not None)
-                readings += [told] if told else []
             cost = SIMPLE * ((sign < 0.0) + (lags is not NEAR))
-            yield _Option(sign, lag, cost, tuple(readings))
+            yield _Option(sign, lag, cost, tuple(_readings(sign, lag)))
+
+
+def _dated(hinge: Hinge, option: _Option) -> _Option:
+    """The same with its lag sought finely, and told with its interval."""
+    lag, half_width = dated(lambda lag: hinge.residual(option.sign, lag), option.lag)
+    readings = tuple(_readings(option.sign, lag, half_width))
+    return replace(option, lag=lag, readings=readings) if readings else option
+
+
+def _readings(sign: float, lag: float, half_width: float = 0.0) -> Iterator[tuple[Correction, ...]]:
+    for stream, own in (("joint_rate", lag), ("joint_angle", -lag)):
+        changes = (
+            axes_change(stream, np.array([[sign]]), ("",)),
+            lag_change(stream, own, half_width),
+        )
+        told = tuple(change for change in changes if change is not None)
+        if told:
+            yield told
 
 
 def _unit(recording: Recording) -> list[Correction]:

@@ -83,7 +83,8 @@ def _choose(body: Body, ranked: list[Hypothesis]) -> list[ConventionFinding]:
     certainty = min(body.weigh(best, h) for h in as_read)
     if not best.corrections or certainty < CLEAR:
         return []
-    others = dict.fromkeys(h.words for h in simplest[1:] if h.words != best.words)
+    best, *rivals = (body.dated(h) for h in simplest)
+    others = dict.fromkeys(h.words for h in rivals if h.words != best.words)
     return [ConventionFinding(c, certainty, tuple(others)) for c in best.corrections]
 
 

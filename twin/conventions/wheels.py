@@ -94,13 +94,22 @@ class Wheels:
         lags = reading.lag + np.linspace(-POLISHED, POLISHED, 7)
         tried = np.empty((len(lags), 1))
         for row, lag in zip(tried, lags, strict=True):
-            left = self._left(exchange, reading.axes, float(lag))
-            row[0] = 0.5 * float(left @ left) / self.inflation
-            if self.drive is not None:
-                off = self.drive.residual(reading.axes, reading.command, float(lag))
-                row[0] += 0.5 * float(np.sum(np.square(off))) / self.drive.inflation
+            row[0] = self.misfit(exchange, replace(reading, lag=float(lag)))
         misfit, best = least(lags, tried)
         return replace(reading, lag=float(best[0]), misfit=float(misfit[0]))
+
+    def misfit(self, exchange: Exchange, reading: WheelReading) -> float:
+        """[nats] against the body, and against the commands where there are some."""
+        left = self.residual(exchange, reading)
+        misfit = 0.5 * float(left @ left) / self.inflation
+        return misfit + self.driven(reading)
+
+    def driven(self, reading: WheelReading) -> float:
+        """[nats] against the commands; 0 without."""
+        if self.drive is None:
+            return 0.0
+        left = self.drive.residual(reading.axes, reading.command, reading.lag)
+        return 0.5 * float(np.sum(np.square(left))) / self.drive.inflation
 
     def residual(self, exchange: Exchange, reading: WheelReading) -> Array:
         """(rows,) momentum of body and wheels, in units of its noise."""
