@@ -104,6 +104,15 @@ def test_a_folder_that_holds_something_is_not_touched(recording, tmp_path: Path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
+def test_a_place_that_cannot_be_written_is_named(recording, tmp_path: Path):
+    (tmp_path / "taken").write_text("mine")
+    with pytest.raises(RecordingError) as error:
+        write_folder(recording, tmp_path / "taken")
+    assert str(error.value) == (
+        f"{tmp_path / 'taken'}: cannot be written: File exists; choose another place"
+    )
+
+
 def test_two_streams_never_share_a_file(tmp_path: Path):
     series = Series(np.zeros(1), np.zeros((1, 1)), ("x",), "m")
     with pytest.raises(RecordingError, match="two streams in one file"):

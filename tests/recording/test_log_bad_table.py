@@ -1,5 +1,6 @@
 """A table that cannot be read is refused with file, line and remedy."""
 
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -123,4 +124,23 @@ def test_a_quaternion_of_no_length_is_refused(folder_with, complaint, tmp_path: 
     assert complaint(folder) == (
         "a.csv:3: attitude has a quaternion of length 0; check `format` and `columns`, "
         "or delete the row"
+    )
+
+
+@pytest.mark.parametrize("ending", ["csv", "mat", "mcap"])
+def test_a_file_that_the_disk_does_not_give_is_refused(
+    folder_with, complaint, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+):
+    folder = folder_with(tmp_path, GYRO.replace("csv", ending))
+    (folder / f"gyro.{ending}").write_bytes(b"")
+    whole = Path.open
+
+    def failing(path: Path, *how, **more):
+        if path.suffix == f".{ending}":
+            raise OSError(errno.EIO, "Input/output error")
+        return whole(path, *how, **more)
+
+    monkeypatch.setattr(Path, "open", failing)
+    assert complaint(folder) == (
+        f"gyro.{ending}: cannot be read (Input/output error); check the path"
     )

@@ -46,6 +46,18 @@ ROWS = "t,x,y,z\n0,1,2,3\n1,4,5,6\n2,7,8,9\n"
             "log.toml:4: streams.gyro.time_unit is 'deg', a unit of rad; use s, ms or us",
         ),
         (
+            GYRO + 'time_unit = "msec"\n',
+            "log.toml:4: streams.gyro.time_unit is 'msec', no unit; use s, ms or us",
+        ),
+        (
+            GYRO + "time_unit = 3\n",
+            "log.toml:4: streams.gyro.time_unit is 3; give a text in quotes",
+        ),
+        (
+            GYRO + 'scale = "auto"\n',
+            "log.toml:4: streams.gyro.scale is 'auto'; give a number",
+        ),
+        (
             '[streams.gyros]\nfile = "gyro.csv"\n',
             "log.toml:2: streams.gyros.unit is missing, and gyros is no stream we know "
             "(did you mean 'gyro'?); name the stream so, or add its unit",

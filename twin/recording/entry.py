@@ -236,8 +236,8 @@ def _time_factor(table: Table) -> float:
     text = table.text("time_unit", "s")
     try:
         unit = unit_named(text)
-    except UnknownName as unknown:
-        raise table.fail("time_unit", f"is {text!r}", str(unknown)) from None
+    except UnknownName:
+        raise table.fail("time_unit", f"is {text!r}, no unit", "use s, ms or us") from None
     if unit.si != "s":
         raise table.fail("time_unit", f"is {text!r}, a unit of {unit.si}", "use s, ms or us")
     return unit.factor

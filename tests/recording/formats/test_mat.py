@@ -75,11 +75,19 @@ def object_array() -> np.ndarray:
     ("variables", "variable", "sentence"),
     [
         ({"log": object_array()}, "log", "variable 'log' is a cell array"),
-        ({"log": {"x": object_array()}}, "log", "variable 'log' holds no numbers (log.x is a cell"),
+        (
+            {"log": {"x": object_array()}},
+            "log",
+            "variable 'log' holds no numbers (log.x is a cell array)",
+        ),
         ({"log": "hello"}, "log", "variable 'log' is text"),
         ({"log": RATES + 1j}, "log", "variable 'log' is a complex matrix"),
         ({"log": np.zeros((2, 2, 2))}, "log", "variable 'log' is an array of 3 dimensions"),
-        ({"log": np.zeros((1, 3), dtype=[("a", object)])}, "log", "variable 'log' is a struct arr"),
+        (
+            {"log": np.zeros((1, 3), dtype=[("a", object)])},
+            "log",
+            "variable 'log' is a struct array of 3",
+        ),
         ({"log": RATES}, "gyro", "has no variable 'gyro'"),
     ],
 )
@@ -87,9 +95,18 @@ def test_what_is_not_numeric_is_refused_with_what_is(
     complaint, tmp_path: Path, variables, variable, sentence
 ):
     save(tmp_path, **variables, t=TIMES[:, None])
+    numeric = "log (5 x 3), t (5 x 1)" if variable == "gyro" else "t (5 x 1)"
     said = complaint(GYRO + f'variable = "{variable}"\n')
-    assert said.startswith(f"a.mat: {sentence}")
-    assert said.endswith(f"; {CHOICE}{'log (5 x 3), ' if variable == 'gyro' else ''}t (5 x 1)")
+    assert said == f"a.mat: {sentence}; {CHOICE}{numeric}"
+
+
+def test_a_column_that_is_not_there_is_refused(complaint, tmp_path: Path):
+    save(tmp_path, gyr=RATES)
+    toml = 'variable = "gyr"\nrate = 10.0\ncolumns = ["1", "2", "gyr.4"]\n'
+    assert complaint(GYRO + toml) == (
+        "a.mat: no column named 'gyr.4' (did you mean 'gyr.3', 'gyr.2', 'gyr.1'?); "
+        "name one of its columns"
+    )
 
 
 def test_a_file_of_cells_only_is_refused(complaint, tmp_path: Path):

@@ -314,6 +314,18 @@ def test_an_unknown_encoding_is_refused_with_its_name(complaint, tmp_path: Path)
     )
 
 
+def test_a_damaged_schema_is_refused(complaint, tmp_path: Path):
+    with (tmp_path / "a.mcap").open("wb") as out:
+        writer = Writer(out)
+        writer.start()
+        schema = writer.register_schema("lab.Sample", "protobuf", b"\xff")
+        writer.register_channel("/p", "protobuf", schema)
+        writer.finish()
+    said = complaint(entry("gyro", "/p"))
+    assert said.startswith("a.mcap: has a damaged schema for /p (")
+    assert said.endswith("); copy it again from where it was recorded")
+
+
 def test_of_a_file_cut_short_what_is_whole_is_read_and_said(log_of, ros2: Path):
     content = ros2.read_bytes()
     ros2.write_bytes(content[: len(content) // 2])
