@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 
 from twin.clock import SimulatedClock
+from twin.compare import compare
+from twin.compare.comparison import prepare
+from twin.compare.misfit import is_noise, misfits
 from twin.flight import prepare as prepare_flight
+from twin.identify.prediction_error import Fit, fit
 from twin.platform import load_platform
-from twin.predict import compare
-from twin.predict.compare import prepare
-from twin.predict.fit import Fit, fit
-from twin.predict.rollout import Predictor
+from twin.predict.base import base_parameters
+from twin.predict.body import Body
+from twin.predict.innovations import Problem
 from twin.recording import Recording
 from twin.stream.recorder import MemoryRecorder
 
@@ -33,37 +36,40 @@ def flight() -> Recording:
 
 
 @pytest.fixture(scope="module")
-def refitted(flight: Recording) -> tuple[Predictor, Fit]:
-    predictor, base = prepare(flight.without_truth(), load_platform("sads"))
-    return predictor, fit(predictor, base)
+def refitted(flight: Recording) -> tuple[Body, Fit]:
+    body, base, _ = prepare(flight.without_truth(), load_platform("sads"))
+    problem = Problem([body], base)
+    return body, fit(problem, problem.start(base.as_stated, [np.zeros(len(body.bias_scale))]))
 
 
-def test_the_prediction_leaves_only_noise(refitted: tuple[Predictor, Fit]):
-    assert refitted[1].is_noise, refitted[1].chi2_per_sample
+def test_the_prediction_leaves_only_noise(refitted: tuple[Body, Fit]):
+    body, found = refitted
+    now = found.innovations
+    assert is_noise(misfits(Problem([body], base_parameters(body.machine)), now))
 
 
 def test_inertia_and_mass_moment_come_back_within_their_intervals(
-    refitted: tuple[Predictor, Fit],
+    refitted: tuple[Body, Fit],
 ):
-    predictor, found = refitted
-    platform = predictor.machine.platform
+    body, found = refitted
+    platform = body.machine.platform
     entries = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
     truth = [*(platform.inertia[i, j] for i, j in entries), *platform.center_of_mass_offset]
-    off = found.theta - truth
-    distance = float(off @ np.linalg.solve(found.covariance[:9, :9], off))
+    off = found.at.theta - truth
+    distance = float(off @ np.linalg.solve(found.covariance()[0], off))
     print(f"squared distance from the truth {distance:.1f}, 9 is due")
     # a chi-square of 9 degrees of freedom is larger once in 1000
     assert distance < 27.9
-    np.testing.assert_allclose(found.theta[:3], truth[:3], rtol=0.1)
+    np.testing.assert_allclose(found.at.theta[:3], truth[:3], rtol=0.1)
 
 
-def test_the_gyro_bias_is_found_beside_the_base(flight: Recording, refitted: tuple[Predictor, Fit]):
+def test_the_gyro_bias_is_found_beside_the_base(flight: Recording, refitted: tuple[Body, Fit]):
     gyro, truth = flight["gyro"], flight["truth_rate"]
     bias = np.mean(gyro.value - truth.interpolated_at(gyro.time), axis=0)
-    np.testing.assert_allclose(refitted[1].at.biases, bias, atol=2e-4)
+    np.testing.assert_allclose(refitted[1].at.biases[0], bias, atol=2e-4)
 
 
 @pytest.mark.slow
 def test_a_flight_without_anything_hidden_is_healthy(flight: Recording):
     comparison = compare(flight, load_platform("sads"))
-    assert comparison.verdict == "healthy", comparison.best.explanation.laws
+    assert comparison.verdict == "healthy", comparison.best.strengths

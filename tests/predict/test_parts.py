@@ -9,10 +9,10 @@ from twin.errors import TwinError
 from twin.model import compile_model, mass_properties
 from twin.platform import Platform, load_platform
 from twin.predict.base import base_parameters
-from twin.predict.compare import prepare
+from twin.predict.body import body_of
 from twin.predict.drive import held_mean
 from twin.predict.motion import motion_of, noise_of
-from twin.predict.segments import GROWTH, cut, growth_rate
+from twin.predict.segments import GROWTH, growth_rate
 from twin.recording import Recording, Series
 
 
@@ -48,13 +48,12 @@ def test_smoothing_keeps_the_size_of_rate_and_acceleration(
 
 def test_segments_cover_the_log_and_stay_short(swing: Callable[..., Recording], pendulum: Platform):
     machine = compile_model(pendulum)
-    motion = motion_of(swing(seed=8), pendulum)
-    segments = cut(machine, motion)
-    assert segments[0].start == motion.time[0]
-    assert segments[-1].stop == motion.time[-1]
-    assert all(a.stop == b.start for a, b in zip(segments, segments[1:], strict=False))
-    longest = max(segment.stop - segment.start for segment in segments)
-    assert longest * growth_rate(machine) < 1.1 * GROWTH
+    log = swing(seed=8)
+    motion = motion_of(log, pendulum)
+    grid = body_of(machine, log, motion).grid
+    assert grid.begin == motion.time[0]
+    assert grid.starts[-1] + grid.length >= motion.time[-1]
+    assert grid.length * growth_rate(machine) < 1.1 * GROWTH
 
 
 @pytest.mark.parametrize("name", ["sads", "dfki_pendulum"])
@@ -77,7 +76,7 @@ def test_an_inertia_no_body_has_is_refused():
         base.model(theta)
 
 
-def test_a_hinge_says_what_it_cannot_see(swing: Callable[..., Recording], pendulum: Platform):
-    _, base = prepare(swing(seed=8, duration=2.0), pendulum)
+def test_a_hinge_says_what_it_cannot_see(pendulum: Platform):
+    base = base_parameters(compile_model(pendulum))
     assert base.names == ("J", "mr_x", "mr_z")
     assert base.not_excited == ("J but about the axis y", "m r along the axis y")

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk
 
+from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.base import base_parameters
-from twin.predict.compare import prepare
-from twin.predict.rollout import Predictor
-from twin.predict.segments import Segment
+from twin.predict.body import Body, body_of
+from twin.predict.motion import motion_of
+from twin.predict.states import States
 from twin.recording import Recording, Series
 
 AMPLITUDE = 2.0
@@ -35,31 +36,24 @@ def passive_log(platform: Platform, duration: float) -> Recording:
 
 
 @pytest.fixture(scope="module")
-def passive(pendulum: Platform) -> Predictor:
-    """One stretch of 14 periods, predicted from its first sample."""
+def passive(pendulum: Platform) -> tuple[Body, States]:
+    """14 periods from the exact first state, segment after segment."""
     log = passive_log(pendulum, 20.0)
-    predictor, _ = prepare(log, pendulum)
-    whole = (Segment(0.0, float(log.stop)),)
-    return Predictor(predictor.machine, log, predictor.motion, whole)
+    body = body_of(compile_model(pendulum), log, motion_of(log, pendulum))
+    start = States(np.array([[AMPLITUDE]]), np.zeros((1, 1)), np.zeros((1, 0)))
+    return body, start
 
 
-def test_the_predicted_pendulum_keeps_its_energy(passive: Predictor, pendulum: Platform):
-    model = passive.machine.model
-    qpos, qvel = passive.rollout(model, np.zeros(1, dtype=int), np.zeros((1, 2)))
-    moment = -float(pendulum.center_of_mass_offset[2])
-    energy = 0.5 * pendulum.inertia[1, 1] * qvel[0, :, 0] ** 2
-    energy = energy - pendulum.gravity * moment * np.cos(qpos[0, :, 0])
-    swing = pendulum.gravity * moment * (1.0 - np.cos(AMPLITUDE))
-    assert np.ptp(energy) < 1e-8 * swing
-
-
-def test_the_predicted_pendulum_keeps_the_time_of_the_elliptic_integral(passive: Predictor):
-    base = base_parameters(passive.machine)
-    start = passive.motion.at(np.zeros(1))
-    exact = np.array([[AMPLITUDE - start.position[0, 0], -start.rate[0, 0]]])
-    (residual,) = passive.predict(base.model(base.as_stated), np.zeros(1, dtype=int), exact)
-    angle = passive.split(0, residual)["joint_angle"][1]
-    rate = passive.split(0, residual)["joint_rate"][1]
-    # what is left at a sample between two steps is the interpolation's
-    assert np.max(np.abs(angle)) < 1e-6, "the period is off"
-    assert np.max(np.abs(rate)) < 1e-4
+def test_the_predicted_pendulum_keeps_its_energy_and_the_time_of_the_elliptic_integral(
+    passive: tuple[Body, States], pendulum: Platform
+):
+    body, start = passive
+    steps = round(19.9 / body.grid.step)
+    push = np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
+    model = base_parameters(body.machine).model(base_parameters(body.machine).as_stated)
+    angle = body.onward(model, np.zeros(1, dtype=np.intp), start, steps, push)[0, :, 0]
+    exact = passive_log(pendulum, 20.0)["joint_angle"]
+    time = body.grid.step * np.arange(steps + 1)
+    assert np.max(np.abs(angle - np.interp(time, exact.time, exact.value[:, 0]))) < 1e-4
+    turning = np.abs(angle)[np.r_[False, np.diff(np.sign(np.diff(angle))) != 0, False]]
+    np.testing.assert_allclose(turning, AMPLITUDE, atol=1e-4)

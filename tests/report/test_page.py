@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from twin.compare import Comparison, compare
 from twin.library import library
 from twin.platform import platform_of
-from twin.predict import Comparison, compare
 from twin.recording import open_log
 from twin.report import document, sentences, with_prediction, write_page
 
@@ -23,7 +23,7 @@ def test_the_page_needs_nothing_but_itself(comparison: Comparison, tmp_path: Pat
     page = tmp_path / "deep" / "page.html"
     write_page(page, [comparison], [])
     text = page.read_text(encoding="utf-8")
-    assert text.count("<svg") == 3
+    assert text.count("<svg") == 6
     assert not re.search(r"(src|href)=[\"'](?!#)", text), "it loads something from elsewhere"
     assert len(text) < 2_000_000
     assert "dry friction" in text
@@ -41,7 +41,8 @@ def test_the_document_is_json_and_says_the_same(comparison: Comparison):
     base = log["accounts"]["refitted"]["base"]["inertia"]
     assert base["low"][0][0] is None, "a hinge about y sees no Jxx"
     assert base["low"][1][1] < base["value"][1][1] < base["high"][1][1]
-    assert log["accounts"]["as_built"]["laws"][0]["unit"] == "N m"
+    laws = {law["name"]: law["unit"] for law in log["accounts"]["as_built"]["laws"]}
+    assert laws["bearing_coulomb_friction"] == "N m"
 
 
 def test_prediction_plus_residual_is_the_measurement(comparison: Comparison):

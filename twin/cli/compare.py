@@ -36,11 +36,11 @@ class Compare:
 
     def run(self) -> int:
         """Compare, print, write what was asked for."""
-        from twin.cli.output import print_json
+        from twin.cli.output import print_json, progress
+        from twin.compare import compare, transfer
         from twin.errors import UsageError
         from twin.identify import calibrated
         from twin.platform import platform_of
-        from twin.predict import compare, transfer
         from twin.recording import open_log
         from twin.report import (
             document,
@@ -55,15 +55,22 @@ class Compare:
         logs = [open_log(path) for path in self.logs]
         if all(log.provenance.get("platform") is None for log in logs):
             return self._sensors(logs)
-        comparisons = [
-            compare(calibrated(log, platform), platform, as_built=self.as_built)
-            for log in logs
-            for platform in [platform_of(log)]
-        ]
-        first, *others = comparisons
-        transfers = [transfer(first, other) for other in others]
-        if self.report is not None:
-            write_page(self.report, comparisons, transfers)
+        with progress() as say:
+            comparisons = [
+                compare(
+                    calibrated(log, platform),
+                    platform,
+                    as_built=self.as_built,
+                    say=lambda doing, name=path.name: say(f"{name}: {doing}"),
+                )
+                for path, log in zip(self.logs, logs, strict=True)
+                for platform in [platform_of(log)]
+            ]
+            first, *others = comparisons
+            transfers = [transfer(first, other) for other in others]
+            if self.report is not None:
+                say("the page")
+                write_page(self.report, comparisons, transfers)
         if self.rrd is not None:
             from twin.stream.runfile import write_recording
 

@@ -1,8 +1,10 @@
-"""What `--json` prints: one document of plain JSON."""
+"""What verbs print: one document of plain JSON, and a line of progress for a person who waits."""
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
@@ -12,6 +14,22 @@ import numpy as np
 def print_json(document: object) -> None:
     """Print `document` on stdout; arrays become lists, and what is no finite number null."""
     print(json.dumps(_plain(document), indent=2, allow_nan=False, ensure_ascii=False))
+
+
+@contextmanager
+def progress() -> Generator[Callable[[str], None]]:
+    """A function that says what is being done, on one line of a terminal's stderr; else silent."""
+    waits = sys.stderr.isatty()
+
+    def say(doing: str) -> None:
+        if waits:
+            print(f"\r\x1b[K{doing} ...", end="", file=sys.stderr, flush=True)
+
+    try:
+        yield say
+    finally:
+        if waits:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 def _plain(value: Any) -> Any:

@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import TwinError, UnknownName, UsageError
+from twin.errors import UnknownName, UsageError
 from twin.identify.excitation import (
     Excitation,
     common_scale,
@@ -15,7 +15,7 @@ from twin.identify.excitation import (
     not_excited,
     scale_unknown,
 )
-from twin.identify.momentum import MomentumFit, gyro_bias, momentum_fit
+from twin.identify.momentum import momentum_fit
 from twin.identify.physical import nearest_body
 from twin.identify.prediction_error import NORMAL, Fit, fit, fit_disturbed
 from twin.identify.scale import (
@@ -26,12 +26,12 @@ from twin.identify.scale import (
     scales_of,
     unknown_scales,
 )
+from twin.identify.start import base_of, first_biases, first_theta
 from twin.model import compile_model
 from twin.platform import Platform
-from twin.predict.base import BaseParameters, base_parameters
-from twin.predict.body import Body, body_of
+from twin.predict.base import BaseParameters
+from twin.predict.body import body_of
 from twin.predict.innovations import Problem
-from twin.predict.joint_parameters import joint_parameters
 from twin.predict.motion import motion_of
 from twin.predict.perturbation import Perturbation
 from twin.predict.ranges import within_range
@@ -42,13 +42,6 @@ Array = NDArray[np.float64]
 
 Method = Literal["prediction-error", "momentum"]
 METHODS: tuple[str, ...] = get_args(Method)
-
-SURE = 0.2
-"""Of a parameter's scale: half an interval with which the momentum's answer is worth starting from.
-"""
-
-
-WHEEL_COMMANDS = ("command_wheel_torque", "command_wheel_duty")
 
 
 @dataclass(frozen=True)
@@ -166,11 +159,7 @@ def identify(
     scales = unknown_scales([log.recording for log in scaled])
     logs = [log.recording for log in scaled]
     machine = compile_model(platform)
-    base = base_parameters(
-        machine,
-        torque=any(_drives(log, platform) for log in logs),
-        angle=any("joint_angle" in log for log in logs),
-    )
+    base, full = base_of(machine, logs)
     unseen = common_scale(machine, logs)
     if method == "momentum":
         _refuse_guesses(logs, platform, scales)
@@ -189,8 +178,6 @@ def identify(
             (*not_excited(base, first.theta, half), *unseen),
             not_used=not_used,
         )
-    wheels = any(name in log for log in logs for name in WHEEL_COMMANDS)
-    full = base.with_joints(joint_parameters(machine, wheels))
     found, misfit = _fitted(base, full, scaled, scales)
     told = scales_of(found, scales, scaled)
     for _ in range(ROUNDS if scales else 0):
@@ -237,34 +224,16 @@ def _fitted(
     logs = [log.recording for log in scaled]
     pairs = [(log, motion_of(log, base.machine.platform)) for log in logs]
     if theta is None:
-        first = _start(plain, momentum_fit(pairs, plain))
+        first = first_theta(plain, momentum_fit(pairs, plain))
         theta = np.concatenate([first, base.as_stated[len(first) :]])
     bodies = [body_of(base.machine, log, motion) for log, motion in pairs]
     problem = Problem(bodies, base, scales)
-    start = problem.start(theta, [_biases(body) for body in bodies])
+    start = problem.start(theta, [first_biases(body) for body in bodies])
     found = fit(problem, start)
     misfit = _misfit(problem, found)
     if not misfit[0].is_noise:
         found = fit_disturbed(problem, found, start)
     return found, misfit
-
-
-def _start(base: BaseParameters, first: MomentumFit) -> Array:
-    """The momentum's answer where it is sure, if some rigid body has it, else as stated."""
-    half = first.quantile * np.sqrt(np.diag(first.covariance))
-    known = half < SURE * base.scale
-    theta = np.where(known, first.theta, base.as_stated)
-    try:
-        base.model(theta)
-    except TwinError:
-        return base.as_stated
-    return theta
-
-
-def _drives(recording: Recording, platform: Platform) -> bool:
-    """Whether a log has a torque of known size, or a momentum or mass that moves."""
-    known = (*platform.commands, "command_wheel_duty", "wheel_speed", "stage_position")
-    return any(name in recording for name in known)
 
 
 def _refuse_guesses(
@@ -281,17 +250,6 @@ def _refuse_guesses(
             "a log has no wheel_speed, without which the method momentum knows no wheel's "
             "momentum; use prediction-error"
         )
-
-
-def _biases(body: Body) -> Array:
-    """(b,) first guess of the sensors' constant errors."""
-    guess = gyro_bias(body.recording)
-    return np.concatenate(
-        [
-            guess[o.bias > 0.0] if o.stream == "gyro" else np.zeros(np.count_nonzero(o.bias))
-            for o in body.outputs
-        ]
-    )
 
 
 def _misfit(problem: Problem, found: Fit) -> tuple[Misfit, ...]:

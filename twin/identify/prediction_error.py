@@ -107,7 +107,7 @@ def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
         start: where to begin if that fit has not converged.
     """
     now = exact.innovations if exact.converged else problem.innovations(start)
-    first = _most_likely(problem, now, DECADES)
+    first = most_likely(problem, now, DECADES)
     if exact.converged and first.cost > now.cost - WORTHWHILE:
         return exact
     size = float(np.max(problem.base.scale)) ** 2
@@ -115,7 +115,7 @@ def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
     def innovations(at: Unknowns) -> Innovations:
         decade = float(np.log10(first.intensity / size))
         near = (max(decade - NEAR, DECADES[0]), min(decade + NEAR, DECADES[1]))
-        return _most_likely(problem, problem.innovations(at), near)
+        return most_likely(problem, problem.innovations(at), near)
 
     return _iterate(problem, first, innovations)
 
@@ -162,7 +162,9 @@ def _moved(
     return None
 
 
-def _most_likely(problem: Problem, exact: Innovations, decades: tuple[float, float]) -> Innovations:
+def most_likely(
+    problem: Problem, exact: Innovations, decades: tuple[float, float] = DECADES
+) -> Innovations:
     """With the intensity of the torque at which the logs are most likely."""
     size = float(np.max(problem.base.scale)) ** 2
 

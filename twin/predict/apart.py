@@ -67,24 +67,31 @@ class Apart:
     counts: Array
     """(segments,) numbers predicted in each, all logs."""
 
-    def best(self, free: NDArray[np.intp]) -> tuple[Array, float, Array]:
+    def best(
+        self, free: NDArray[np.intp], shift: Array | None = None
+    ) -> tuple[Array, float, Array]:
         """The change of some unknowns that is best for the linearised cost.
 
         The weights follow the change within the linearised problem, which costs no prediction; with
         weights held over a step the iteration would creep.
 
+        Args:
+            free: indices of those unknowns.
+            shift: a change of all unknowns that comes first.
+
         Returns:
             The change of all unknowns, the cost after it, and the weights (segments,) there.
         """
         change = np.zeros(self.columns.shape[1])
-        ahead = self.residual
+        first = self.residual if shift is None else self.residual + self.columns @ shift
+        ahead = first
         weights = self._weights(ahead)
         for _ in range(REWEIGHTINGS if len(free) else 0):
             root = np.sqrt(self._of_rows(weights))
             step = np.zeros_like(change)
-            step[free] = _solved(self.columns[:, free] * root[:, None], -self.residual * root)
+            step[free] = _solved(self.columns[:, free] * root[:, None], -first * root)
             settled = np.allclose(step, change, rtol=1e-3, atol=0.0)
-            change, ahead = step, self.residual + self.columns @ step
+            change, ahead = step, first + self.columns @ step
             weights = self._weights(ahead)
             if settled:
                 break

@@ -24,7 +24,7 @@ from twin.predict.kalman import Local
 from twin.predict.linearised import Linearised
 from twin.predict.motion import Motion
 from twin.predict.outputs import Grid, outputs_of
-from twin.predict.segments import GROWTH, LONGEST, Segment, growth_rate
+from twin.predict.segments import Segment, command_step, grid_of
 from twin.predict.states import States
 from twin.predict.tangent import carried_forces
 from twin.recording import Recording
@@ -35,8 +35,6 @@ STEP = 1e-6
 """Of finite differences of a state [SI]."""
 
 _FORCE = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED.value)
-COARSE = 0.025
-"""The longest step of a prediction [s]."""
 EXACT = 0.1
 """By how many of its standard deviations a longer step may move an estimate at the very most."""
 STOP_GUARD = np.radians(2.0)
@@ -111,6 +109,15 @@ class Body:
             if size > 0.0
         )
 
+    @property
+    def not_predicted(self) -> tuple[str, ...]:
+        """Measured streams of the recording that have no part in the prediction."""
+        taken = {output.stream for output in self.outputs} | set(self.inputs.used)
+        ours = ("truth_", "estimate_", "reference_", "wanted_", "command_")
+        return tuple(
+            name for name in self.recording if name not in taken and not name.startswith(ours)
+        )
+
     def commanded(self, late: float = 0.0) -> Array:
         """(S, steps, nv) torques of the commands, as if they acted so much later [s]."""
         grid = self.grid
@@ -158,6 +165,44 @@ class Body:
             along(velocity, run["qvel"], machine.base_dof),
             along(velocity, run["qvel"], wheels),
         )
+
+    def onward(
+        self,
+        model: mujoco.MjModel,
+        segments: NDArray[np.intp],
+        start: States,
+        steps: int,
+        push: Array,
+    ) -> Array:
+        """Positions (r, steps + 1, .) from starts (r, .) of segments, on beyond their ends.
+
+        Args:
+            model: as for `paths`.
+            segments: (r,) that the starts belong to.
+            start: of each.
+            steps: how far; the last drive is held where the log ends.
+            push: (S, steps, nv) generalised force added to the drive.
+        """
+        machine, grid = self.machine, self.grid
+        self._prepare(model)
+        position, velocity = self._position[segments], self._velocity[segments]
+        position[:, machine.base_qpos] = start.position
+        velocity[:, machine.base_dof] = start.rate
+        if self.inputs.wheels_predicted:
+            velocity[:, machine.wheel_dof] = start.wheel_speed
+        force = (self._force + push).reshape(-1, model.nv)
+        place = segments[:, None] * grid.steps + np.arange(steps)
+        batch = Batch(model, len(segments))
+        batch.bind("qpos")[:] = position
+        batch.bind("qvel")[:] = velocity
+        run = batch.rollout(
+            steps,
+            force[np.minimum(place, len(force) - 1)],
+            control_spec=_FORCE,
+            record=("qpos",),
+        )
+        first = position[:, None, machine.base_qpos]
+        return np.concatenate([first, run["qpos"][:, :, machine.base_qpos]], axis=1)
 
     def along(
         self, base: BaseParameters, theta: Array, start: States, push: Array | None = None
@@ -324,8 +369,8 @@ def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:
     Commands change between steps, not within them, and the step is at most 25 ms; where halving it
     could move an estimate by more than a tenth of its standard deviation, it is the platform's.
     """
-    step = _command_step(machine, recording)
-    grid = _grid(machine, motion, step)
+    step = command_step(machine, recording)
+    grid = grid_of(machine, motion, step)
     coarse = Body(machine, recording, motion, grid)
     if step <= machine.platform.step:
         return coarse
@@ -334,29 +379,8 @@ def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:
     model = copy.copy(machine.model)
     for one, other in zip(coarse.nominal(model), fine.nominal(model), strict=True):
         if float(np.sum(np.square(one - other))) > EXACT**2:
-            return Body(machine, recording, motion, _grid(machine, motion, machine.platform.step))
+            return Body(machine, recording, motion, grid_of(machine, motion, machine.platform.step))
     return coarse
-
-
-def _command_step(machine: Machine, recording: Recording) -> float:
-    """The longest step up to COARSE of which a whole number fits between two commands [s]."""
-    periods = [
-        float(np.median(np.diff(recording[name].time)))
-        for name in machine.platform.commands
-        if name in recording and len(recording[name]) > 1
-    ]
-    shortest = min(periods, default=COARSE)
-    step = round(float(shortest / np.ceil(shortest / COARSE - 1e-6)), 9)
-    return max(step, machine.platform.step)
-
-
-def _grid(machine: Machine, motion: Motion, step: float) -> Grid:
-    """Equal segments of at most 10 s and at most exp(3) of growth."""
-    begin, end = float(motion.time[0]), float(motion.time[-1])
-    length = min(LONGEST, GROWTH / max(growth_rate(machine), 1e-9), end - begin)
-    steps = max(int(length / step + 1e-9), 1)
-    segments = max(int(np.ceil((end - begin) / (steps * step) - 1e-6)), 1)
-    return Grid(begin, step, steps, segments)
 
 
 def _near_stop(machine: Machine, motion: Motion) -> bool:

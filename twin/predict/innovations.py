@@ -165,6 +165,7 @@ class Problem:
         perturbations: Sequence[Perturbation] = (),
         *,
         held: bool = False,
+        strengths_held: bool = False,
     ) -> None:
         """Pose it.
 
@@ -173,11 +174,13 @@ class Problem:
             base: what is fitted of the machine.
             perturbations: what is fitted besides, each by its strength.
             held: leave the base where a fit starts.
+            strengths_held: likewise the strengths.
         """
         self.bodies = tuple(bodies)
         self.base = base
         self.perturbations = tuple(perturbations)
         self.held = held
+        self.strengths_held = strengths_held
         self._added = [Added.to(body, self.perturbations) for body in self.bodies]
 
     def start(
@@ -213,6 +216,10 @@ class Problem:
                 one = replace(one, linear=replace(one.linear, residual=residual))
             exact.append(_with(one, added, at.strengths))
         return tuple(exact)
+
+    def push(self, log: int, strengths: Array) -> Array:
+        """(S, steps, nv) what the perturbations add to the forces on a log's machine."""
+        return self._added[log].push(strengths)
 
     def with_perturbations(
         self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]
@@ -321,6 +328,12 @@ class Problem:
         width = p + biases + added
         blocks = [np.column_stack([away / weak, np.diag(1.0 / weak)] + [np.zeros((p, width - p))])]
         cluster = [np.full(p, -1)]
+        if self.strengths_held:
+            a = len(at.strengths)
+            hold = np.zeros((a, 1 + width))
+            hold[:, 1 + p + biases : 1 + p + biases + a] = np.eye(a) / HELD
+            blocks.append(hold)
+            cluster.append(np.full(a, -1))
         first, before = p, 0
         for body, link, bias in zip(self.bodies, links, at.biases, strict=True):
             rows = np.concatenate([link.rows, _prior(bias, body.bias_scale, p, added)])

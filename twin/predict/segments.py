@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from twin.model import Machine
 from twin.predict.base import hinge_axis
 from twin.predict.motion import Motion
+from twin.predict.outputs import Grid
+from twin.recording import Recording
 
 Array = NDArray[np.float64]
 
@@ -18,6 +20,9 @@ GROWTH = 3.0
 """An error of the initial state may grow by exp(3) = 20 within a stretch: then a fit is well posed
 even where the machine stands on its head. Twice as long it would be 400, and Gauss-Newton, started
 from a wrong base, loses its way."""
+
+COARSE = 0.025
+"""The longest step of a prediction [s]."""
 
 
 @dataclass(frozen=True)
@@ -32,16 +37,6 @@ class Segment:
         return np.asarray(self.start + step * np.arange(steps + 1), dtype=np.float64)
 
 
-def cut(machine: Machine, motion: Motion) -> tuple[Segment, ...]:
-    """Equal stretches of at most 10 s and at most exp(3) of growth."""
-    begin, end = float(motion.time[0]), float(motion.time[-1])
-    length = min(LONGEST, GROWTH / max(growth_rate(machine), 1e-9))
-    edges = np.linspace(begin, end, max(round((end - begin) / length), 1) + 1)
-    return tuple(
-        Segment(float(start), float(stop)) for start, stop in zip(edges, edges[1:], strict=False)
-    )
-
-
 def growth_rate(machine: Machine) -> float:
     """Rate [1/s] at which the machine would fall from upright: sqrt(g abs(m r) / J)."""
     platform = machine.platform
@@ -53,3 +48,24 @@ def growth_rate(machine: Machine) -> float:
         offset = offset - (axis @ offset) * axis
         smallest = float(axis @ platform.inertia @ axis)
     return float(np.sqrt(platform.gravity * np.linalg.norm(offset) / smallest))
+
+
+def command_step(machine: Machine, recording: Recording) -> float:
+    """The longest step up to COARSE of which a whole number fits between two commands [s]."""
+    periods = [
+        float(np.median(np.diff(recording[name].time)))
+        for name in machine.platform.commands
+        if name in recording and len(recording[name]) > 1
+    ]
+    shortest = min(periods, default=COARSE)
+    step = round(float(shortest / np.ceil(shortest / COARSE - 1e-6)), 9)
+    return max(step, machine.platform.step)
+
+
+def grid_of(machine: Machine, motion: Motion, step: float) -> Grid:
+    """Equal segments of at most 10 s and at most exp(3) of growth."""
+    begin, end = float(motion.time[0]), float(motion.time[-1])
+    length = min(LONGEST, GROWTH / max(growth_rate(machine), 1e-9), end - begin)
+    steps = max(int(length / step + 1e-9), 1)
+    segments = max(int(np.ceil((end - begin) / (steps * step) - 1e-6)), 1)
+    return Grid(begin, step, steps, segments)

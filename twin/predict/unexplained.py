@@ -64,17 +64,15 @@ def _smoothed(body: Body, now: Innovations, chain: Chain, log: int) -> Array:
             spread = carry @ spread @ carry.transpose(0, 2, 1) + noise
         h = local.measured[:, k]
         across = h @ spread
-        solved = np.linalg.solve(
-            across @ h.transpose(0, 2, 1) + eye,
-            np.concatenate(
-                [(residual[:, k] - np.einsum("swx,sx->sw", h, mean))[..., None], h], axis=-1
-            ),
-        )
-        gain = across.transpose(0, 2, 1)
-        pull[:, k] = np.einsum("swx,sw->sx", h, solved[..., 0])
-        keep[:, k] = np.eye(x) - gain @ solved[..., 1:]
-        mean = mean + np.einsum("sxw,sw->sx", gain, solved[..., 0])
-        spread = spread - gain @ solved[..., 1:] @ spread
+        lower = np.linalg.cholesky(across @ h.transpose(0, 2, 1) + eye)
+        left = (residual[:, k] - np.einsum("swx,sx->sw", h, mean))[..., None]
+        white = np.linalg.solve(lower, np.concatenate([left, h, across], axis=-1))
+        left, seen, gain = white[..., 0], white[..., 1 : 1 + x], white[..., 1 + x :]
+        pull[:, k] = np.einsum("swx,sw->sx", seen, left)
+        keep[:, k] = np.eye(x) - gain.transpose(0, 2, 1) @ seen
+        mean = mean + np.einsum("swx,sw->sx", gain, left)
+        # squared, so that it stays symmetric: else errors of rounding would grow along a segment
+        spread = spread - gain.transpose(0, 2, 1) @ gain
     adjoint = np.concatenate([adjoints[1:], np.zeros((1, x))])
     torque = np.zeros((segments, instants - 1, local.pushed.shape[-1]))
     for k in range(instants - 1, 0, -1):

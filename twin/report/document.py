@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from twin.predict.compare import Comparison, Transfer, stream_errors
-from twin.predict.explain import Strength
-from twin.predict.fit import Fit
-from twin.report.words import name_of, sentences, transfer_sentences
+from twin.compare import Comparison, Transfer, name_of
+from twin.compare.account import Account
+from twin.compare.explanation import Side, Strength
+from twin.compare.missed import stream_errors
+from twin.report.words import sentences, transfer_sentences
 
 
 def document(comparisons: Sequence[Comparison], transfers: Sequence[Transfer]) -> dict[str, Any]:
@@ -19,64 +20,102 @@ def document(comparisons: Sequence[Comparison], transfers: Sequence[Transfer]) -
 
 
 def _log(comparison: Comparison) -> dict[str, Any]:
-    accounts = {"as_built": comparison.as_built, "refitted": comparison.refitted}
+    sides = {"as_built": comparison.as_built, "refitted": comparison.refitted}
     return {
         "log": str(comparison.recording.provenance.get("source", "")),
         "platform": comparison.platform.name,
         "verdict": comparison.verdict,
         "sentences": sentences(comparison),
+        "conventions": [
+            {"stream": finding.stream, "kind": finding.kind, "sentence": finding.sentence}
+            for finding in comparison.conventions
+        ],
+        "noise": [finding.sentence for finding in comparison.noise],
+        "where": [domain.value for domain in comparison.where[0]],
+        "or_where": [domain.value for domain in comparison.where[1]],
         "accounts": {
-            name: None
-            if account is None
-            else {
-                "base": _base(comparison, account.explanation.fit),
-                "plain": _missed(comparison, account.plain),
-                "with_laws": _missed(comparison, account.explanation.fit),
-                "laws": [_strength(strength) for strength in account.explanation.laws],
-            }
-            for name, account in accounts.items()
+            name: None if side is None else _side(comparison, side) for name, side in sides.items()
         },
         "not_excited": list(comparison.base.not_excited),
         "free_run": {
-            f"{horizon:g}": None if run is None else {"before": run.ends[0], "after": run.ends[1]}
+            f"{horizon:g}": None
+            if run is None
+            else dict(zip(("before", "after", "perfect"), run.errors, strict=True))
             for horizon, run in comparison.free_runs.items()
         },
         "repairs": list(comparison.recording.repairs),
-        "not_predicted": list(comparison.predictor.not_predicted),
+        "not_predicted": list(comparison.body.not_predicted),
     }
 
 
-def _base(comparison: Comparison, found: Fit) -> dict[str, Any]:
-    fixed = len(found.theta)
-    covariance = found.covariance[:fixed, :fixed]
-    return dict(comparison.base.table(found.theta, covariance, found.quantile))
-
-
-def _missed(comparison: Comparison, found: Fit) -> dict[str, Any]:
-    errors = [asdict(error) for error in stream_errors(comparison.predictor, found)]
+def _side(comparison: Comparison, side: Side) -> dict[str, Any]:
     return {
-        "chi2_per_sample": found.chi2_per_sample,
+        "base": _base(comparison, side.explained),
+        "plain": _missed(side.plain),
+        "with_laws": _missed(side.explained),
+        "laws": [_strength(strength) for strength in side.strengths],
+        "symptoms": [
+            {
+                "name": score.symptom.name,
+                "domain": score.symptom.domain.name,
+                "evidence": score.evidence,
+                "needed": score.needed,
+                "stands_out": score.stands_out,
+                "strengths": score.strengths.tolist(),
+                "unit": score.symptom.unit,
+            }
+            for score in side.scores
+        ],
+    }
+
+
+def _base(comparison: Comparison, account: Account) -> dict[str, Any]:
+    fixed = len(account.theta)
+    covariance, quantile = account.covariance()
+    return dict(comparison.base.table(account.theta, covariance[:fixed, :fixed], quantile))
+
+
+def _missed(account: Account) -> dict[str, Any]:
+    errors = [asdict(error) for error in stream_errors(account)]
+    return {
+        "follows": account.follows,
         "streams": {error.pop("stream"): error for error in errors},
+        "columns": [
+            {
+                "stream": part.stream,
+                "column": part.column,
+                "chi2_per_sample": part.chi2,
+                "band": [part.low, part.high],
+                "whiteness": part.whiteness,
+            }
+            for part in account.misfits
+        ],
     }
 
 
 def _strength(strength: Strength) -> dict[str, Any]:
+    values, half = strength.values, strength.half
+    value, low, high = (
+        part.tolist() if len(part) > 1 else float(part[0])
+        for part in (values, values - half, values + half)
+    )
     return {
-        "name": strength.law.name,
-        "value": strength.value,
-        "low": strength.low,
-        "high": strength.high,
-        "unit": strength.law.unit,
+        "name": strength.symptom.name,
+        "domain": strength.symptom.domain.name,
+        "value": value,
+        "low": low,
+        "high": high,
+        "unit": strength.symptom.unit,
         "imitated_by_base": strength.imitated,
+        "ties": [tie.name for tie in strength.ties],
     }
 
 
 def _transfer(transfer: Transfer, source: Comparison) -> dict[str, Any]:
-    other = transfer.comparison
     return {
         "fitted_on": name_of(source),
-        "log": name_of(other),
+        "log": name_of(transfer.comparison),
         "sentences": transfer_sentences(transfer, source),
-        "plain": _missed(other, transfer.plain),
-        "with_laws": _missed(other, transfer.with_laws),
+        "plain": _missed(transfer.plain),
+        "with_laws": _missed(transfer.explained),
     }

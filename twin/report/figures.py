@@ -7,75 +7,90 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.predict.compare import Comparison, FreeRun
-from twin.predict.fit import Fit
-from twin.predict.laws import STANDSTILL
-from twin.predict.torque import Unexplained, unexplained_torque
-from twin.report.style import FIGURE, INK, svg
+from twin.compare import Comparison
+from twin.compare.account import Account
+from twin.compare.free_run import FreeRun
+from twin.compare.missing_torque import missing_torque
+from twin.compare.shapes import standstill
+from twin.compare.symptoms import Domain
+from twin.predict.unexplained import Unexplained
+from twin.report.style import FIGURE, INK, PALETTE, SOFT, svg
 from twin.units import fitting
 
 Array = NDArray[np.float64]
 
 MEASURED, BUILT, BEST, BAND = INK, "#c2571a", "#1f6f8b", "#d9e3ea"
 AXES = ("x", "y", "z")
+DOMAINS = dict(zip(Domain, (PALETTE[0], PALETTE[1], PALETTE[2], PALETTE[3]), strict=True))
 
 POINTS = 1500
 """Drawn of a long stream: more cannot be told apart, and would make a page of megabytes."""
+MEAN = 0.25
+"""Of the unexplained torque, over which it is averaged for the eye [s]."""
+LISTED = 14
+"""Symptoms drawn."""
 
 
 def motion_figure(comparison: Comparison) -> str:
     """Measured motion and free runs of the model as built and of the best one."""
     with mpl.rc_context(FIGURE):
-        output = comparison.predictor.outputs[0]
-        attitude = output.stream == "attitude"
-        figure = Figure(figsize=(9.6, 1.2 + (2.4 if output.width == 1 else 1.9 * output.width)))
-        panels = figure.subplots(output.width, 1, sharex=True, squeeze=False)[:, 0]
-        factor, unit = fitting(1.0, "rad" if attitude else output.series.unit)
-        time, measured = output.series.time, output.series.value
-        if attitude:
-            start = rotation.conjugate(measured[0])
-            measured = rotation.to_rotation_vector(rotation.multiply(start, measured))
-        run = shown_run(comparison)
-        for k, panel in enumerate(panels):
-            panel.plot(time, measured[:, k] / factor, color=MEASURED, label="measured", lw=2.6)
+        motion, run = comparison.body.motion, shown_run(comparison)
+        output = comparison.body.outputs[0]
+        width = motion.rate.shape[1]
+        figure = Figure(figsize=(9.6, 1.2 + (2.4 if width == 1 else 1.9 * width)))
+        panels = figure.subplots(width, 1, sharex=True, squeeze=False)[:, 0]
+        factor, unit = fitting(1.0, "rad")
+        first = motion.position[0]
+        measured = _turned(motion.position, first)
+        drawn = [
+            (runs, color, label)
             for runs, color, label in (
-                (run.as_built if run else [], BUILT, "as built"),
-                (run.best if run else [], BEST, "best model"),
-            ):
-                for i, (when, error) in enumerate(runs):
-                    at = np.searchsorted(time, when)
-                    predicted = (measured[at, k] - error[:, k]) / factor
-                    panel.plot(when, predicted, color=color, label=None if i else label)
+                (run.as_built if run else None, BUILT, "as built"),
+                (run.best if run else None, BEST, "best model"),
+            )
+            if runs is not None
+        ]
+        for k, panel in enumerate(panels):
+            panel.plot(
+                motion.time, measured[:, k] / factor, color=MEASURED, label="measured", lw=2.6
+            )
+            for runs, color, label in drawn:
+                assert run is not None
+                for i, path in enumerate(runs):
+                    panel.plot(
+                        run.time[i],
+                        _turned(path, first)[:, k] / factor,
+                        color=color,
+                        label=None if i else label,
+                    )
             _frame(panel, measured[:, k] / factor)
-            axes = AXES if attitude else output.series.columns
-            panel.set_ylabel(_label(output.stream, axes, k, unit))
+            panel.set_ylabel(_label(output.stream, output.columns, k, unit))
         panels[0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         panels[-1].set_xlabel("time [s]")
         return svg(figure)
 
 
 def shown_run(comparison: Comparison) -> FreeRun | None:
-    """The free runs that a figure shows: at least as long as the stretches of the fit."""
-    segment = comparison.predictor.segments[0]
+    """The free runs that a figure shows: as long as leaves them apart."""
+    grid = comparison.body.grid
     runs = [run for run in comparison.free_runs.values() if run is not None]
-    long = [run for run in runs if run.horizon >= segment.stop - segment.start]
-    return (long or runs or [None])[0]
+    short = [run for run in runs if run.horizon <= max(2.0 * grid.length, 1.0)]
+    return (short[-1:] or runs[:1] or [None])[0]
 
 
 def residual_figure(comparison: Comparison) -> str:
     """Residuals over time, with the band in which 95 % of the sensors' noise lies."""
     with mpl.rc_context(FIGURE):
-        outputs = comparison.predictor.outputs
+        outputs = comparison.body.outputs
         figure = Figure(figsize=(9.6, 1.0 + 2.0 * len(outputs)))
         panels = figure.subplots(len(outputs), 1, sharex=True, squeeze=False)[:, 0]
-        for panel, output in zip(panels, outputs, strict=True):
-            unit = "rad" if output.stream == "attitude" else output.series.unit
-            factor, name = fitting(1.0, unit)
+        for index, (panel, output) in enumerate(zip(panels, outputs, strict=True)):
+            factor, name = fitting(float(output.noise.max()), output.unit)
             heights: list[float] = []
-            for found, color, label in _both(comparison):
-                time, error = _joined(comparison, found, output.stream)
-                thin = slice(None, None, max(len(time) // POINTS, 1))
-                panel.plot(time[thin], error[thin] / factor, ".", ms=2.0, color=color)
+            for account, color, label in _both(comparison):
+                error = account.left[0][index] * output.noise
+                thin = slice(None, None, max(error.size // POINTS, 1))
+                panel.plot(output.time[thin], error[thin] / factor, ".", ms=2.0, color=color)
                 panel.plot([], [], "o", ms=4, color=color, label=label)
                 heights.append(float(np.quantile(np.abs(error), 0.99)) / factor)
             band = 1.96 * float(np.max(output.noise)) / factor
@@ -87,35 +102,123 @@ def residual_figure(comparison: Comparison) -> str:
         return svg(figure)
 
 
-def torque_figure(comparison: Comparison) -> str:
-    """Unexplained torque over rate with the friction that the fit found drawn through it."""
+def misfit_figure(comparison: Comparison) -> str:
+    """Chi-square of each stream over time, and autocorrelations, with the bands of a true model."""
     with mpl.rc_context(FIGURE):
-        account = comparison.best
-        found = account.explanation.fit
-        if not account.explanation.laws:
-            account, found = comparison.as_built, comparison.as_built.explanation.fit
-        torque = unexplained_torque(comparison.predictor, comparison.base.model(found.theta))
+        found = comparison.best.explained.misfits
+        streams = list(dict.fromkeys(part.stream for part in found))
+        figure = Figure(figsize=(9.6, 0.8 + 1.9 * len(streams)))
+        panels = figure.subplots(len(streams), 2, squeeze=False)
+        for (left, right), stream in zip(panels, streams, strict=True):
+            parts = [part for part in found if part.stream == stream]
+            band = parts[0].block_band
+            left.fill_between(
+                parts[0].block_time, band[:, 0], band[:, 1], color=BAND, lw=0.0, step="mid"
+            )
+            right.axhspan(
+                -parts[0].correlation_band, parts[0].correlation_band, color=BAND, zorder=0
+            )
+            for part, color in zip(parts, PALETTE, strict=False):
+                left.plot(part.block_time, part.block_chi2, "o-", ms=3.5, color=color)
+                lags = np.arange(1, len(part.correlation) + 1)
+                right.plot(lags, part.correlation, "o-", ms=3, color=color, label=part.column)
+            if max(part.block_chi2.max() for part in parts) > 5.0:
+                left.set_yscale("log")
+            left.set_ylabel(f"{stream}\nchi² per sample")
+            right.set_ylabel("autocorrelation")
+            if len(parts) > 1:
+                right.legend(ncols=len(parts), loc="upper right")
+        panels[-1, 0].set_xlabel("time [s]")
+        panels[-1, 1].set_xlabel("lag [samples]")
+        return svg(figure)
+
+
+def symptom_figure(comparison: Comparison) -> str:
+    """Evidence for each departure where the best model has none yet, and what chance gives."""
+    with mpl.rc_context(FIGURE):
+        scores = comparison.best.scores[:LISTED]
+        figure = Figure(figsize=(9.6, 1.0 + 0.27 * len(scores)))
+        panel = figure.subplots()
+        for place, score in enumerate(scores):
+            panel.barh(
+                -place,
+                max(score.evidence, 0.1),
+                left=0.0,
+                height=0.65,
+                color=DOMAINS[score.symptom.domain],
+                alpha=1.0 if score.stands_out else 0.35,
+            )
+            panel.plot([score.needed] * 2, [-place - 0.42, -place + 0.42], color=INK, lw=1.6)
+        panel.set_xscale("log")
+        panel.set_xlim(0.5, 2.0 * max([s.evidence for s in scores] + [s.needed for s in scores]))
+        panel.set_yticks(
+            [-place for place in range(len(scores))],
+            [s.symptom.name.replace("_", " ").replace(":", " of ") for s in scores],
+        )
+        panel.grid(visible=False, axis="y")
+        for domain, color in DOMAINS.items():
+            panel.plot([], [], "s", color=color, label=domain.value)
+        panel.plot([], [], color=INK, lw=1.6, label="by chance once in 100 logs")
+        panel.legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        panel.set_xlabel("evidence: fall of −2 log likelihood, independent samples")
+        return svg(figure)
+
+
+def torque_figure(comparison: Comparison) -> str:
+    """Smoothed unexplained torque over time and rate, with the friction found drawn through it."""
+    with mpl.rc_context(FIGURE):
+        torque = missing_torque(comparison, MEAN)
         width = torque.rate.shape[1]
-        figure = Figure(figsize=(9.6, 3.6))
-        panels = figure.subplots(1, width, squeeze=False)[0]
+        figure = Figure(figsize=(9.6, 2.6 * width + 0.4))
+        panels = figure.subplots(width, 2, squeeze=False, width_ratios=(3, 2))
         rate_factor, rate_name = fitting(1.0, "rad/s")
-        for k, panel in enumerate(panels):
-            limit = 1.6 * float(np.quantile(np.abs(torque.torque[:, k]), 0.97))
+        for k, (over_time, panel) in enumerate(panels):
+            limit = max(1.6 * float(np.quantile(np.abs(torque.torque[:, k]), 0.97)), 1e-9)
             factor, name = fitting(limit, "N m")
             thin = slice(None, None, max(len(torque.time) // POINTS, 1))
+            over_time.plot(torque.time[thin], torque.torque[thin, k] / factor, color=MEASURED)
             panel.plot(
                 torque.rate[thin, k] / rate_factor,
                 torque.torque[thin, k] / factor,
                 ".",
-                ms=2.0,
+                ms=3.0,
                 color=MEASURED,
-                alpha=0.25,
+                alpha=0.5,
             )
             _draw_friction(panel, comparison, torque, k, rate_factor, factor)
-            panel.set_ylim(-limit / factor, limit / factor)
             axis = f" {AXES[k]}" if width > 1 else ""
+            for one in (over_time, panel):
+                one.set_ylim(-limit / factor, limit / factor)
+            over_time.set_ylabel(f"unexplained torque{axis} [{name}]")
             panel.set_xlabel(f"rate{axis} [{rate_name}]")
-            panel.set_ylabel(f"unexplained torque{axis} [{name}]")
+        panels[-1, 0].set_xlabel("time [s]")
+        return svg(figure)
+
+
+def balance_figure(comparison: Comparison) -> str:
+    """Angular momentum about the vertical, and energy less the work of the motors."""
+    with mpl.rc_context(FIGURE):
+        found = comparison.balance
+        curves = [
+            (values, name, unit)
+            for values, name, unit in (
+                (found.momentum, "momentum about\nthe vertical", "N m s"),
+                (found.energy, "energy less the\nmotors' work", "J"),
+            )
+            if values is not None
+        ]
+        if not curves:
+            return ""
+        figure = Figure(figsize=(9.6, 0.6 + 1.9 * len(curves)))
+        panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
+        for panel, (values, name, unit) in zip(panels, curves, strict=True):
+            change = values - values[0]
+            factor, shown = fitting(float(np.abs(change).max()), unit)
+            thin = slice(None, None, max(len(change) // POINTS, 1))
+            panel.plot(found.time[thin], change[thin] / factor, color=MEASURED)
+            panel.axhline(0.0, color=SOFT, lw=0.8)
+            panel.set_ylabel(f"{name} [{shown}]")
+        panels[-1].set_xlabel("time [s]")
         return svg(figure)
 
 
@@ -127,22 +230,29 @@ def _draw_friction(
     rate_factor: float,
     factor: float,
 ) -> None:
-    account = comparison.best if comparison.best.explanation.laws else comparison.as_built
+    side = comparison.best if comparison.best.strengths else comparison.as_built
     top = float(np.max(np.abs(torque.rate[:, k])))
     rate = np.linspace(-top, top, 801)
-    slow = STANDSTILL * float(np.quantile(np.abs(torque.rate[:, k]), 0.95))
+    slow = standstill(comparison.body.motion)
     curve = np.zeros_like(rate)
-    for strength in account.explanation.laws:
+    for strength in side.strengths:
         shape = {
             "bearing_coulomb_friction": -rate / np.sqrt(np.square(rate) + slow**2),
             "bearing_viscous_friction": -rate,
             "aerodynamic_drag": -np.abs(rate) * rate,
-        }.get(strength.law.name)
+        }.get(strength.symptom.name)
         if shape is not None:
-            curve = curve + strength.value * shape
+            curve = curve + float(strength.values[0]) * shape
     if np.any(curve):
         panel.plot(rate / rate_factor, curve / factor, color=BEST, lw=2.0, label="fitted friction")
         panel.legend(loc="upper right")
+
+
+def _turned(position: Array, first: Array) -> Array:
+    """(m, k) angle, or rotation vector from the first attitude [rad]."""
+    if position.shape[-1] == 1:
+        return position
+    return rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(first), position))
 
 
 def _frame(panel: Axes, values: Array) -> None:
@@ -150,17 +260,13 @@ def _frame(panel: Axes, values: Array) -> None:
     panel.set_ylim(float(values.min()) - margin, float(values.max()) + margin)
 
 
-def _both(comparison: Comparison) -> list[tuple[Fit, str, str]]:
-    label = "best model" if comparison.best.explanation.laws else "base refitted"
+def _both(comparison: Comparison) -> list[tuple[Account, str, str]]:
+    best = comparison.best
+    label = "best model" if best.strengths else "base refitted"
     pairs = [(comparison.as_built.plain, BUILT, "as built")]
-    if comparison.best.explanation.laws or comparison.refitted is not None:
-        pairs.append((comparison.best.explanation.fit, BEST, label))
+    if best.strengths or comparison.refitted is not None:
+        pairs.append((best.explained, BEST, label))
     return pairs
-
-
-def _joined(comparison: Comparison, found: Fit, stream: str) -> tuple[Array, Array]:
-    parts = [comparison.predictor.split(s, flat)[stream] for s, flat in enumerate(found.residual)]
-    return np.concatenate([t for t, _ in parts]), np.concatenate([e for _, e in parts])
 
 
 def _label(stream: str, columns: tuple[str, ...], k: int, unit: str) -> str:

@@ -4,14 +4,23 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from twin.predict.compare import Comparison, Transfer, stream_errors
-from twin.predict.fit import Fit
-from twin.report.figures import motion_figure, residual_figure, shown_run, torque_figure
+from twin.compare import Comparison, Transfer, name_of
+from twin.compare.account import Account
+from twin.compare.missed import stream_errors
+from twin.report.figures import (
+    balance_figure,
+    misfit_figure,
+    motion_figure,
+    residual_figure,
+    shown_run,
+    symptom_figure,
+    torque_figure,
+)
 from twin.report.style import page
 from twin.report.words import (
     base_rows,
+    headline,
     interval,
-    name_of,
     sentences,
     strength_words,
     transfer_sentences,
@@ -31,41 +40,65 @@ def write_page(
 
 
 def _section(comparison: Comparison) -> str:
-    verdict, *rest = sentences(comparison)
-    recording = comparison.recording
+    verdict = headline(comparison)
+    rest = [sentence for sentence in sentences(comparison) if sentence != verdict]
+    recording, grid = comparison.recording, comparison.body.grid
     under = (
         f"{comparison.platform.title} · {recording.stop - recording.start:.3g} s · "
-        f"{len(comparison.predictor.segments)} stretches, each predicted from its own start"
+        f"{grid.segments} stretches of {grid.length:.3g} s"
     )
-    return "\n".join(
-        [
-            f"<h1>{escape(name_of(comparison))} on {escape(comparison.platform.name)}</h1>",
-            f"<p class='under'>{escape(under)}</p>",
-            f"<p class='verdict'>{escape(_typeset(verdict))}</p>",
-            _list(rest),
-            "<h2>Measured and predicted</h2>",
-            _figure(
-                motion_figure(comparison),
-                _run_caption(comparison),
-            ),
-            "<h2>What is left</h2>",
-            _figure(
-                residual_figure(comparison),
-                "Measured less predicted, the start of each stretch fitted. What lies outside the "
-                "frame belongs to the worst stretches.",
-            ),
-            _streams_table(comparison),
+    parts = [
+        f"<h1>{escape(name_of(comparison))} on {escape(comparison.platform.name)}</h1>",
+        f"<p class='under'>{escape(under)}</p>",
+        f"<p class='verdict'>{escape(_typeset(verdict))}</p>",
+        _list(rest),
+        "<h2>Measured and predicted</h2>",
+        _figure(motion_figure(comparison), _run_caption(comparison)),
+        "<h2>What is left</h2>",
+        _figure(
+            residual_figure(comparison),
+            "Measured less predicted. What lies outside the frame belongs to the worst stretches.",
+        ),
+        _figure(
+            misfit_figure(comparison),
+            "Of the best model: mean squared residual in units of the noise, over blocks of time, "
+            "and how it goes with itself some samples later. A true model stays inside the bands "
+            "95 times in 100.",
+        ),
+        _streams_table(comparison),
+        "<h2>Symptoms</h2>",
+        _figure(
+            symptom_figure(comparison),
+            "Each departure asked on its own, beside base and states. What stands beyond its mark "
+            "stands out; what stands out together may be one cause seen twice.",
+        ),
+        _laws_table(comparison),
+    ]
+    if not comparison.healthy:
+        parts += [
             "<h2>The torque that nobody accounts for</h2>",
             _figure(
                 torque_figure(comparison),
-                "Inverse dynamics of the smoothed motion less the commanded torque, with the base "
-                "of the best model. A friction falls from upper left to lower right.",
+                "A white torque beside the model, smoothed by a Kalman filter and averaged over "
+                "0.25 s, with the base of the best model. A friction falls from upper left to "
+                "lower right.",
             ),
-            _laws_table(comparison),
-            "<h2>The base</h2>",
-            _base_table(comparison),
         ]
+    parts += _balance(comparison)
+    parts += ["<h2>The base</h2>", _base_table(comparison)]
+    return "\n".join(parts)
+
+
+def _balance(comparison: Comparison) -> list[str]:
+    drawn = balance_figure(comparison)
+    if not drawn:
+        return []
+    caption = (
+        "Change since the start, of the smoothed motion. Momentum about the vertical changes by "
+        "an external torque only, whatever the parts exchange; energy less the work of the motors "
+        "falls where something brakes."
     )
+    return ["<h2>Two balances</h2>", _figure(drawn, caption)]
 
 
 def _run_caption(comparison: Comparison) -> str:
@@ -73,8 +106,8 @@ def _run_caption(comparison: Comparison) -> str:
     if run is None:
         return "The log is too short for a free run."
     return (
-        f"Free runs of {run.horizon:g} s under the recorded commands, each started from the "
-        "smoothed motion; nothing is fitted to them."
+        f"Free runs of {run.horizon:g} s under the recorded commands, each started from what was "
+        "measured before; nothing is fitted to them."
     )
 
 
@@ -86,8 +119,8 @@ def _transfer(transfer: Transfer, source: Comparison) -> str:
 
 def _streams_table(comparison: Comparison) -> str:
     rows: list[list[str]] = []
-    for label, found in _accounts(comparison):
-        for error in stream_errors(comparison.predictor, found):
+    for label, account in _accounts(comparison):
+        for error in stream_errors(account):
             rows.append(
                 [
                     label,
@@ -108,20 +141,21 @@ def _laws_table(comparison: Comparison) -> str:
     rows = [
         [
             label,
-            strength.law.name,
+            strength.symptom.name,
             strength_words(strength),
             f"{strength.imitated:.0%}",
+            ", ".join(tie.name for tie in strength.ties) or "none",
         ]
-        for label, account in (
+        for label, side in (
             ("as built", comparison.as_built),
             ("base refitted", comparison.refitted),
         )
-        if account is not None
-        for strength in account.explanation.laws
+        if side is not None
+        for strength in side.strengths
     ]
     if not rows:
         return "<p>No law was asked for.</p>"
-    return _table(["base", "law", "strength (95 %)", "could be the base"], rows)
+    return _table(["base", "law", "strength (95 %)", "could be the base", "could be instead"], rows)
 
 
 def _base_table(comparison: Comparison) -> str:
@@ -142,12 +176,12 @@ def _base_table(comparison: Comparison) -> str:
     return _table(head, rows) + (note if hidden else "")
 
 
-def _accounts(comparison: Comparison) -> list[tuple[str, Fit]]:
+def _accounts(comparison: Comparison) -> list[tuple[str, Account]]:
     accounts = [("as built", comparison.as_built.plain)]
     if comparison.refitted is not None:
         accounts.append(("base refitted", comparison.refitted.plain))
-    if comparison.best.explanation.laws:
-        accounts.append(("with the laws", comparison.best.explanation.fit))
+    if comparison.best.strengths:
+        accounts.append(("with the laws", comparison.best.explained))
     return accounts
 
 

@@ -2,10 +2,8 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from twin import rotation
-from twin.predict.compare import Comparison
+from twin.compare import Comparison
 from twin.recording import Recording, Series
 
 
@@ -15,19 +13,17 @@ def with_prediction(comparison: Comparison) -> Recording:
     The residual of an attitude is a rotation vector [rad] in body axes.
     """
     streams = dict(comparison.recording.streams)
-    found, predictor = comparison.best.explanation.fit, comparison.predictor
-    for output in predictor.outputs:
-        parts = [predictor.split(s, flat)[output.stream] for s, flat in enumerate(found.residual)]
-        time = np.concatenate([part for part, _ in parts])
-        error = np.concatenate([part for _, part in parts])
-        measured = output.series.value[np.searchsorted(output.series.time, time)]
+    account = comparison.best.explained
+    for output, left in zip(comparison.body.outputs, account.left[0], strict=True):
+        error = left * output.noise
+        series = comparison.recording[output.stream]
         if output.stream == "attitude":
-            predicted = rotation.multiply(measured, rotation.from_rotation_vector(-error))
-            axes, unit = ("x", "y", "z"), "rad"
+            predicted = rotation.multiply(output.value, rotation.from_rotation_vector(-error))
         else:
-            predicted, axes, unit = measured - error, output.series.columns, output.series.unit
+            predicted = output.value - error
+        unit = "rad" if output.stream == "attitude" else series.unit
         streams[f"predicted_{output.stream}"] = Series(
-            time, predicted, output.series.columns, output.series.unit
+            output.time, predicted, series.columns, series.unit
         )
-        streams[f"residual_{output.stream}"] = Series(time, error, axes, unit)
+        streams[f"residual_{output.stream}"] = Series(output.time, error, output.columns, unit)
     return replace(comparison.recording, streams=streams)

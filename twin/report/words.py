@@ -4,57 +4,73 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from scipy.stats import norm
 
-from twin.predict.compare import (
-    Account,
-    Comparison,
-    StreamError,
-    Transfer,
-    disturbed,
-    noise_findings,
-    stream_errors,
-)
-from twin.predict.explain import Strength
-from twin.predict.fit import Fit
-from twin.predict.laws import LAWS
+from twin.compare import Comparison, Transfer, name_of
+from twin.compare.account import Account
+from twin.compare.explanation import Side, Strength
+from twin.compare.misfit import coloured
+from twin.compare.missed import StreamError, disturbed, stream_errors
+from twin.compare.selection import FALSE_ALARM
+from twin.compare.symptoms import Domain
+from twin.predict.body import Body
 from twin.units import fitting, printed, three_digits
 
 ALIKE = 0.9
 """Share of a law's effect that the base could imitate, above which that is said."""
 
-MEANINGFUL = 0.5
+SHOWN = 4
+"""Symptoms that are listed."""
+
+ORDER = {
+    "bearing_coulomb_friction": 0,
+    "bearing_viscous_friction": 1,
+    "aerodynamic_drag": 2,
+}
+"""Torques against the motion of the base, told together."""
+
+MEANINGFUL = 1.0
 """Error of a free run [rad] beyond which its size says nothing any more."""
 
 
 def sentences(comparison: Comparison) -> list[str]:
-    """All that is to be said of one log, the verdict first."""
-    said = [_verdict(comparison), f"As built, {_misses(comparison, comparison.as_built.plain)}."]
+    """All that is to be said of one log: how it was read, then the verdict, then the rest."""
+    said = _conventions(comparison)
+    said += [_verdict(comparison)]
+    said += _where(comparison)
+    said.append(f"As built, {_misses(comparison.as_built.plain)}.")
     if not comparison.healthy:
         said += _laws(comparison, comparison.as_built, "With the base as built")
     if comparison.refitted is not None:
         said.append(_base(comparison))
         if not comparison.healthy:
             said += _laws(comparison, comparison.refitted, "With the base refitted")
+    said += _symptoms(comparison)
+    said += _colour(comparison)
     said += _disturbed(comparison)
     said += _free_runs(comparison)
-    said += noise_findings(comparison)
-    if comparison.predictor.not_predicted:
-        said.append(
-            "Not part of the prediction: " + _listed(comparison.predictor.not_predicted) + "."
-        )
+    said += _biases(comparison)
+    said += [finding.sentence for finding in comparison.noise]
+    if comparison.body.not_predicted:
+        said.append("Not part of the prediction: " + _listed(comparison.body.not_predicted) + ".")
     said += [f"Repaired on reading: {repair}." for repair in comparison.recording.repairs]
     return said
+
+
+def headline(comparison: Comparison) -> str:
+    """The verdict."""
+    return _verdict(comparison)
 
 
 def transfer_sentences(transfer: Transfer, source: Comparison) -> list[str]:
     """What the model fitted on `source` says of another log."""
     other = transfer.comparison
-    own = other.best.explanation.fit
+    own = other.best.explained
     said = [
         f"The base fitted on {name_of(source)} predicts {name_of(other)} with a "
-        f"{_typical(other, transfer.plain)}, and with the laws found there "
-        f"{_typical(other, transfer.with_laws, short=True)}; refitted on this log alone it is "
-        f"{_typical(other, own, short=True)}."
+        f"{_typical(transfer.plain)}, and with the laws found there "
+        f"{_typical(transfer.explained, short=True)}; refitted on this log alone it is "
+        f"{_typical(own, short=True)}."
     ]
     ratios: list[tuple[float, float]] = []
     for name, one, two, half_one, half_two, unit in _both(source, other):
@@ -76,12 +92,6 @@ def transfer_sentences(transfer: Transfer, source: Comparison) -> list[str]:
     return said
 
 
-def name_of(comparison: Comparison) -> str:
-    """The log's own name: that of its folder or file."""
-    source = str(comparison.recording.provenance.get("source", "the log"))
-    return source.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1]
-
-
 def base_rows(comparison: Comparison) -> list[dict[str, Any]]:
     """Each base parameter as stated, refitted, and refitted with the laws found."""
     base, refitted = comparison.base, comparison.refitted
@@ -89,76 +99,161 @@ def base_rows(comparison: Comparison) -> list[dict[str, Any]]:
     for i, (name, unit) in enumerate(zip(base.names, base.units, strict=True)):
         row: dict[str, Any] = {"name": name, "unit": unit, "stated": float(base.as_stated[i])}
         if refitted is not None:
-            for key, found in (("plain", refitted.plain), ("laws", refitted.explanation.fit)):
-                half = float(found.half_widths[i])
-                row[key] = (float(found.theta[i]), half)
+            for key, account in (("plain", refitted.plain), ("laws", refitted.explained)):
+                row[key] = (float(account.theta[i]), float(half_widths(account)[i]))
         rows.append(row)
     return rows
+
+
+def half_widths(account: Account) -> Any:
+    """Half the 95 % intervals of theta, biases and strengths."""
+    covariance, quantile = account.covariance()
+    return quantile * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+
+
+def _conventions(comparison: Comparison) -> list[str]:
+    found = comparison.conventions
+    if not found:
+        return []
+    said = [finding.sentence for finding in found]
+    unsure = [finding for finding in found if finding.ambiguous]
+    if len(unsure) < len(found):
+        said.append("What follows is about the log as it should have been read.")
+    return said
 
 
 def _verdict(comparison: Comparison) -> str:
     if comparison.healthy:
         return "Healthy: the residual is the sensors' noise; nothing to add."
-    laws = _found(comparison).explanation.laws
-    if not laws:
+    strengths = comparison.found.strengths
+    if not strengths:
         return "The model misses more than noise, and none of the simple laws explains it."
-    losing = all(strength.law.dissipative for strength in laws)
-    what = "loses energy that the model keeps" if losing else "does what the model does not know"
+    losing = all(strength.symptom.dissipative for strength in strengths)
+    domains = {strength.symptom.domain for strength in strengths}
+    if losing:
+        what = "The machine loses energy that the model keeps"
+    elif domains <= {Domain.sensor, Domain.clock}:
+        what = "The sensors show what the machine does not do"
+    else:
+        what = "The machine does what the model does not know"
     rest = "" if comparison.verdict == "explained" else " That is not all it does."
-    return f"The machine {what}: {_law_words(laws)}.{rest}"
+    if comparison.found is not comparison.best:
+        what = f"With the base as built, {what[0].lower()}{what[1:]}"
+        rest = " With the base refitted no law stands out, but more than noise is left."
+    return f"{what}: {_law_words(strengths)}.{rest}"
 
 
-def _found(comparison: Comparison) -> Account:
-    """The account whose laws are told first: the refitted one, unless it found none."""
-    best = comparison.best
-    return best if best.explanation.laws else comparison.as_built
+def _where(comparison: Comparison) -> list[str]:
+    own, others = comparison.where
+    if comparison.healthy or not own:
+        return []
+    said = f"By the evidence the discrepancy lives in {_listed(d.value for d in own)}"
+    if others:
+        said += f", or in {' or '.join(d.value for d in others)}: this log cannot tell"
+    return [f"{said}."]
 
 
-def _laws(comparison: Comparison, account: Account, where: str) -> list[str]:
-    laws = account.explanation.laws
-    if not laws:
+def _laws(comparison: Comparison, side: Side, where: str) -> list[str]:
+    strengths = side.strengths
+    if not strengths:
         return [f"{where}, no simple law takes away what is left."]
     said = [
-        f"{where}, the log asks for {_law_words(laws)}; then the typical stretch misses "
-        f"{_typical(comparison, account.explanation.fit, short=True)}."
+        f"{where}, the log asks for {_law_words(strengths)}; then the typical stretch misses "
+        f"{_typical(side.explained, short=True)}."
     ]
-    for strength in laws:
-        if account is comparison.as_built and strength.imitated > ALIKE:
+    for strength in strengths:
+        if side is comparison.as_built and strength.imitated > ALIKE:
             said.append(
                 f"Mind: {strength.imitated:.0%} of the effect of {_short(strength)} on this log "
                 "could be another base just as well."
             )
+        others = [tie.looks for tie in strength.ties]
+        if others:
+            said.append(
+                f"In place of {_short(strength)} this log would take as well: {_listed(others)}."
+            )
     return said
 
 
+def _symptoms(comparison: Comparison) -> list[str]:
+    """What stands out where the best model stands without any law, each on its own."""
+    scores = comparison.best.scores
+    out = [score for score in scores if score.stands_out]
+    if not out:
+        return []
+    listed = [f"{s.symptom.looks}, evidence {three_digits(s.evidence)}" for s in out[:SHOWN]]
+    more = f" and {len(out) - SHOWN} more" if len(out) > SHOWN else ""
+    return [
+        f"Asked one by one, {len(out)} of {len(scores)} departures stand out (chance alone lets "
+        f"any of them do so in {FALSE_ALARM:.0%} of the logs): {'; '.join(listed)}{more}."
+    ]
+
+
+def _colour(comparison: Comparison) -> list[str]:
+    found = coloured(comparison.best.explained.misfits)
+    if not found:
+        return []
+    columns = [f"{part.stream} {part.column}" for part in found]
+    small = "something small" if comparison.best.explained.follows else "something"
+    return [f"What is left of {_listed(columns)} is no white noise: {small} is still missing."]
+
+
+def _biases(comparison: Comparison) -> list[str]:
+    """Constant errors beyond what platform.toml states of them."""
+    account, body = comparison.best.explained, comparison.body
+    limit = float(norm.isf(FALSE_ALARM / max(2 * len(body.bias_scale), 1)))
+    said: list[str] = []
+    for name, value, scale in zip(
+        body.bias_names, account.at.biases[0], body.bias_scale, strict=True
+    ):
+        if abs(value) > limit * scale:
+            said.append(
+                f"The constant error of {name} is {printed(abs(value), _unit(body, name))}, "
+                f"{abs(value) / scale:.2g} times the 1 sigma that platform.toml states."
+            )
+    return said
+
+
+def _unit(body: Body, name: str) -> str:
+    return {output.stream: output.unit for output in body.outputs}[name.split()[0]]
+
+
 def _law_words(laws: Iterable[Strength]) -> str:
-    laws = sorted(laws, key=lambda strength: LAWS.index(strength.law))
-    against = [_law(strength) for strength in laws if strength.law.dissipative]
-    others = [_law(strength) for strength in laws if not strength.law.dissipative]
+    laws = sorted(laws, key=lambda strength: ORDER.get(strength.symptom.name, len(ORDER)))
+    against = [_law(s) for s in laws if s.symptom.name in ORDER]
+    others = [_law(s) for s in laws if s.symptom.name not in ORDER]
     if against:
         others.insert(0, "a torque against the motion of " + " plus ".join(against))
     return _listed(others)
 
 
 def _law(strength: Strength) -> str:
-    return strength.law.words.format(strength_words(strength))
+    return strength.symptom.words.format(strength_words(strength))
 
 
 def _short(strength: Strength) -> str:
-    return strength.law.name.replace("_", " ")
+    return strength.symptom.name.replace("_", " ").replace(":", " of ")
 
 
 def strength_words(strength: Strength) -> str:
     """A strength with its 95 % interval: 0.148 N m (0.133 to 0.163)."""
-    law = strength.law
-    values = [bound + law.offset for bound in (strength.value, strength.low, strength.high)]
-    factor, unit = (0.01, "%") if law.unit == "1" else fitting(values[0], law.unit)
-    value, low, high = (three_digits(entry / factor) for entry in values)
-    return f"{value} {unit} ({low} to {high})"
+    symptom = strength.symptom
+    parts = [
+        _with_interval(value, half, symptom.unit, symptom.offset)
+        for value, half in zip(strength.values.tolist(), strength.half.tolist(), strict=True)
+    ]
+    return parts[0] if len(parts) == 1 else "[" + "; ".join(parts) + "]"
 
 
-def _misses(comparison: Comparison, found: Fit) -> str:
-    first, *others = stream_errors(comparison.predictor, found)
+def _with_interval(value: float, half: float, unit: str, offset: float) -> str:
+    values = [value + offset, value - half + offset, value + half + offset]
+    factor, name = (0.01, "%") if unit == "1" else fitting(max(map(abs, values)), unit)
+    middle, low, high = (three_digits(entry / factor) for entry in values)
+    return f"{middle} {name} ({low} to {high})"
+
+
+def _misses(account: Account) -> str:
+    first, *others = stream_errors(account)
     parts = [f"{first.stream} by {_error(first)}"]
     parts += [
         f"{error.stream} by {printed(error.rms, error.unit)} rms, "
@@ -178,8 +273,8 @@ def _error(error: StreamError) -> str:
     )
 
 
-def _typical(comparison: Comparison, found: Fit, *, short: bool = False) -> str:
-    error = stream_errors(comparison.predictor, found)[0]
+def _typical(account: Account, *, short: bool = False) -> str:
+    error = stream_errors(account)[0]
     text = printed(error.typical, error.unit)
     ratio = f"{error.typical / error.noise:.2g} times the noise"
     return f"{text} ({ratio})" if short else f"typical miss of {text} in {error.stream} ({ratio})"
@@ -187,24 +282,27 @@ def _typical(comparison: Comparison, found: Fit, *, short: bool = False) -> str:
 
 def _base(comparison: Comparison) -> str:
     assert comparison.refitted is not None
-    rows = base_rows(comparison)
     parts: list[str] = []
-    for row in rows:
+    for row in base_rows(comparison):
         value, half = row["plain"]
         stated = row["stated"]
-        change = f" ({value / stated - 1.0:+.0%})" if abs(stated) > half else ""
+        if abs(value - stated) <= half:
+            continue
+        by = value / stated - 1.0 if abs(stated) > half else 0.0
+        change = f" ({by:+.{1 if abs(by) < 0.1 else 0}%})" if by else ""
         parts.append(
             f"{row['name']} from {stated:.3g} to {interval(value, half, row['unit'])}{change}"
         )
-    plain = comparison.refitted.plain
+    if not parts:
+        return "Refitting the base moves no part of it beyond its 95 % interval."
     return (
         f"Refitting the base alone moves {_listed(parts)}; then the typical stretch misses "
-        f"{_typical(comparison, plain, short=True)}."
+        f"{_typical(comparison.refitted.plain, short=True)}."
     )
 
 
 def _disturbed(comparison: Comparison) -> list[str]:
-    found = disturbed(comparison.predictor, comparison.best.explanation.fit)
+    found = disturbed(comparison.best.explained)
     if not found:
         return []
     spans = [f"{segment.start:.1f} to {segment.stop:.1f} s" for segment in found]
@@ -217,10 +315,13 @@ def _disturbed(comparison: Comparison) -> list[str]:
 def _free_runs(comparison: Comparison) -> list[str]:
     parts: list[str] = []
     for horizon, run in comparison.free_runs.items():
-        if run is not None and min(run.ends) < MEANINGFUL:
-            before, after = (printed(error, "rad") for error in run.ends)
-            parts.append(f"{before} after {horizon:g} s as built and {after} with the best model")
-    return [f"A free run is typically off by {_listed(parts)}."] if parts else []
+        if run is not None and min(run.errors[:2]) < MEANINGFUL:
+            built, best, perfect = (printed(error, "rad") for error in run.errors)
+            parts.append(
+                f"after {horizon:g} s by {built} as built and {best} with the best model, where a "
+                f"perfect one would be off by {perfect}"
+            )
+    return [f"A free run is typically off {_listed(parts)}."] if parts else []
 
 
 def _both(
@@ -228,14 +329,15 @@ def _both(
 ) -> Iterable[tuple[str, float, float, float, float, str]]:
     if source.refitted is None or other.refitted is None:
         return
-    one, two = source.refitted.explanation.fit, other.refitted.explanation.fit
+    one, two = source.refitted.explained, other.refitted.explained
+    half_one, half_two = half_widths(one), half_widths(two)
     for i, (name, unit) in enumerate(zip(source.base.names, source.base.units, strict=True)):
         yield (
             name,
             float(one.theta[i]),
             float(two.theta[i]),
-            float(one.half_widths[i]),
-            float(two.half_widths[i]),
+            float(half_one[i]),
+            float(half_two[i]),
             unit,
         )
 

@@ -1,0 +1,151 @@
+"""How far a fit leaves more than noise: by stream, by axis, over time; and whether it is white.
+
+Each number stands beside the band that a true model keeps 95 times in 100.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, norm
+
+from twin.predict.innovations import Innovations, Problem
+
+Array = NDArray[np.float64]
+
+LAGS = 20
+"""Of the autocorrelations that a whiteness test takes together."""
+FALSE_ALARM = 0.01
+"""Chance of calling a true model wrong, over all its columns and by each kind of test."""
+BLOCKS = 20
+"""Of time, that a log is cut into."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Of one column of one stream."""
+
+    stream: str
+    column: str
+    samples: int
+    chi2: float
+    """Mean squared residual in units of the noise, over the degrees of freedom."""
+    low: float
+    high: float
+    """A true model stays between these 95 times in 100, the noise known as well as it is."""
+    sigmas: float
+    """Standard deviations from 1."""
+    correlation: Array
+    """(LAGS,) autocorrelation at lags of 1, 2, ... samples."""
+    whiteness: float
+    """Chance that white noise is as correlated (Ljung and Box 1978)."""
+    block_time: Array
+    """(b,) middle of each block [s]."""
+    block_chi2: Array
+    """(b,) mean squared residual there."""
+    block_band: Array
+    """(b, 2) where it stays 95 times in 100."""
+
+    @property
+    def correlation_band(self) -> float:
+        """White noise stays within plus and minus this 95 times in 100, at each lag."""
+        return float(norm.ppf(0.975) / np.sqrt(self.samples))
+
+
+def misfits(problem: Problem, now: Innovations) -> tuple[Misfit, ...]:
+    """Of a motion that follows the model exactly; the blocks are those of the first log."""
+    left = [body.gather(rows) for body, rows in zip(problem.bodies, now.left(), strict=True)]
+    return misfits_of(problem, left, now.columns.shape[1] + sum(s.width for s in now.at.starts))
+
+
+def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[Misfit, ...]:
+    """Of residuals in units of the noise, log by log and output by output.
+
+    Args:
+        problem: the logs.
+        left: (m, k) each.
+        fitted: how many numbers were fitted to them.
+    """
+    total = sum(values.size for log in left for values in log)
+    found: list[Misfit] = []
+    for index, output in enumerate(problem.bodies[0].outputs):
+        values = np.concatenate([log[index] for log in left if index < len(log)])
+        for k, column in enumerate(output.columns):
+            found.append(
+                _misfit(
+                    output.stream,
+                    column,
+                    output.time,
+                    values[:, k],
+                    values.shape[0] - fitted * values.shape[0] / total,
+                    1.0 if output.stated else 1.0 / float(output.worth[k]) - 1.0,
+                )
+            )
+    return tuple(found)
+
+
+def is_noise(found: Sequence[Misfit]) -> bool:
+    """Whether no column leaves more than noise, beyond the chance of a false alarm."""
+    limit = float(norm.ppf(1.0 - FALSE_ALARM / max(len(found), 1)))
+    return all(part.sigmas < limit for part in found)
+
+
+def coloured(found: Sequence[Misfit]) -> list[Misfit]:
+    """Columns whose residual is not white, beyond the chance of a false alarm."""
+    return [part for part in found if part.whiteness < FALSE_ALARM / len(found)]
+
+
+def _misfit(
+    stream: str, column: str, time: Array, values: Array, freedom: float, unsure: float
+) -> Misfit:
+    """Of one column.
+
+    Args:
+        stream: its name.
+        column: its name.
+        time: (n,) of the first log [s].
+        values: (m,) of all logs, in units of the noise.
+        freedom: degrees of freedom of them.
+        unsure: variance of their mean square, in units of that of as many independent samples: 1
+            where the noise is stated, less where it was estimated from the same samples.
+    """
+    count = len(values)
+    freedom = max(freedom, 1.0)
+    sigma = float(np.sqrt(2.0 * count * unsure)) / freedom
+    mean = float(values @ values) / freedom
+    half = float(norm.ppf(0.975)) * sigma
+    correlation = autocorrelation(values)
+    portmanteau = (
+        count
+        * (count + 2.0)
+        * float(np.sum(np.square(correlation) / (count - np.arange(1, len(correlation) + 1))))
+    )
+    own = time[: len(values)]
+    length = max(float(own[-1] - own[0]), 1e-9) / BLOCKS
+    block = np.minimum((own - own[0]) / length, BLOCKS - 1).astype(np.intp)
+    counts = np.bincount(block, minlength=BLOCKS).astype(np.float64)
+    squares = np.bincount(block, np.square(values[: len(own)]), minlength=BLOCKS)
+    counts = np.maximum(counts, 1.0)
+    band = np.stack([chi2.ppf(p, counts) / counts for p in (0.025, 0.975)], axis=-1)
+    return Misfit(
+        stream,
+        column,
+        count,
+        mean,
+        1.0 - half,
+        1.0 + half,
+        (mean - 1.0) / sigma,
+        correlation,
+        float(chi2.sf(portmanteau, len(correlation))),
+        own[0] + length * (np.arange(BLOCKS) + 0.5),
+        squares / counts,
+        band,
+    )
+
+
+def autocorrelation(values: Array) -> Array:
+    """(LAGS,) or fewer, at lags of 1, 2, ... samples."""
+    power = max(float(values @ values), 1e-300)
+    lags = min(LAGS, len(values) - 1)
+    return np.array([float(values[lag:] @ values[:-lag]) / power for lag in range(1, lags + 1)])
