@@ -49,6 +49,19 @@ def test_momentum_lands_within_three_percent(campaign):
     assert found.document()["method"] == "momentum"
 
 
+def test_wheels_that_no_command_drives_are_states(campaign):
+    """Their measured speed tells their momentum; the torque on them is nobody's business."""
+    log = campaign.logs[0]
+    told = {n: s for n, s in log.items() if not n.startswith(("command_wheel", "wanted_wheel"))}
+    found = identify([Recording(told, log.provenance)], campaign.stated)
+    assert found.fit.converged
+    assert found.misfit[0].is_noise
+    assert found.disturbance == 0.0
+    sigma = found.half_widths / found.quantile
+    assert np.all(np.abs(found.theta - campaign.truth) < 4.0 * sigma)
+    assert sigma[:3].max() < 0.05 * 12.0
+
+
 def test_a_machine_at_rest_tells_nothing_of_its_inertia(campaign):
     log = campaign.logs[0]
     rng = np.random.default_rng(3)

@@ -15,6 +15,9 @@ def test_whitening_agrees_with_the_dense_covariance():
     carried = rng.normal(size=(segments, instants - 1, x, x)) * 0.6
     pushed = rng.normal(size=(segments, x, c))
     intensity = np.array([0.7, 0.2])
+    half = rng.normal(size=(segments, x, 1))
+    wander = 0.1 * half @ half.transpose(0, 2, 1)
+    drift = rng.normal(size=(segments, instants - 1, x))
     step = 0.5
     rows = instants * width
     linear = Linearised(
@@ -26,11 +29,12 @@ def test_whitening_agrees_with_the_dense_covariance():
         rng.normal(size=(segments - 1, x, u)),
         np.zeros((segments - 1, x, x)),
     )
-    white, logarithm = whitened(linear, Local(measured, carried, pushed, step), intensity)
+    local = Local(measured, carried, pushed, step, wander, drift)
+    white, logarithm = whitened(linear, local, intensity)
 
     total = 0.0
     for s in range(segments):
-        noise = pushed[s] @ np.diag(intensity * step) @ pushed[s].T
+        noise = pushed[s] @ np.diag(intensity * step) @ pushed[s].T + wander[s]
         # the deviation at each instant as a linear map of the pushes before it
         maps = [np.zeros((x, (instants - 1) * x))]
         for k in range(1, instants):
@@ -41,6 +45,13 @@ def test_whitening_agrees_with_the_dense_covariance():
         seen = np.concatenate([measured[s, k] @ maps[k] for k in range(instants)])
         covariance = seen @ pushes @ seen.T + np.eye(rows)
         total += np.linalg.slogdet(covariance)[1]
+        expected = maps[-1] @ drift[s].ravel()
+        left_over = linear.residual[s] - seen @ drift[s].ravel()
+        np.testing.assert_allclose(
+            np.sum(np.square(white.residual[s])),
+            left_over @ np.linalg.solve(covariance, left_over),
+            rtol=1e-8,
+        )
         for raw, ours in ((linear.shared[s], white.shared[s]), (linear.state[s], white.state[s])):
             np.testing.assert_allclose(
                 ours.T @ ours, raw.T @ np.linalg.solve(covariance, raw), rtol=1e-8
@@ -48,7 +59,7 @@ def test_whitening_agrees_with_the_dense_covariance():
         if s == 0:
             gain = maps[-1] @ pushes @ seen.T @ np.linalg.inv(covariance)
             np.testing.assert_allclose(
-                white.jump[0] - linear.jump[0], gain @ linear.residual[0], rtol=1e-8
+                white.jump[0] - linear.jump[0], expected + gain @ left_over, rtol=1e-8
             )
             left = maps[-1] @ pushes @ maps[-1].T - gain @ seen @ pushes @ maps[-1].T
             np.testing.assert_allclose(white.spread[0], left, rtol=1e-7, atol=1e-10)

@@ -88,6 +88,10 @@ class Body:
         stated = copy.copy(machine.model)
         self._prepare(stated)
         self._pushed = self._answer(stated)[..., machine.base_dof]
+        self._wander = np.zeros(len(machine.wheel_dof))
+        if self.inputs.wheels_undriven:
+            (speed,) = (o for o in self.outputs if o.stream == "wheel_speed")
+            self._wander = self.inputs.wander(recording, speed.noise)
 
     @property
     def samples(self) -> int:
@@ -226,7 +230,8 @@ class Body:
             np.zeros((*ends[0].shape, 0)),
             np.zeros((len(ends[0]), x, x)),
         )
-        return Exact(linear, self._local(path), path[:1], self._answer(model))
+        answer = self._answer(model)
+        return Exact(linear, self._local(path, answer), path[:1], answer)
 
     def linearise(
         self,
@@ -295,7 +300,7 @@ class Body:
             return np.zeros((self.grid.segments, (self.grid.steps + 1) * self._width, 0))
         return np.stack(columns, axis=-1)
 
-    def _local(self, path: States) -> Local:
+    def _local(self, path: States, answer: Array) -> Local:
         """From paths whose first is nominal, each other with one number of its start shifted."""
         grid = self.grid
         shifted = States(path.position[1:], path.rate[1:], path.wheel_speed[1:])
@@ -315,7 +320,21 @@ class Body:
                 if output.stream in ("attitude", "joint_angle"):
                     k = path.rate.shape[-1]
                     measured[(*at, k + column)] = late / noise
-        return Local(measured, np.asarray(carried, dtype=np.float64), self._pushed, grid.step)
+        # What an unknown torque takes from a wheel it gives the body, as it is fitted.
+        wheels = answer[..., self.machine.wheel_dof]
+        drift = np.zeros((grid.segments, grid.steps, x))
+        if self.inputs.wheels_undriven:
+            drift = -grid.step * np.einsum(
+                "sxw,skw->skx", wheels, self._force[..., self.machine.wheel_dof]
+            )
+        return Local(
+            measured,
+            np.asarray(carried, dtype=np.float64),
+            self._pushed,
+            grid.step,
+            (wheels * (self._wander * grid.step)) @ wheels.transpose(0, 2, 1),
+            drift,
+        )
 
     def _first(self, stream: str) -> int:
         """Where the numbers that a stream measures stand in a state."""

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
 
 from twin.errors import UsageError
 from twin.model import Machine
@@ -14,9 +16,6 @@ from twin.predict.segments import Segment
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
-
-MEASURED_ARMATURE = 1e6
-"""Armature [kg m^2] of a wheel whose measured speed is prescribed: a million times its inertia."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +37,9 @@ class Inputs:
     step, so that the impulse is exact. A wheel is driven by its commanded torque where that was
     recorded, or by its commanded duty: that share of its torque limit is what its motor gives at
     rest, and the damping of its joint is what its back EMF takes. Its speed is then a state,
-    measured or not. Where only its speed was recorded, the smoothed reading is prescribed (large
-    armature, acceleration through the applied force): its noise then drives the prediction, which
-    is known to bias a fit, so a recorded command is always preferred. A stage follows its measured
-    position.
+    measured or not. Where only its speed was recorded, it is a state all the same, under a torque
+    of which nothing is known but its size; the smoothed reading only says along which path to
+    linearise. A stage follows its measured position.
     """
 
     def __init__(self, machine: Machine, recording: Recording) -> None:
@@ -68,13 +66,19 @@ class Inputs:
 
     @property
     def wheels_predicted(self) -> bool:
-        """Whether the wheels' speed follows from their commands: a state, an output if measured."""
-        return self._wheel_torque is not None and self._wheel_speed is not None
+        """Whether the wheels' speed is a state, an output if measured."""
+        return self._wheel_speed is not None
+
+    @property
+    def wheels_undriven(self) -> bool:
+        """Whether nobody recorded what drove the wheels: their speed is measured, their torque is
+        white noise of the intensity that the speed shows."""
+        return self._wheel_torque is None and self._wheel_speed is not None
 
     def prepare(self, model: mujoco.MjModel) -> None:
-        """Make measured wheels of a model prescribed joints."""
-        if self._wheel_torque is None and self._wheel_speed is not None:
-            model.dof_armature[self.machine.wheel_dof] = MEASURED_ARMATURE
+        """Leave all torque on undriven wheels to what their speed shows."""
+        if self.wheels_undriven:
+            model.dof_damping[self.machine.wheel_dof] = 0.0
 
     def drive(self, segment: Segment) -> Drive:
         """Forces and joint states of a segment."""
@@ -94,15 +98,32 @@ class Inputs:
         elif self._wheel_speed is not None:
             speed = self._wheel_speed[0].interpolated_at(edges)
             rotor = np.array([wheel.inertia for wheel in machine.platform.wheels])
-            force[:, machine.wheel_dof] += (MEASURED_ARMATURE + rotor) * (
-                np.diff(speed, axis=0) / step
-            )
+            force[:, machine.wheel_dof] += rotor * (np.diff(speed, axis=0) / step)
         if self._stage is not None:
             place, rate = (series.interpolated_at(edges) for series in self._stage)
             position[machine.stage_qpos] = place[0]
             velocity[machine.stage_dof] = rate[0]
             force[:, machine.stage_dof] += machine.stage_inertia * np.diff(rate, axis=0) / step
         return Drive(force, position, velocity)
+
+    def wander(self, recording: Recording, noise: Array) -> Array:
+        """(wheels,) intensity of the white torque that undriven wheels show [(N m)^2 s].
+
+        The most likely one for a wheel whose speed walks at random and is read with white noise: a
+        Kalman filter at rest, its gain sought.
+
+        Args:
+            recording: the log.
+            noise: (wheels,) 1 sigma of a reading [rad/s].
+        """
+        series = recording["wheel_speed"]
+        period = float(np.median(np.diff(series.time)))
+        rotor = np.array([wheel.inertia for wheel in self.machine.platform.wheels])
+        walk = [
+            _random_walk(column, float(sigma))
+            for column, sigma in zip(series.value.T, noise, strict=True)
+        ]
+        return np.square(rotor) * np.array(walk) / period
 
     def torque_on_base(self, edges: Array) -> Array | None:
         """(m, k) mean torque of the commands on the base between m + 1 edges in time [N m]."""
@@ -193,6 +214,20 @@ class Inputs:
 def _filled(x: Array) -> Array:
     """(1 - exp(-x)) / x."""
     return np.where(x > 1e-9, -np.expm1(-x) / np.maximum(x, 1e-9), 1.0)
+
+
+def _random_walk(values: Array, noise: float) -> float:
+    """Variance that a random walk gains a sample, from readings (m,) with white noise."""
+
+    def cost(logarithm: float) -> float:
+        gain = 1.0 / (1.0 + np.exp(-logarithm))
+        error = lfilter([1.0, -1.0], [1.0, gain - 1.0], values - values[0])
+        variance = noise**2 / (1.0 - gain)
+        return float(np.mean(np.square(error)) / variance + np.log(variance))
+
+    best = minimize_scalar(cost, bounds=(-12.0, 12.0), method="bounded")
+    gain = 1.0 / (1.0 + np.exp(-float(best.x)))
+    return float(np.square(noise * gain) / (1.0 - gain))
 
 
 def held_mean(series: Series, edges: Array) -> Array:

@@ -359,7 +359,7 @@ def _with(one: Exact, added: Added, strengths: Array) -> Exact:
 
 def _disturbed(one: Exact, intensity: float) -> tuple[Linearised, float]:
     """Under a white torque of this intensity about each base axis; the log-determinant."""
-    if intensity == 0.0:
+    if intensity == 0.0 and not one.local.wander.any():
         return one.linear, 0.0
     return whitened(one.linear, one.local, np.full(one.local.pushed.shape[-1], intensity))
 

@@ -28,6 +28,11 @@ class Local:
     """(S, x, c) change of the state by a unit impulse on each of c degrees of freedom."""
     step: float
     """[s]."""
+    wander: Array
+    """(S, x, x) covariance that a state gains in a step whatever else is at work: wheels' unknown
+    torques."""
+    drift: Array
+    """(S, K - 1, x) by how much the expected motion leaves the nominal path in each step."""
 
 
 def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linearised, float]:
@@ -45,7 +50,7 @@ def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linear
     stack = np.concatenate([linear.state, linear.residual[..., None], linear.shared], axis=-1)
     stack = stack.reshape(segments, instants, width, -1)
     force = local.pushed * (intensity * local.step)
-    noise = force @ local.pushed.transpose(0, 2, 1)
+    noise = force @ local.pushed.transpose(0, 2, 1) + local.wander
     mean = np.zeros((segments, x, stack.shape[-1]))
     spread = np.zeros((segments, x, x))
     white = np.empty_like(stack)
@@ -55,6 +60,7 @@ def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linear
         if k:
             carry = local.carried[:, k - 1]
             mean = carry @ mean
+            mean[..., x] += local.drift[:, k - 1]
             spread = carry @ spread @ carry.transpose(0, 2, 1) + noise
         h = local.measured[:, k]
         across = h @ spread
