@@ -37,6 +37,8 @@ class Grade:
     vertical: float | None = None
     """Height of the CM above the CR [m]; None: as shipped."""
     together: int = 1
+    commanded: bool = True
+    """Whether the commands of the wheels are in the log."""
 
 
 GRADES = {
@@ -47,6 +49,7 @@ GRADES = {
     "middle-unstable": Grade(1e-3, 1e-3, 0.1, vertical=3e-4),
     "coarse-unstable": Grade(4.4e-3, 3.5e-2, 0.3, vertical=3e-4),
     "middle-two-logs": Grade(1e-3, 1e-3, 0.1, together=2),
+    "middle-no-command": Grade(1e-3, 1e-3, 0.1, commanded=False),
 }
 PER_CAMPAIGN = 10
 """Logs that share one hidden base."""
@@ -91,6 +94,8 @@ def fit_all(campaign: Campaign, grade: Grade) -> list[dict]:
     results = []
     for first in range(0, len(campaign.logs), grade.together):
         logs = campaign.logs[first : first + grade.together]
+        if not grade.commanded:
+            logs = [without_commands(log) for log in logs]
         began = time.perf_counter()
         found = identify(logs, campaign.stated)
         took = time.perf_counter() - began
@@ -110,6 +115,12 @@ def fit_all(campaign: Campaign, grade: Grade) -> list[dict]:
             }
         )
     return results
+
+
+def without_commands(log: Recording) -> Recording:
+    """The same log, had nobody recorded what drove the wheels."""
+    kept = {n: s for n, s in log.items() if not n.startswith(("command_wheel", "wanted_wheel"))}
+    return Recording(kept, log.provenance)
 
 
 def bodies_of(found: Identification, logs: list[Recording]) -> list[Body]:
