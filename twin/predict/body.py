@@ -27,6 +27,7 @@ from twin.predict.outputs import Grid, outputs_of
 from twin.predict.segments import Segment, command_step, grid_of
 from twin.predict.states import States
 from twin.predict.tangent import carried_forces
+from twin.predict.wander import torque_intensity, wander
 from twin.recording import Recording
 
 Array = NDArray[np.float64]
@@ -91,7 +92,7 @@ class Body:
         self._wander = np.zeros(len(machine.wheel_dof))
         if self.inputs.wheels_undriven:
             (speed,) = (o for o in self.outputs if o.stream == "wheel_speed")
-            self._wander = self.inputs.wander(recording, speed.noise)
+            self._wander = torque_intensity(machine.platform, recording[speed.stream], speed.noise)
 
     @property
     def samples(self) -> int:
@@ -320,21 +321,10 @@ class Body:
                 if output.stream in ("attitude", "joint_angle"):
                     k = path.rate.shape[-1]
                     measured[(*at, k + column)] = late / noise
-        # What an unknown torque takes from a wheel it gives the body, as it is fitted.
-        wheels = answer[..., self.machine.wheel_dof]
-        drift = np.zeros((grid.segments, grid.steps, x))
-        if self.inputs.wheels_undriven:
-            drift = -grid.step * np.einsum(
-                "sxw,skw->skx", wheels, self._force[..., self.machine.wheel_dof]
-            )
-        return Local(
-            measured,
-            np.asarray(carried, dtype=np.float64),
-            self._pushed,
-            grid.step,
-            (wheels * (self._wander * grid.step)) @ wheels.transpose(0, 2, 1),
-            drift,
-        )
+        wheels = self.machine.wheel_dof
+        wandered = wander(answer[..., wheels], self._force[..., wheels], self._wander, grid.step)
+        carried = np.asarray(carried, dtype=np.float64)
+        return Local(measured, carried, self._pushed, grid.step, *wandered)
 
     def _first(self, stream: str) -> int:
         """Where the numbers that a stream measures stand in a state."""

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
-from scipy.signal import lfilter
 
 from twin.errors import UsageError
 from twin.model import Machine
@@ -106,25 +104,6 @@ class Inputs:
             force[:, machine.stage_dof] += machine.stage_inertia * np.diff(rate, axis=0) / step
         return Drive(force, position, velocity)
 
-    def wander(self, recording: Recording, noise: Array) -> Array:
-        """(wheels,) intensity of the white torque that undriven wheels show [(N m)^2 s].
-
-        The most likely one for a wheel whose speed walks at random and is read with white noise: a
-        Kalman filter at rest, its gain sought.
-
-        Args:
-            recording: the log.
-            noise: (wheels,) 1 sigma of a reading [rad/s].
-        """
-        series = recording["wheel_speed"]
-        period = float(np.median(np.diff(series.time)))
-        rotor = np.array([wheel.inertia for wheel in self.machine.platform.wheels])
-        walk = [
-            _random_walk(column, float(sigma))
-            for column, sigma in zip(series.value.T, noise, strict=True)
-        ]
-        return np.square(rotor) * np.array(walk) / period
-
     def torque_on_base(self, edges: Array) -> Array | None:
         """(m, k) mean torque of the commands on the base between m + 1 edges in time [N m]."""
         if self._joint is not None:
@@ -214,20 +193,6 @@ class Inputs:
 def _filled(x: Array) -> Array:
     """(1 - exp(-x)) / x."""
     return np.where(x > 1e-9, -np.expm1(-x) / np.maximum(x, 1e-9), 1.0)
-
-
-def _random_walk(values: Array, noise: float) -> float:
-    """Variance that a random walk gains a sample, from readings (m,) with white noise."""
-
-    def cost(logarithm: float) -> float:
-        gain = 1.0 / (1.0 + np.exp(-logarithm))
-        error = lfilter([1.0, -1.0], [1.0, gain - 1.0], values - values[0])
-        variance = noise**2 / (1.0 - gain)
-        return float(np.mean(np.square(error)) / variance + np.log(variance))
-
-    best = minimize_scalar(cost, bounds=(-12.0, 12.0), method="bounded")
-    gain = 1.0 / (1.0 + np.exp(-float(best.x)))
-    return float(np.square(noise * gain) / (1.0 - gain))
 
 
 def held_mean(series: Series, edges: Array) -> Array:
