@@ -128,7 +128,7 @@ def line(name: str, rows: list[dict[str, Any]]) -> str:
             f"{noisy} with a finding about noise; chi-square off by {sigmas.mean():+.2f} sigma "
             f"in the mean, spread {sigmas.std():.2f}; {seconds:.1f} s"
         )
-    own = {re.sub(r":.*", "", word) for word in effects.split(",")}
+    own = {re.sub(r"[:=].*", "", word) for word in effects.split(",")}
     seen = sum(row["verdict"] != "healthy" for row in rows)
     placed = sum(place in row["where"] + row["or"] for row in rows)
     alone = sum(row["where"] == [place] and not row["or"] for row in rows)

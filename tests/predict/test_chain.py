@@ -70,6 +70,35 @@ def test_a_chain_is_one_least_squares():
         np.testing.assert_allclose(left @ left, chi2, rtol=1e-8)
 
 
+def test_hindsight_is_what_later_segments_still_change():
+    for seed in range(5):
+        linear = random_chain(seed, u=0)
+        link = chain(linear)
+        matrix = states_matrix(linear)
+        covariance = np.linalg.inv(matrix.T @ matrix)
+        x = linear.state.shape[-1]
+        for s, change in enumerate(link.hindsight()):
+            own = slice(s * x, (s + 1) * x)
+            smoothed = link.seen_spread[s] - change
+            np.testing.assert_allclose(smoothed, covariance[own, own], rtol=1e-6, atol=1e-9)
+
+
+def states_matrix(linear: Linearised) -> np.ndarray:
+    """Of the least squares of the states alone."""
+    segments, rows, x = linear.state.shape
+    blocks = []
+    for s in range(segments):
+        block = np.zeros((rows, segments * x))
+        block[:, s * x : (s + 1) * x] = linear.state[s]
+        blocks.append(block)
+    for s in range(segments - 1):
+        block = np.zeros((x, segments * x))
+        block[:, s * x : (s + 1) * x] = linear.transition[s]
+        block[:, (s + 1) * x : (s + 2) * x] = -np.eye(x)
+        blocks.append(np.linalg.inv(np.linalg.cholesky(linear.spread[s])) @ block)
+    return np.concatenate(blocks)
+
+
 def test_a_motion_without_noise_needs_no_noise_to_be_solved():
     linear = random_chain(11)
     exact = Linearised(

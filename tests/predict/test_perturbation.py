@@ -14,7 +14,7 @@ from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
 from twin.predict.innovations import Problem
 from twin.predict.motion import motion_of
-from twin.predict.perturbation import Perturbation
+from twin.predict.perturbation import Added, Perturbation
 from twin.recording import Recording
 
 SEED = 20261121
@@ -56,6 +56,25 @@ def test_a_forces_column_is_what_a_rollout_with_it_gives(swing: Swings, pendulum
     pushed = body.linearise(base, base.as_stated, np.zeros(0), body.start, size * force)
     ends = (pushed.linear.jump - one.linear.jump) / size
     np.testing.assert_allclose(jumps[..., 0], ends, atol=2e-3 * np.abs(ends).max())
+
+
+def test_a_lags_column_does_not_see_what_a_law_commands_afterwards(
+    swing: Swings, pendulum: Platform
+):
+    body = predictor(swing(seed=SEED, duration=2.0), pendulum)
+    base = base_parameters(body.machine)
+    path = body.paths(base.model(base.as_stated), body.start.one())
+    lag = Added.to(body, (sensor_faults.clock_lag("joint_rate"),))
+    instant = body.grid.steps // 2
+    later = replace(path, rate=path.rate.copy())
+    later.rate[:, :, instant + 1 :] += 1.0
+    before, after = (
+        body.gather(lag.sensor_columns(one, np.zeros(1))[..., 0])[1] for one in (path, later)
+    )
+    (rate,) = (output for output in body.outputs if output.stream == "joint_rate")
+    seen = (rate.place <= instant) & (rate.place > 0)
+    np.testing.assert_array_equal(before[seen], after[seen])
+    assert np.abs(before - after).max() > 0.0
 
 
 def fitted(problem: Problem) -> tuple[np.ndarray, np.ndarray]:

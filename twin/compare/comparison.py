@@ -117,14 +117,15 @@ def compare(
     noise = tuple(noise_findings(recording, platform))
     body, plain, base = prepare(recording, platform)
     symptoms, biases = symptoms_of([body]), first_biases(body)
-    say("the model as built")
-    built = side(body, base, symptoms, base.as_stated, biases, held=True)
     refitted = None
     if not as_built:
         say("the base refitted")
         first = first_theta(plain, momentum_fit([(recording, body.motion)], plain))
         theta = np.concatenate([first, base.as_stated[len(first) :]])
         refitted = side(body, base, symptoms, theta, biases, held=False)
+    say("the model as built")
+    content = refitted is not None and refitted.healthy
+    built = side(body, base, symptoms, base.as_stated, biases, held=True, content=content)
     best = refitted or built
     say("free runs")
     runs = {horizon: free_run(horizon, built.plain, best.explained) for horizon in HORIZONS}

@@ -47,7 +47,7 @@ class Side:
     """`plain` itself where nothing pays."""
     strengths: tuple[Strength, ...]
     scores: tuple[Score, ...]
-    """Of every symptom, where `plain` stands, the best first."""
+    """Of every symptom, where `plain` stands, the best first; empty where none was asked for."""
 
     @property
     def healthy(self) -> bool:
@@ -63,6 +63,7 @@ def side(
     biases: Array,
     *,
     held: bool,
+    content: bool = False,
 ) -> Side:
     """Fit a log without and with symptoms.
 
@@ -73,6 +74,7 @@ def side(
         theta: where the base starts.
         biases: where the sensors' constant errors start.
         held: leave the base there.
+        content: ask for no symptoms where nothing but noise is left without them.
     """
 
     def pose(chosen: Sequence[Symptom]) -> Problem:
@@ -81,6 +83,8 @@ def side(
 
     start = pose(()).start(theta, [biases])
     plain = follow(pose(()), (), start)
+    if plain is not None and plain.follows and content:
+        return Side(plain, plain, (), ())
     if plain is not None:
         found, scores, seen = _explained(plain, pose, symptoms, follow)
         if plain.follows or found.follows:
@@ -107,15 +111,17 @@ def _explained(
 def _refined(
     now: Account, screen: Screen, pose: Pose, symptoms: Sequence[Symptom], refit: Refit
 ) -> Account:
-    """After selections and fits in turn, until the selection stays."""
+    """After selections and fits in turn, until the selection stays, or comes back."""
+    seen = {frozenset(now.chosen): now}
     for _ in range(ROUNDS):
         chosen = screen.select()
-        if set(chosen) == set(now.chosen):
+        if frozenset(chosen) in seen:
+            now = seen[frozenset(chosen)]
             break
         moved = refit(pose(chosen), chosen, _start(now, chosen))
         if moved is None:
             break
-        now = moved
+        now = seen[frozenset(chosen)] = moved
         screen = Screen(now, symptoms)
     return _without_unsure(now, pose, refit)
 

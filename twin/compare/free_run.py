@@ -1,8 +1,8 @@
 """Free runs: from the state that a filter has at an instant, under the commands, nothing fitted.
 
 Every model starts from the same states: those that the best account gives the instant from what
-came before it. What a perfect model would miss from there is found by drawing the start from its
-own uncertainty.
+came before it. What a perfect model would miss from there is found by drawing the start from what
+is uncertain of it.
 """
 
 from dataclasses import dataclass
@@ -79,14 +79,17 @@ def _known(account: Account, time: Array) -> Array:
 
 
 def _filtered(account: Account, chosen: NDArray[np.intp]) -> tuple[States, Array]:
-    """States (r, .) at the starts of segments, from those before, with covariance (r, x, x)."""
+    """States (r, .) at the starts of segments, from those before, with the covariance (r, x, x) of
+    how far they are from `_known`."""
     exact = account.now.exact[0]
     linear = exact.linear
     before = chosen - 1
     if isinstance(account.now, Innovations):
         link = account.now.chains[0]
         mean = np.stack([link.seen[s][:, 0] for s in before])
-        spread = np.stack([link.seen_spread[s] for s in before])
+        # the fitted path is known with hindsight, and shares with the start what came before it
+        known = link.hindsight() if account.follows else np.stack(link.seen_spread)
+        spread = known[before]
     else:
         link = account.now.links[0]
         mean = link.states(np.zeros(linear.shared.shape[-1]))[before]

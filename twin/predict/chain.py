@@ -37,6 +37,8 @@ class Chain:
     """h^T S^-1 times the innovation of each start."""
     keep: list[Array]
     """I - K h of each start."""
+    told: list[Array]
+    """(x, x) h^T S^-1 h of each start: what its segment says of it."""
     transition: Array
     logarithm: float
     """Log-determinant of the covariance that was divided out."""
@@ -63,6 +65,16 @@ class Chain:
             adjoints.append(adjoint)
         return np.stack(states[::-1]), np.stack(adjoints[::-1])
 
+    def hindsight(self) -> Array:
+        """(S, x, x) covariance of what later segments still change in each start, once seen."""
+        says = np.zeros_like(self.seen_spread[0])
+        found: list[Array] = []
+        for s in range(len(self.seen) - 1, -1, -1):
+            after = self.transition[s].T @ says @ self.transition[s] if found else says
+            found.append(self.seen_spread[s] @ after @ self.seen_spread[s])
+            says = self.keep[s].T @ after @ self.keep[s] + self.told[s]
+        return np.stack(found[::-1])
+
 
 def growth(linear: Linearised) -> float:
     """Logarithm of how much a volume of states grows along those directions in which it grows."""
@@ -87,7 +99,7 @@ def chain(linear: Linearised) -> Chain:
     mean, spread = -inverse @ first[:, x:], inverse @ inverse.T
     seen, seen_spread = [mean], [spread]
     logarithm = 2.0 * float(np.log(np.abs(np.diag(first))).sum())
-    pull, kept = [np.zeros_like(mean)], [np.zeros_like(spread)]
+    pull, kept, told = [np.zeros_like(mean)], [np.zeros_like(spread)], [np.zeros_like(spread)]
     for s in range(1, len(of_state)):
         step = linear.transition[s - 1]
         push = np.column_stack([linear.jump[s - 1], linear.jump_shared[s - 1]])
@@ -109,6 +121,7 @@ def chain(linear: Linearised) -> Chain:
         seen_spread.append(spread)
         pull.append(h.T @ np.linalg.solve(lower.T, white[:, :split]))
         kept.append(keep)
+        told.append(h.T @ np.linalg.solve(lower @ lower.T, h))
     return Chain(
         np.concatenate(rows),
         np.concatenate(segment),
@@ -116,6 +129,7 @@ def chain(linear: Linearised) -> Chain:
         seen_spread,
         pull,
         kept,
+        told,
         linear.transition,
         logarithm,
     )

@@ -85,9 +85,11 @@ class Added:
                     shown = one.shown(output, output.predicted(path, step, late))[0]
                     part[i] = -shown / output.noise
                 if one.late is not None:
-                    after = output.residual(path, step, late + SOON)[0]
-                    before = output.residual(path, step, late - SOON)[0]
-                    part[i] = (after - before) / (2.0 * SOON) * one.late(output)[:, None]
+                    # Into the past only: what a law commands at an instant answers to the noise of
+                    # the sample that it read there, and would seem to explain it.
+                    past = output.residual(path, step, late + SOON)[0]
+                    there = output.residual(path, step, late)[0]
+                    part[i] = (past - there) / SOON * one.late(output)[:, None]
         return np.moveaxis(body.scatter(parts), 0, -1)
 
     def _of(self, output: Output) -> list[tuple[int, Perturbation]]:

@@ -289,7 +289,8 @@ def _base(comparison: Comparison) -> str:
         if abs(value - stated) <= half:
             continue
         by = value / stated - 1.0 if abs(stated) > half else 0.0
-        change = f" ({by:+.{1 if abs(by) < 0.1 else 0}%})" if by else ""
+        size = f"{by:+.0%}" if abs(by) > 0.1 else f"{100.0 * by:+.1g}%"
+        change = f" ({size})" if by else ""
         parts.append(
             f"{row['name']} from {stated:.3g} to {interval(value, half, row['unit'])}{change}"
         )
