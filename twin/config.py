@@ -4,6 +4,7 @@
 refuses the rest, so that a misspelt key is an error and never a silently ignored setting.
 """
 
+import copy
 import difflib
 import math
 import re
@@ -43,17 +44,31 @@ class Table:
         self._first_line = first_line
         self._error = error
         self._asked: set[str] = set()
+        self._below: Table | None = None
 
     @property
     def keys(self) -> tuple[str, ...]:
         """All keys of the table, asked for or not."""
-        return tuple(self._data)
+        below = () if self._below is None else self._below.keys
+        return tuple(dict.fromkeys((*below, *self._data)))
 
     def __contains__(self, key: str) -> bool:
-        return key in self._data
+        return key in self._data or (self._below is not None and key in self._below)
+
+    def over(self, below: "Table") -> "Table":
+        """A table with this one's values where it has them, and those of `below` elsewhere.
+
+        Tables lie over tables, and a table lies over each row of an array of tables. An error
+        about a value names the line of the one that counts.
+        """
+        table = copy.copy(self)  # what was asked of the copy was asked of this
+        table._below = below
+        return table
 
     def fail(self, key: str, problem: str, remedy: str) -> FileError:
         """The error to raise about `key`, with its line."""
+        if self._below is not None and (key not in self._data):
+            return self._below.fail(key, problem, remedy)
         full = f"{self.name}.{key}" if self.name else key
         return self._error(self.path, f"{full} {problem}", remedy, line=self.line(key))
 
@@ -143,13 +158,24 @@ class Table:
 
     def table(self, key: str, *, required: bool = True) -> "Table":
         """The table [key]; an empty one when it is absent and not required."""
+        if self._below is not None:
+            below = self._below.table(key, required=required and key not in self._data)
+            return self._own_table(key).over(below) if key in self._data else below
         value = self._get(key, _REQUIRED if required else {})
         if not isinstance(value, dict):
             raise self.fail(key, f"is {value!r}", f"make it a table: [{self._child(key)}]")
         return self._table(key, cast(dict[str, Any], value), occurrence=0)
 
+    def _own_table(self, key: str) -> "Table":
+        alone = copy.copy(self)
+        alone._below = None
+        return alone.table(key)
+
     def tables(self, key: str) -> "list[Table]":
         """The array of tables [[key]]; empty when absent."""
+        if self._below is not None:
+            rows = self._below.tables(key)
+            return [self._own_table(key).over(row) for row in rows] if key in self._data else rows
         value = self._get(key, [])
         if not isinstance(value, list) or not all(
             isinstance(x, dict) for x in cast(list[object], value)
@@ -164,6 +190,8 @@ class Table:
 
     def close(self) -> None:
         """Raise on the first key nobody asked for."""
+        if self._below is not None:
+            self._below.close()
         for key in self._data:
             if key not in self._asked:
                 hint = str(UnknownName("key", key, self._asked)).split("(", 1)[1].rstrip(")")
@@ -172,7 +200,11 @@ class Table:
     def _get(self, key: str, default: Any) -> Any:
         self._asked.add(key)
         if key in self._data:
+            if self._below is not None:
+                self._below._asked.add(key)
             return self._data[key]
+        if self._below is not None:
+            return self._below._get(key, default)
         if default is _REQUIRED:
             unknown = [other for other in self._data if other not in self._asked]
             for close in difflib.get_close_matches(key, unknown, n=1, cutoff=0.8):

@@ -7,13 +7,16 @@ whatever bodies its effects add.
 """
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Protocol
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from twin import rotation
 from twin.effects import BodyEffect, Effect, effects_of
 from twin.errors import PlatformError
 from twin.platform import Platform
@@ -31,6 +34,15 @@ STAGE_GROUP = 1
 """Actuator group of the stages' position servos: they serve MuJoCo's viewer, not the simulation."""
 
 
+class Named(Protocol):
+    """A part with the name of its joint or actuator in the MJCF."""
+
+    @property
+    def name(self) -> str:
+        """The name."""
+        ...
+
+
 @dataclass(frozen=True)
 class MassProperties:
     """Of everything that floats, about the CR, in body axes."""
@@ -41,6 +53,18 @@ class MassProperties:
     """(3, 3) [kg m^2], wheels locked, stages at 0."""
     center_of_mass_offset: Array
     """(3,) m r from CR to CM [kg m]."""
+
+
+@dataclass(frozen=True)
+class Sliding:
+    """The bodies that ride on stages; one on stacked stages rides on all of them."""
+
+    mass: Array
+    """(bodies,) [kg]."""
+    home: Array
+    """(bodies, 3) centre of mass with the stages at 0, from the CR, body axes [m]."""
+    travel: Array
+    """(bodies, stages, 3) how it moves with each stage's position, body axes."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +80,15 @@ class Machine:
     wheel_actuator: Index
     stage_qpos: Index
     stage_dof: Index
-    stage_home: Array
-    """(stages, 3) centre of mass of each sliding mass at position 0, from the CR, body axes [m]."""
+    gimbal_qpos: Index
+    gimbal_dof: Index
+    rotor_dof: Index
+    magnetorquer_actuator: Index
+    thruster_actuator: Index
+    planar_qpos: Index
+    """x, y and heading of a planar stage; empty without one."""
+    planar_dof: Index
+    sliding: "Sliding"
     joint_actuator: int | None
     effects: tuple[Effect, ...]
     """Those of the platform."""
@@ -67,6 +98,11 @@ class Machine:
         """(stages,) force per acceleration of each prescribed joint [kg]."""
         masses = np.array([stage.mass for stage in self.platform.stages])
         return self.model.dof_armature[self.stage_dof] + masses
+
+    @property
+    def gimbal_inertia(self) -> Array:
+        """(gimbals,) torque per acceleration of each prescribed joint [kg m^2]."""
+        return self.model.dof_M0[self.gimbal_dof]
 
 
 def compile_model(platform: Platform) -> Machine:
@@ -88,26 +124,27 @@ def compile_model(platform: Platform) -> Machine:
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     model.opt.disableactuator |= 1 << STAGE_GROUP
 
-    base_joint = _named(platform, model, mujoco.mjtObj.mjOBJ_JOINT, platform.base.joint)
-    base_body = _named(platform, model, mujoco.mjtObj.mjOBJ_BODY, platform.base.body)
-    width = {"ball": (4, 3), "hinge": (1, 1)}[platform.base.kind]
+    joint, actuator = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_ACTUATOR
+    base = platform.base
+    base_joint = _named(platform, model, joint, base.joint)
+    base_body = _named(platform, model, mujoco.mjtObj.mjOBJ_BODY, base.body)
+    width = {"ball": (4, 3), "hinge": (1, 1)}[base.kind]
     qpos, dof = int(model.jnt_qposadr[base_joint]), int(model.jnt_dofadr[base_joint])
-    wheels = [
-        _named(platform, model, mujoco.mjtObj.mjOBJ_JOINT, wheel.name) for wheel in platform.wheels
-    ]
-    stages = [
-        _named(platform, model, mujoco.mjtObj.mjOBJ_JOINT, stage.name) for stage in platform.stages
-    ]
-    motors = [
-        _named(platform, model, mujoco.mjtObj.mjOBJ_ACTUATOR, wheel.name)
-        for wheel in platform.wheels
-    ]
-    motor = platform.base.actuator
-    joint_actuator = (
-        None if motor is None else _named(platform, model, mujoco.mjtObj.mjOBJ_ACTUATOR, motor)
-    )
-    stage_dof = np.array(model.jnt_dofadr[stages], dtype=np.intp)
-    model.dof_armature[stage_dof] = PRESCRIBED_ARMATURE
+    wheels = _all(platform, model, joint, platform.wheels)
+    stages = _all(platform, model, joint, platform.stages)
+    gimbals = _all(platform, model, joint, platform.gimbals)
+    rotors = _all(platform, model, joint, platform.rotors)
+    planar = [_named(platform, model, joint, name) for name in base.planar]
+    torquers = _all(platform, model, actuator, platform.magnetorquers)
+    motor = None if base.actuator is None else _named(platform, model, actuator, base.actuator)
+
+    _weigh_stages(platform, model)
+    _skew_gimbals(platform, model)
+    _apply_field(platform, model, torquers)
+    prescribed = model.jnt_dofadr[[*stages, *gimbals, *rotors]]
+    model.dof_armature[prescribed] = PRESCRIBED_ARMATURE
+    if base.locked:
+        _lock(platform, model)
 
     for effect in on_body:
         effect.edit_model(model, platform)
@@ -120,19 +157,25 @@ def compile_model(platform: Platform) -> Machine:
             f"mass_properties of {platform.name} cannot be met: {problem}",
             "check mass, inertia and center_of_mass_offset against the parts in the MJCF",
         ) from None
-    stage_bodies = model.jnt_bodyid[stages]
     return Machine(
         platform=platform,
         model=model,
         base_body=base_body,
         base_qpos=slice(qpos, qpos + width[0]),
         base_dof=slice(dof, dof + width[1]),
-        wheel_dof=np.array(model.jnt_dofadr[wheels], dtype=np.intp),
-        wheel_actuator=np.array(motors, dtype=np.intp),
-        stage_qpos=np.array(model.jnt_qposadr[stages], dtype=np.intp),
-        stage_dof=stage_dof,
-        stage_home=_centers(model, base_body)[stage_bodies],
-        joint_actuator=joint_actuator,
+        wheel_dof=_index(model.jnt_dofadr[wheels]),
+        wheel_actuator=_index(_all(platform, model, actuator, platform.wheels)),
+        stage_qpos=_index(model.jnt_qposadr[stages]),
+        stage_dof=_index(model.jnt_dofadr[stages]),
+        gimbal_qpos=_index(model.jnt_qposadr[gimbals]),
+        gimbal_dof=_index(model.jnt_dofadr[gimbals]),
+        rotor_dof=_index(model.jnt_dofadr[rotors]),
+        magnetorquer_actuator=_index(torquers),
+        thruster_actuator=_index(_all(platform, model, actuator, platform.thrusters)),
+        planar_qpos=_index(model.jnt_qposadr[planar]),
+        planar_dof=_index(model.jnt_dofadr[planar]),
+        sliding=_sliding(platform, model, base_body),
+        joint_actuator=motor,
         effects=effects,
     )
 
@@ -205,6 +248,96 @@ def set_mass_properties(
     mujoco.mj_setConst(model, data)
 
 
+def _weigh_stages(platform: Platform, model: mujoco.MjModel) -> None:
+    """Give what slides the mass that is stated: a variant may have other masses than the MJCF."""
+    joints = {stage.name: model.joint(stage.name).id for stage in platform.stages}
+    carried = {
+        name: float(model.body_subtreemass[model.jnt_bodyid[joint]])
+        for name, joint in joints.items()
+    }
+    for stage in platform.stages:
+        body = int(model.jnt_bodyid[joints[stage.name]])
+        change = stage.mass - carried[stage.name]
+        for other in platform.stages:
+            on_top = int(model.jnt_bodyid[joints[other.name]])
+            if other is not stage and on_top in _floating(model, body):
+                change -= other.mass - carried[other.name]
+        if abs(change) > 1e-9 * stage.mass:
+            factor = 1.0 + change / model.body_mass[body]
+            model.body_mass[body] *= factor
+            model.body_inertia[body] *= factor
+
+
+def _skew_gimbals(platform: Platform, model: mujoco.MjModel) -> None:
+    """Turn each gimbal's body about the axis of what spins on it, by its skew."""
+    if not any(gimbal.skew for gimbal in platform.gimbals):
+        return
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for gimbal in platform.gimbals:
+        body = int(model.jnt_bodyid[model.joint(gimbal.name).id])
+        spin = next(p for p in (*platform.wheels, *platform.rotors) if p.gimbal == gimbal.name)
+        local = data.xmat[body].reshape(3, 3).T @ data.xaxis[model.joint(spin.name).id]
+        turn = rotation.from_rotation_vector(gimbal.skew * local)
+        model.body_quat[body] = rotation.multiply(model.body_quat[body], turn)
+    mujoco.mj_setConst(model, data)
+
+
+def _apply_field(platform: Platform, model: mujoco.MjModel, torquers: list[int]) -> None:
+    """Make each coil's control its moment [A m^2].
+
+    A force F fixed in the room, at the coil's site p, turns the body with p x R^T F; for p along
+    the coil's axis and F = B / |p| per unit of control that is the torque m x B, exact at every
+    stage of RK4. The bearing takes the force.
+    """
+    if not torquers:
+        return
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    anchor = data.xanchor[model.joint(platform.base.joint).id]
+    for actuator in torquers:
+        site, room = model.actuator_trnid[actuator]
+        if room < 0 or model.site_bodyid[room] != 0 or platform.base.planar:
+            raise PlatformError(
+                platform.model_path,
+                f"magnetorquer {model.actuator(actuator).name!r} needs a bearing that stands in "
+                "the room, and an actuator whose refsite is a site of the worldbody, along its "
+                "axes",
+                'write <general site="..." refsite="room" gear="0 0 1 0 0 0"/>',
+            )
+        distance = float(np.linalg.norm(data.site_xpos[site] - anchor))
+        model.actuator_gear[actuator, :3] = platform.magnetic_field / distance
+
+
+def _lock(platform: Platform, model: mujoco.MjModel) -> None:
+    """Joints that stand still; a locked ball carries the heading's inertia about its z."""
+    base = platform.base
+    for name in base.locked:
+        joint = model.joint(name).id
+        dof = int(model.jnt_dofadr[joint])
+        if name != base.joint:
+            model.dof_armature[dof] = PRESCRIBED_ARMATURE
+            continue
+        model.dof_armature[dof : dof + 3] = PRESCRIBED_ARMATURE
+        if base.planar and base.planar[2] not in base.locked:
+            heading = int(model.jnt_dofadr[model.joint(base.planar[2]).id])
+            model.dof_armature[dof + 2] = model.dof_M0[heading]
+            model.dof_armature[heading] = PRESCRIBED_ARMATURE
+
+
+def _sliding(platform: Platform, model: mujoco.MjModel, base_body: int) -> Sliding:
+    bodies: dict[int, list[int]] = {}
+    for number, stage in enumerate(platform.stages):
+        for body in _floating(model, int(model.jnt_bodyid[model.joint(stage.name).id])):
+            bodies.setdefault(int(body), []).append(number)
+    rows = list(bodies)
+    travel = np.zeros((len(rows), len(platform.stages), 3))
+    for row, stages in enumerate(bodies.values()):
+        for number in stages:
+            travel[row, number] = platform.stages[number].axis
+    return Sliding(model.body_mass[rows].copy(), _centers(model, base_body)[rows], travel)
+
+
 def _floating(model: mujoco.MjModel, base_body: int) -> Index:
     """Ids of the base body and everything it carries."""
     carried = {base_body}
@@ -236,6 +369,16 @@ def _parallel_axis(mass: Array, centers: Array) -> Array:
     squared = np.einsum("bi,bi->b", centers, centers)
     outer = np.einsum("bi,bj->bij", centers, centers)
     return mass[:, None, None] * (squared[:, None, None] * np.eye(3) - outer)
+
+
+def _all(
+    platform: Platform, model: mujoco.MjModel, kind: mujoco.mjtObj, parts: Sequence[Named]
+) -> list[int]:
+    return [_named(platform, model, kind, part.name) for part in parts]
+
+
+def _index(addresses: ArrayLike) -> Index:
+    return np.array(addresses, dtype=np.intp)
 
 
 def _named(platform: Platform, model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:

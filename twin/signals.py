@@ -63,6 +63,12 @@ STREAMS: dict[str, Stream] = {
     "truth_wheel_speed": Stream("rad/s"),
     "truth_stage_position": Stream("m"),
     "truth_stage_speed": Stream("m/s"),
+    "truth_gimbal_angle": Stream("rad"),
+    "truth_gimbal_rate": Stream("rad/s"),
+    "truth_position": Stream("m", _XYZ, "world"),
+    "truth_velocity": Stream("m/s", _XYZ, "world"),
+    "truth_heading": Stream("rad", ("value",)),
+    "truth_gas_mass": Stream("kg", ("value",)),
     "truth_joint_angle": Stream("rad"),
     "truth_joint_rate": Stream("rad/s"),
     "truth_center_of_mass_offset": Stream("kg m", _XYZ, "body"),
@@ -136,6 +142,8 @@ class Estimate:
     """(n, 3) [rad/s]."""
     valid: Mask
     """(n,): False until the run has been seen at all."""
+    gimbal_angle: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """(n, gimbals) [rad]; empty where there is none."""
     covariance: Array | None = None
     """(n, 6, 6) of attitude error [rad, body] and gyro bias [rad/s], where there is one."""
 

@@ -29,7 +29,7 @@ def check_masses(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
                 f"what slides on joint {name!r} of the MJCF weighs {found:g} kg",
             )
         )
-    for wheel in platform.wheels:
+    for wheel in (*platform.wheels, *platform.rotors):
         findings += _wheel(model, wheel.name, wheel.inertia)
     whole = mass_properties(model, model.body(platform.base.body).id)
     return findings + check_whole(platform, whole, "MJCF")

@@ -113,7 +113,7 @@ def check_step(platform: Platform) -> list[Finding]:
 def _fly(machine: Machine, halvings: int) -> tuple[Array, Array]:
     """Base position and rate after STEP_TIME from a tilted, turning start, wheels half spun up.
 
-    The wheels' torques are sines held over a control tick; contacts are off.
+    The wheels' torques are sines held over a control tick, gimbals turn slowly; contacts are off.
     """
     platform, model = machine.platform, machine.model
     model.opt.timestep = platform.step / halvings
@@ -129,6 +129,9 @@ def _fly(machine: Machine, halvings: int) -> tuple[Array, Array]:
     else:
         data.qpos[machine.base_qpos] = 1.0
     data.qvel[machine.wheel_dof] = 0.5 * speed
+    data.qvel[machine.rotor_dof] = [rotor.speed for rotor in platform.rotors]
+    data.qpos[machine.gimbal_qpos] = [gimbal.home for gimbal in platform.gimbals]
+    data.qvel[machine.gimbal_dof] = [min(0.1, gimbal.rate) for gimbal in platform.gimbals]
     for tick in range(round(STEP_TIME / platform.tick)):
         data.ctrl[machine.wheel_actuator] = amplitude * np.sin(frequency * tick * platform.tick)
         mujoco.mj_step(model, data, platform.steps_per_tick * halvings)

@@ -4,18 +4,20 @@ import mujoco
 import numpy as np
 
 from twin.check.finding import Finding, choose, compare, judge
+from twin.check.sites import check_sites
 from twin.model import STAGE_GROUP
 from twin.platform import Platform, Stage
-
-_TYPES = {"ball": "ball", "hinge": "hinge", "wheel": "hinge", "stage": "slide"}
 
 
 def check_joints(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
     """Every joint that platform.toml names: is it there, of the right type, on the bus?"""
+    base = platform.base
+    turning = (*platform.wheels, *platform.rotors, *platform.gimbals)
     roles = {
-        platform.base.joint: _TYPES[platform.base.kind],
-        **{wheel.name: _TYPES["wheel"] for wheel in platform.wheels},
-        **{stage.name: _TYPES["stage"] for stage in platform.stages},
+        base.joint: base.kind,
+        **dict(zip(base.planar, ("slide", "slide", "hinge"), strict=bool(base.planar))),
+        **{part.name: "hinge" for part in turning},
+        **{stage.name: "slide" for stage in platform.stages},
     }
     return [_joint(platform, model, name, kind) for name, kind in roles.items()]
 
@@ -30,6 +32,7 @@ def check_parts(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
         *(_motor(model, wheel.name, wheel.name, wheel.torque_limit) for wheel in platform.wheels),
     ]
     base = platform.base
+    findings += check_sites(platform, model)
     if base.actuator is not None:
         findings.append(_motor(model, base.actuator, base.joint, base.torque_limit))
     return [*findings, _nothing_else_drives(platform, model)]
@@ -53,6 +56,8 @@ def _joint(platform: Platform, model: mujoco.MjModel, name: str, kind: str) -> F
             f"joint {name!r} of the MJCF is a {found} joint; it must be a {kind} joint",
         )
     body, bus = int(model.jnt_bodyid[row]), platform.base.body
+    if name in platform.base.planar:
+        return Finding(f"joint {name}", True, kind, kind)
     if name == platform.base.joint:
         return judge(
             f"joint {name}",
@@ -82,7 +87,8 @@ def _carriers(model: mujoco.MjModel, body: int) -> list[str]:
 
 
 def _nothing_else_moves(platform: Platform, model: mujoco.MjModel) -> Finding:
-    known = {part.name for part in (*platform.wheels, *platform.stages)} | {platform.base.joint}
+    parts = (*platform.wheels, *platform.stages, *platform.gimbals, *platform.rotors)
+    known = {part.name for part in parts} | {platform.base.joint, *platform.base.planar}
     strange = [
         model.joint(i).name or f"unnamed on {model.body(model.jnt_bodyid[i]).name}"
         for i in range(model.njnt)
@@ -95,7 +101,7 @@ def _nothing_else_moves(platform: Platform, model: mujoco.MjModel) -> Finding:
         choose(strange),
         "",
         f"platform.toml does not know these joints of the MJCF: {choose(strange)}; "
-        "state them as wheels or stages, or take them out",
+        "state them as wheels, rotors, gimbals or stages, or take them out",
     )
 
 
@@ -181,8 +187,10 @@ def _motor(model: mujoco.MjModel, name: str, joint: str, limit: float) -> Findin
 
 
 def _nothing_else_drives(platform: Platform, model: mujoco.MjModel) -> Finding:
-    motors = {wheel.name for wheel in platform.wheels} | {platform.base.actuator}
-    stages = {model.joint(stage.name).id for stage in platform.stages}
+    driven = (*platform.wheels, *platform.magnetorquers, *platform.thrusters)
+    motors = {part.name for part in driven} | {platform.base.actuator}
+    shown = (*platform.stages, *platform.gimbals, *platform.rotors)
+    prescribed = {model.joint(part.name).id for part in shown}
     strange = [
         model.actuator(i).name or f"unnamed actuator {i}"
         for i in range(model.nu)
@@ -190,7 +198,7 @@ def _nothing_else_drives(platform: Platform, model: mujoco.MjModel) -> Finding:
         and not (
             model.actuator_group[i] == STAGE_GROUP
             and model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT
-            and int(model.actuator_trnid[i, 0]) in stages
+            and int(model.actuator_trnid[i, 0]) in prescribed
         )
     ]
     return judge(
@@ -200,5 +208,6 @@ def _nothing_else_drives(platform: Platform, model: mujoco.MjModel) -> Finding:
         choose(strange),
         "",
         f"platform.toml does not know these actuators of the MJCF: {choose(strange)}; take them "
-        f"out (the servos that move stages in the viewer belong in group {STAGE_GROUP})",
+        f"out (the servos of the viewer's sliders, on stages, gimbals and rotors, belong in group "
+        f"{STAGE_GROUP})",
     )

@@ -8,7 +8,9 @@ from twin.platform.mjcf import load_mjcf
 
 
 def draw(platform: Platform, path: Path) -> None:
-    """Write a PNG of the machine at rest, from its first camera, in the MJCF's offscreen size.
+    """Write a PNG of the machine, from its first camera, in the MJCF's offscreen size.
+
+    It is drawn at its first keyframe, or at rest without one.
 
     Raises:
         TwinError: this computer has nothing to draw with, or the file cannot be written.
@@ -19,6 +21,8 @@ def draw(platform: Platform, path: Path) -> None:
 
     model = load_mjcf(platform.model_path)
     data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
     size = model.vis.global_.offheight, model.vis.global_.offwidth
     try:

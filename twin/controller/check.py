@@ -19,7 +19,8 @@ import numpy as np
 from twin.controller.controller import AnyController
 from twin.controller.load import load_controller
 from twin.controller.trial import Broken, estimates, fly, rows_of, start, targets, update
-from twin.errors import UnknownName
+from twin.errors import ControllerError, UnknownName
+from twin.library import model_names
 from twin.platform import Platform, load_platform
 from twin.signals import Command
 
@@ -27,7 +28,9 @@ from twin.signals import Command
 def check_controller(
     controller: AnyController | str | Path, platform: Platform | None = None
 ) -> list[str]:
-    """Check a law, or the law of that name or file, on a platform (`sads` unless given).
+    """Check a law, or the law of that name or file, on a platform.
+
+    Unless one is given, it is the first that the law accepts: `sads`, or else by name.
 
     Returns:
         One sentence for each promise that the law breaks; empty when it keeps them all.
@@ -37,7 +40,7 @@ def check_controller(
         ControllerError: the file holds no law that can be loaded.
     """
     law = load_controller(str(controller)) if isinstance(controller, str | Path) else controller
-    platform = platform or load_platform("sads")
+    platform = platform or _first_accepted(law)
     findings = list(_declared(law))
     try:
         for promise in (_answers, _repeatable, _rows_apart, _vectorised):
@@ -47,6 +50,21 @@ def check_controller(
     except Broken as problem:
         findings.append(str(problem))
     return findings
+
+
+def _first_accepted(law: AnyController) -> Platform:
+    """The first shipped platform that the law does not refuse; `sads` if it refuses all."""
+    usual = load_platform("sads")
+    for name in ("sads", *model_names()):
+        platform = load_platform(name)
+        try:
+            law.init(platform, 1)
+        except ControllerError:
+            continue
+        except Exception:  # the check itself tells
+            return platform
+        return platform
+    return usual
 
 
 def _declared(law: AnyController) -> Iterator[str]:

@@ -83,6 +83,7 @@ def estimates(platform: Platform, n: int) -> list[Estimate]:
                 rate_body=rate,
                 wheel_speed=100.0 * draw.normal(size=(n, len(platform.wheels))),
                 stage_position=0.01 * draw.normal(size=(n, len(platform.stages))),
+                gimbal_angle=0.3 * draw.normal(size=(n, len(platform.gimbals))),
                 joint_angle=draw.normal(size=(n, hinges)),
                 joint_rate=draw.normal(size=(n, hinges)),
                 gyro_bias=1e-3 * draw.normal(size=(n, 3)),

@@ -37,6 +37,7 @@ def blank(platform: Platform, n: int) -> Estimate:
         rate_body=np.zeros((n, 3)),
         wheel_speed=np.zeros((n, len(platform.wheels))),
         stage_position=np.zeros((n, len(platform.stages))),
+        gimbal_angle=np.tile([gimbal.home for gimbal in platform.gimbals], (n, 1)),
         joint_angle=np.zeros((n, hinges)),
         joint_rate=np.zeros((n, hinges)),
         gyro_bias=np.zeros((n, 3)),

@@ -31,6 +31,7 @@ class Passthrough(Estimator):
             rate_body=newest(streams.get("gyro"), estimate.rate_body),
             wheel_speed=newest(streams.get("wheel_speed"), estimate.wheel_speed),
             stage_position=newest(streams.get("stage_position"), estimate.stage_position),
+            gimbal_angle=newest(streams.get("gimbal_angle"), estimate.gimbal_angle),
             joint_angle=newest(streams.get("joint_angle"), estimate.joint_angle),
             joint_rate=newest(streams.get("joint_rate"), estimate.joint_rate),
             gyro_bias=estimate.gyro_bias,

@@ -124,11 +124,12 @@ def _balance(recording: Recording, motion: Motion, base: BaseParameters) -> _Bal
     mass = np.array([s.mass for s in platform.stages])
     slide = np.array([s.axis for s in platform.stages]).reshape(-1, 3)
     # what the sliding masses add to J and m r away from position 0, and their own momentum
-    place = machine.stage_home + stage[:, :, None] * slide
-    known = _spread(mass, place) - _spread(mass, machine.stage_home)
+    riding = machine.sliding
+    place = riding.home + np.einsum("ms,bsi->mbi", stage, riding.travel)
+    known = _spread(riding.mass, place) - _spread(riding.mass, riding.home)
     carried = np.einsum("s,ms,si->mi", mass, stage, slide)
-    speed = joints_velocity[:, machine.stage_dof, None] * slide
-    own = np.einsum("s,msi->mi", mass, rotation.cross(place, speed))
+    speed = np.einsum("ms,bsi->mbi", joints_velocity[:, machine.stage_dof], riding.travel)
+    own = np.einsum("b,mbi->mi", riding.mass, rotation.cross(place, speed))
     rotor = np.array([w.inertia for w in platform.wheels])
     spin = np.array([w.axis for w in platform.wheels]).reshape(-1, 3)
     own = own + joints_velocity[:, machine.wheel_dof] * rotor @ spin

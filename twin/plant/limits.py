@@ -26,6 +26,12 @@ class Limits:
         self._resolution = np.where(resolution > 0.0, resolution, 1.0)
         self._stepped = resolution > 0.0
         self._joint_torque = platform.base.torque_limit
+        self._gimbal_rate = np.array([gimbal.rate for gimbal in platform.gimbals])
+        self._force = np.array([thruster.force_limit for thruster in platform.thrusters])
+        coils = platform.magnetorquers
+        self._dipole = np.array([coil.dipole_limit for coil in coils])
+        self._coil_axes = np.array([coil.axis for coil in coils]).reshape(-1, 3)
+        self._coil_share = np.linalg.pinv(self._coil_axes.T)
 
     def check(self, command: Command, n: int) -> None:
         """Refuse what no machine of this kind could take.
@@ -59,3 +65,21 @@ class Limits:
     def joint_torque(self, wanted: Array) -> Array:
         """Torque [N m] within the motor's limit."""
         return np.clip(wanted, -self._joint_torque, self._joint_torque)
+
+    def gimbal_rate(self, wanted: Array) -> Array:
+        """Rate [rad/s] within the drive's limit."""
+        return np.clip(wanted, -self._gimbal_rate, self._gimbal_rate)
+
+    def force(self, wanted: Array) -> Array:
+        """Force [N] of each thruster: none pulls."""
+        return np.clip(wanted, 0.0, self._force)
+
+    def dipole(self, wanted: Array) -> tuple[Array, Array]:
+        """Moment of each coil (n, coils) that gives the dipole as far as its limit lets it.
+
+        Also returns the dipole (n, 3) that it gives [A m^2, body].
+        """
+        # einsum rather than @: a row's last bits must not depend on how many runs there are.
+        coils = np.einsum("ci,ni->nc", self._coil_share, wanted)
+        coils = np.clip(coils, -self._dipole, self._dipole)
+        return coils, np.einsum("nc,ci->ni", coils, self._coil_axes)

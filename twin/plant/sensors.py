@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from twin.effects import Order, ScatterEffect, SeriesEffect
 from twin.platform import Platform, Sensor
@@ -70,6 +71,14 @@ class SimulatedSensor:
         self._noisy = bool(sensor.noise.any())
         bias = np.stack([g.standard_normal(len(sensor.bias)) for g in self._generators])
         self._bias = (bias * sensor.bias)[:, None, :] if sensor.bias.any() else None
+        self.filtered = bool(np.isfinite(sensor.cutoff))
+        """Whether it must see every physics step."""
+        self._sections = (
+            butter(sensor.order, sensor.cutoff, fs=1.0 / step, output="sos")
+            if self.filtered
+            else np.empty((0, 6))
+        )
+        self._memory: Array | None = None
         if scatter:
             self._shaken = [
                 np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, run, key, 1])))
@@ -87,6 +96,14 @@ class SimulatedSensor:
         last = int(np.floor((done + steps) / self._period + _EPS))
         instants = np.ceil(np.arange(first, last + 1) * self._period - _EPS).astype(np.intp)
         return instants - done - 1
+
+    def low_passed(self, truth: Array) -> Array:
+        """The sensor's filter on every physics step (n, steps, k), in rest at the first."""
+        if self._memory is None:
+            rest = sosfilt_zi(self._sections)[:, None, :, None]
+            self._memory = rest * truth[None, :, :1]
+        passed, self._memory = sosfilt(self._sections, truth, axis=1, zi=self._memory)
+        return passed
 
     def measure(
         self,

@@ -5,7 +5,7 @@ call for the whole batch. A run that leaves physics (not finite, or spinning abs
 with a reason; the others go on to the same bits as if they were alone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import mujoco
@@ -17,10 +17,11 @@ from twin.effects import ScatterEffect, series_effects
 from twin.errors import UsageError
 from twin.model import compile_model
 from twin.plant.forces import Forces
+from twin.plant.gas import Tanks
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
+from twin.plant.prescribed import PrescribedJoints
 from twin.plant.sensors import SimulatedSensor
-from twin.plant.stages import plan
 from twin.plant.truth import Truth
 from twin.platform import Platform
 from twin.signals import Command, Reading, Samples
@@ -55,6 +56,8 @@ class InitialState:
     """Or (wheels,), (n, wheels) [rad/s]."""
     stage_position: float | Array = 0.0
     """Or (stages,), (n, stages) [m]."""
+    gimbal_angle: Array | None = None
+    """(gimbals,) or (n, gimbals) [rad]; their home unless given."""
 
 
 class SimulatedPlant(Plant):
@@ -103,12 +106,20 @@ class SimulatedPlant(Plant):
         self._model_flags = int(model.opt.disableflags)
         self._guard = np.sin(0.5 * (min(platform.tilt_limit, np.pi) - _GUARD))
 
-        self._stage_position, self._stage_speed = self._start(initial or InitialState())
-        self._stage_target = self._stage_position.copy()
-        self._max_speed = np.array([stage.speed for stage in platform.stages])
-        self._max_acceleration = np.array([stage.acceleration for stage in platform.stages])
-        self._applied = self._idle()
+        self._start(initial or InitialState())
+        self._joints = PrescribedJoints(self.machine, self._qpos, self._qvel)
+        self._tanks = None if platform.gas is None else Tanks(platform.gas, self.n)
+        self._thrust = np.zeros((self.n, len(platform.thrusters)))
         self._wheel_wish = np.zeros((self.n, len(platform.wheels)))
+        self._apply: dict[str, Callable[[Array], Array]] = {
+            "command_wheel_torque": self._wheel_torque,
+            "command_stage_position": self._stage_drive,
+            "command_joint_torque": self._joint_torque,
+            "command_gimbal_rate": self._gimbal_drive,
+            "command_dipole": self._dipole,
+            "command_thruster": self._force_of_thrusters,
+        }
+        self._applied = self._idle()
         effects = self.machine.effects
         shaking = [effect for effect in effects if isinstance(effect, ScatterEffect)]
         self._sensors = [
@@ -127,10 +138,11 @@ class SimulatedPlant(Plant):
             for command in platform.commands
         }
         if self._acts.get("command_stage_position"):
-            self._done_with("command_stage_position", self._stage_position)
+            self._done_with("command_stage_position", self._joints.stage_position)
         self._forces = Forces(self.machine, self.n)
         self._forces.start(self._batch, self._qpos)
         self._truth = Truth(self.machine)
+        self._before = np.concatenate([self._qpos, self._qvel], axis=1)[:, None, :]
         self._started = False
 
     @property
@@ -144,7 +156,7 @@ class SimulatedPlant(Plant):
             raise UsageError(f"time runs forward: the plant is at {self.time:g} s, not {until:g} s")
         if not self._started:
             self._started = True
-            self._sample(np.concatenate([self._qpos, self._qvel], axis=1)[:, None, :])
+            self._sample(self._before)
         if steps > 0:
             self._sample(self._advance(steps))
         streams: dict[str, Samples] = {}
@@ -160,21 +172,23 @@ class SimulatedPlant(Plant):
             if not np.isfinite(value).all():
                 self._refuse_not_finite(name, value)
                 value = np.where(np.isfinite(value), value, self._applied[name])
-            if name == "command_wheel_torque":
-                applied = self._wheel_torque(value)
-            elif name == "command_stage_position":
-                applied = self._limits.stage_position(value)
-                self._stage_target = self._done_with(name, applied)
-            else:
-                applied = self._limits.joint_torque(value)
-                self._ctrl[:, self.machine.joint_actuator] = applied[:, 0]
-            self._applied[name] = applied
+            self._applied[name] = self._apply[name](value)
         if "command_wheel_torque" in self._applied and "command_wheel_torque" not in command:
             self._applied["command_wheel_torque"] = self._wheel_torque(self._wheel_wish)
         return dict(self._applied)
 
+    @property
+    def state(self) -> tuple[Array, Array]:
+        """MuJoCo's qpos (n, nq) and qvel (n, nv), copied; `machine` says where the parts stand."""
+        return self._qpos.copy(), self._qvel.copy()
+
     def truth(self) -> dict[str, Samples]:
-        return self._truth.at(self.time, self._qpos, self._qvel, self._alive)
+        streams = self._truth.at(self.time, self._qpos, self._qvel, self._alive)
+        if self._tanks is not None:
+            stamp = np.full((self.n, 1), self.time)
+            mass = self._tanks.mass[:, None, None].copy()
+            streams["truth_gas_mass"] = Samples(mass, stamp, self._alive[:, None].copy())
+        return streams
 
     def _wheel_torque(self, wish: Array) -> Array:
         self._wheel_wish = wish
@@ -193,34 +207,63 @@ class SimulatedPlant(Plant):
             samples = act(samples)
         return samples.value[:, 0]
 
-    def _start(self, initial: InitialState) -> tuple[Array, Array]:
-        machine = self.machine
-        if self.platform.base.kind == "ball":
+    def _stage_drive(self, wish: Array) -> Array:
+        applied = self._limits.stage_position(wish)
+        self._joints.send_stages(self._done_with("command_stage_position", applied))
+        return applied
+
+    def _joint_torque(self, wish: Array) -> Array:
+        applied = self._limits.joint_torque(wish)
+        self._ctrl[:, self.machine.joint_actuator] = applied[:, 0]
+        return applied
+
+    def _gimbal_drive(self, wish: Array) -> Array:
+        applied = self._limits.gimbal_rate(wish)
+        self._joints.send_gimbals(self._done_with("command_gimbal_rate", applied))
+        return applied
+
+    def _dipole(self, wish: Array) -> Array:
+        coils, applied = self._limits.dipole(wish)
+        self._ctrl[:, self.machine.magnetorquer_actuator] = coils
+        return applied
+
+    def _force_of_thrusters(self, wish: Array) -> Array:
+        applied = self._limits.force(wish)
+        self._thrust = applied if self._tanks is None else self._tanks.fed(applied)
+        self._ctrl[:, self.machine.thruster_actuator] = self._thrust
+        return self._thrust
+
+    def _start(self, initial: InitialState) -> None:
+        machine, base = self.machine, self.platform.base
+        if base.kind == "ball":
             quat = np.asarray(initial.attitude, dtype=np.float64)
             self._qpos[:, machine.base_qpos] = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
             self._qvel[:, machine.base_dof] = initial.rate_body
+            if base.joint in base.locked and np.any(self._qpos[:, machine.base_qpos][:, 1:3]):
+                raise UsageError(f"{self.platform.name} is locked level; start it without a tilt")
         else:
             self._qpos[:, machine.base_qpos] = initial.joint_angle
             self._qvel[:, machine.base_dof] = initial.joint_rate
         self._qvel[:, machine.wheel_dof] = initial.wheel_speed
         self._qpos[:, machine.stage_qpos] = initial.stage_position
-        position = self._qpos[:, machine.stage_qpos].copy()
-        return position, np.zeros_like(position)
+        home = np.array([gimbal.home for gimbal in self.platform.gimbals])
+        angle = home if initial.gimbal_angle is None else initial.gimbal_angle
+        self._qpos[:, machine.gimbal_qpos] = angle
 
     def _idle(self) -> Command:
         idle = {name: np.zeros((self.n, width)) for name, width in self.platform.commands.items()}
         if "command_stage_position" in idle:
-            idle["command_stage_position"] = self._stage_position.copy()
+            idle["command_stage_position"] = self._joints.stage_position.copy()
         return idle
 
     def _advance(self, steps: int) -> Array:
         """Advance every living run; the states after each step, (n, steps, nq + nv)."""
-        moving = bool((self._stage_position != self._stage_target).any()) or bool(
-            self._stage_speed.any()
-        )
-        control = self._stage_forces(steps) if moving else None
+        control = self._joints.forces(steps)
+        moving = control is not None
         self._set_contacts(steps)
         living = self._living()
+        if control is not None and len(living) < self.n:
+            control = control[living]
         states = np.empty((len(living), steps, self._qpos.shape[1] + self._qvel.shape[1]))
         try:
             if self._forces.changing:
@@ -244,33 +287,13 @@ class SimulatedPlant(Plant):
             present = np.concatenate([self._qpos, self._qvel], axis=1)
             moved, states = states, present[:, None].repeat(steps, axis=1)
             states[living] = moved
-        self._pin_stages(moving)
-        self._stop_diverged(states[:, -1])
-        return states
-
-    def _stage_forces(self, steps: int) -> Array:
-        """qfrc_applied of the prescribed joints, (living runs, steps, nv), and their end state."""
-        acceleration, self._stage_position, self._stage_speed = plan(
-            self._stage_position,
-            self._stage_speed,
-            self._stage_target,
-            steps=steps,
-            step=self.platform.step,
-            max_speed=self._max_speed,
-            max_acceleration=self._max_acceleration,
-        )
-        force = np.zeros((self.n, steps, self.machine.model.nv))
-        force[:, :, self.machine.stage_dof] = acceleration * self.machine.stage_inertia
-        return force[self._living()]
-
-    def _pin_stages(self, moving: bool) -> None:
-        """Put the prescribed joints on their profile: what pushed back in a tick is forgotten."""
-        if not self.platform.stages:
-            return
-        self._qpos[:, self.machine.stage_qpos] = self._stage_position
-        self._qvel[:, self.machine.stage_dof] = self._stage_speed
+        self._joints.pin()
         if moving:
             self._force[:] = 0.0
+        if self._tanks is not None:
+            self._tanks.draw(self._thrust, steps * self.platform.step)
+        self._stop_diverged(states[:, -1])
+        return states
 
     def _set_contacts(self, steps: int) -> None:
         if not np.isfinite(self.platform.tilt_limit) or self.platform.base.kind != "ball":
@@ -290,9 +313,15 @@ class SimulatedPlant(Plant):
         valid = None if self._ids is None else self._alive
         for sensor in self._sensors:
             picks = sensor.picks(self._done - steps, steps)
-            seen = self._truth.measured(sensor.sensor.stream, states)[:, picks]
-            causes = [self._truth.measured(e.cause, states)[:, picks] for e in sensor.scatter]
-            sensor.measure(seen, times[picks], valid, causes)
+            if sensor.sensor.stream == "gas_pressure" and self._tanks is not None:
+                seen = np.repeat(self._tanks.pressure[:, None, None], steps, axis=1)
+            else:
+                seen = self._truth.measured(sensor.sensor, states, self._before)
+            if sensor.filtered:
+                seen = sensor.low_passed(seen)
+            causes = [self._truth.true(e.cause, states)[:, picks] for e in sensor.scatter]
+            sensor.measure(seen[:, picks], times[picks], valid, causes)
+        self._before = states[:, -1:]
 
     def _stop_diverged(self, last: Array) -> None:
         rate = last[:, self.machine.model.nq :][:, self.machine.base_dof]

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.model import Machine
+from twin.plant.derived import derived_streams
+from twin.platform import Sensor
 from twin.signals import Samples
 
 Array = NDArray[np.float64]
@@ -21,8 +23,11 @@ class Truth:
         ball = machine.platform.base.kind == "ball"
         self._columns: dict[str, Columns] = {
             "wheel_speed": _tight(nq + machine.wheel_dof),
+            "gimbal_angle": _tight(machine.gimbal_qpos),
+            "gimbal_rate": _tight(nq + machine.gimbal_dof),
             "stage_position": _tight(machine.stage_qpos),
             "stage_speed": _tight(nq + machine.stage_dof),
+            "heading": _tight(machine.planar_qpos[2:]),
         }
         if ball:
             self._columns |= {"attitude": machine.base_qpos, "gyro": base_dof}
@@ -33,13 +38,24 @@ class Truth:
             for stream, columns in self._columns.items()
             if not isinstance(columns, np.ndarray) or columns.size
         }
+        self._derived = derived_streams(machine)
+        self._shown = [name for name in ("position", "velocity") if machine.planar_qpos.size]
         self._mass_moment, self._inertia = _mass_laws(machine)
         self._stages: Array | None = None
         self._masses = (np.empty(0), np.empty(0))
 
-    def measured(self, stream: str, states: Array) -> Array:
-        """What a perfect sensor of that stream would show, (n, m, k)."""
+    def true(self, stream: str, states: Array) -> Array:
+        """A stream that stands in the state, `stage_speed` among them, (n, m, k)."""
         return states[..., self._columns[stream]]
+
+    def measured(self, sensor: Sensor, states: Array, before: Array) -> Array:
+        """What a perfect sensor would show in each of `states` (n, m, nq + nv), shape (n, m, k).
+
+        `before` (n, 1, nq + nv) is the state one physics step before the first.
+        """
+        if sensor.stream in self._columns:
+            return self.true(sensor.stream, states)
+        return self._derived[sensor.stream](sensor, states, before)
 
     def at(
         self, time: float, qpos: Array, qvel: Array, valid: NDArray[np.bool_]
@@ -52,6 +68,9 @@ class Truth:
             name: Samples(states[:, None, columns], stamp, mask)
             for name, columns in self._names.items()
         }
+        for name in self._shown:
+            seen = self._derived[name](None, states[:, None], states[:, None])
+            streams[f"truth_{name}"] = Samples(seen, stamp, mask)
         offset, inertia = self._mass_properties(states[:, self._columns["stage_position"]])
         streams["truth_center_of_mass_offset"] = Samples(offset[:, None], stamp, mask)
         streams["truth_inertia"] = Samples(inertia[:, None], stamp, mask)
@@ -74,29 +93,31 @@ def _tight(index: NDArray[np.intp]) -> Columns:
 
 def _mass_laws(machine: Machine) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
     """m r (n, 3) and J as xx yy zz xy xz yz (n, 6) as functions of stage positions (n, s)."""
-    platform = machine.platform
-    mass = np.array([stage.mass for stage in platform.stages])
-    axis = np.array([stage.axis for stage in platform.stages]).reshape(-1, 3)
-    home = machine.stage_home
-    moment = mass[:, None] * axis
-    linear = np.einsum("s,sij->sij", mass, 2.0 * _spread(home, axis))
-    square = np.einsum("s,sij->sij", mass, _spread(axis, axis))
+    platform, riding = machine.platform, machine.sliding
+    moment = np.einsum("b,bsi->si", riding.mass, riding.travel)
+    linear = np.einsum(
+        "b,bsij->sij", riding.mass, 2.0 * _spread(riding.home[:, None], riding.travel)
+    )
+    square = np.einsum(
+        "b,bstij->stij", riding.mass, _spread(riding.travel[:, :, None], riding.travel[:, None])
+    )
 
     def offset(position: Array) -> Array:
         return platform.center_of_mass_offset + np.einsum("ns,si->ni", position, moment)
 
     def inertia(position: Array) -> Array:
         change = np.einsum("ns,si->ni", position, _six(linear))
-        return _six(platform.inertia) + change + np.einsum("ns,si->ni", position**2, _six(square))
+        squares = np.einsum("ns,nt,sti->ni", position, position, _six(square))
+        return _six(platform.inertia) + change + squares
 
     return offset, inertia
 
 
 def _spread(a: Array, b: Array) -> Array:
-    """(a . b) I - (a b^T + b a^T) / 2, the polar form of the parallel-axis term, (s, 3, 3)."""
-    outer = np.einsum("si,sj->sij", a, b)
-    dot = np.einsum("si,si->s", a, b)
-    return dot[:, None, None] * np.eye(3) - 0.5 * (outer + outer.transpose(0, 2, 1))
+    """(a . b) I - (a b^T + b a^T) / 2, the polar form of the parallel-axis term, (..., 3, 3)."""
+    outer = np.einsum("...i,...j->...ij", a, b)
+    dot = np.einsum("...i,...i->...", a, b)
+    return dot[..., None, None] * np.eye(3) - 0.5 * (outer + outer.swapaxes(-1, -2))
 
 
 def _six(tensor: Array) -> Array:

@@ -1,10 +1,9 @@
 """Read platform.toml into a `Platform`.
 
 The keys and their units are those of models/sads/platform.toml; every key that is not known is an
-error with its line. A variant ([variants.NAME]) replaces the keys it gives in [mass_properties].
+error with its line. A variant ([variants.NAME]) replaces the keys it gives.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,19 +11,10 @@ import numpy as np
 from twin.config import Table, read_toml
 from twin.errors import PlatformError, UnknownName
 from twin.library import find_model
-from twin.platform.mjcf import joint_axes
-from twin.platform.parts import Array, Base, Platform, Sensor, Stage, StatedEffect, Wheel
-from twin.signals import stream_named
-
-MEASURED = (
-    "gyro",
-    "attitude",
-    "wheel_speed",
-    "stage_position",
-    "joint_angle",
-    "joint_rate",
-)
-"""Streams that the simulated plant can measure."""
+from twin.platform.load_parts import read_base, read_parts
+from twin.platform.load_sensors import read_sensor
+from twin.platform.mjcf import read_layout
+from twin.platform.parts import Array, Platform, StatedEffect
 
 
 def load_platform(name: str | Path) -> Platform:
@@ -45,7 +35,8 @@ def variants_of(folder: Path) -> tuple[str, ...]:
     return table.table("variants", required=False).keys
 
 
-def _platform(table: Table, folder: Path, variant: str) -> Platform:
+def _platform(file: Table, folder: Path, variant: str) -> Platform:
+    table, mass_properties = _varied(file, variant)
     name = table.text("name")
     title = table.text("title")
     model_path = folder / table.text("model", "platform.xml")
@@ -54,12 +45,10 @@ def _platform(table: Table, folder: Path, variant: str) -> Platform:
     if not model_path.exists():
         raise table.fail("model", f"names {model_path.name}, which is missing", "add the MJCF")
 
-    base = _base(table.table("base"))
-    axes = joint_axes(model_path)
-    wheels = tuple(_wheel(row, axes) for row in table.tables("wheels"))
-    stages = tuple(_stage(row, axes) for row in table.tables("stages"))
-    _refuse_doubles(table, [part.name for part in (*wheels, *stages)])
-    mass, inertia, offset = _mass_properties(table, variant)
+    layout = read_layout(model_path)
+    base = read_base(table.table("base"))
+    parts = read_parts(table, layout, base)
+    mass, inertia, offset = _mass_properties(mass_properties)
     step, control_rate = _timing(table)
     environment = table.table("environment", required=False)
     gravity = environment.number("gravity", 9.81, low=0.0, unit="m/s^2")
@@ -74,12 +63,14 @@ def _platform(table: Table, folder: Path, variant: str) -> Platform:
     tilt_limit = tilt_stop.number("angle", np.inf, low=0.0, high=np.pi, unit="rad")
     tilt_stop.close()
 
-    widths = {"wheel_speed": len(wheels), "stage_position": len(stages), "joint": 1}
     sensor_table = table.table("sensors", required=False)
     sensors = {
-        stream: _sensor(sensor_table, stream, widths, base, step) for stream in sensor_table.keys
+        stream: read_sensor(sensor_table, stream, parts, base, layout, step)
+        for stream in sensor_table.keys
     }
     effects = _effects(table.table("effects", required=False))
+    if not variant:
+        mass_properties.close()
     table.close()
     return Platform(
         name=f"{name}:{variant}" if variant else name,
@@ -92,8 +83,13 @@ def _platform(table: Table, folder: Path, variant: str) -> Platform:
         inertia=inertia,
         center_of_mass_offset=offset,
         base=base,
-        wheels=wheels,
-        stages=stages,
+        wheels=parts.wheels,
+        stages=parts.stages,
+        rotors=parts.rotors,
+        gimbals=parts.gimbals,
+        magnetorquers=parts.magnetorquers,
+        thrusters=parts.thrusters,
+        gas=parts.gas,
         sensors=sensors,
         gravity=gravity,
         magnetic_field=field,
@@ -134,130 +130,41 @@ def _timing(table: Table) -> tuple[float, float]:
     return step, control_rate
 
 
-def _mass_properties(table: Table, variant: str) -> tuple[float, Array, Array]:
+def _varied(table: Table, variant: str) -> tuple[Table, Table]:
+    """The file's table and its [mass_properties] as a variant has them.
+
+    A variant holds the keys of [mass_properties] that it changes, and tables of what it changes in
+    others; one under the name of an array of tables changes every row of it.
+    """
     base = table.table("mass_properties")
     variants = table.table("variants", required=False)
     for known in variants.keys:
         variants.table(known)
-    if variant and variant not in variants:
+    if not variant:
+        return table, base
+    if variant not in variants:
         raise UnknownName("variant", variant, variants.keys)
-    override = variants.table(variant) if variant else base
+    change = variants.table(variant)
+    return change.over(table), change.over(base)
 
-    def source(key: str) -> Table:
-        return override if key in override else base
 
-    mass = source("mass").number("mass", low=1e-6, unit="kg")
-    xx, yy, zz, xy, xz, yz = source("inertia").numbers("inertia", 6, unit="kg m^2")
+def _mass_properties(table: Table) -> tuple[float, Array, Array]:
+    mass = table.number("mass", low=1e-6, unit="kg")
+    xx, yy, zz, xy, xz, yz = table.numbers("inertia", 6, unit="kg m^2")
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if np.min(np.linalg.eigvalsh(inertia)) <= 0.0:
-        raise source("inertia").fail(
+    principal = np.linalg.eigvalsh(inertia)
+    if principal[0] <= 0.0:
+        raise table.fail(
             "inertia",
             "has a principal moment that is not positive",
             "check the products' signs",
         )
-    principal = np.linalg.eigvalsh(inertia)
     if principal[0] + principal[1] < principal[2] * (1.0 - 1e-9):
-        raise source("inertia").fail(
+        raise table.fail(
             "inertia",
             f"has principal moments {principal.round(4).tolist()}: no rigid body has one moment "
             "above the sum of the other two",
             "check its entries",
         )
-    offset = source("center_of_mass_offset").numbers("center_of_mass_offset", 3, unit="kg m")
-    for used in {id(base): base, id(override): override}.values():
-        for key in ("mass", "inertia", "center_of_mass_offset"):
-            used.raw(key)
-        used.close()
+    offset = table.numbers("center_of_mass_offset", 3, unit="kg m")
     return mass, inertia, offset
-
-
-def _base(table: Table) -> Base:
-    kind = table.text("kind", among=("ball", "hinge"))
-    base = Base(
-        kind="ball" if kind == "ball" else "hinge",
-        joint=table.text("joint"),
-        body=table.text("body"),
-        actuator=table.text("actuator", None),
-        torque_limit=table.number("torque_limit", np.inf, low=0.0, unit="N m"),
-    )
-    if base.kind == "ball" and base.actuator is not None:
-        raise table.fail("actuator", "is given on a ball joint", "only a hinge has a motor")
-    table.close()
-    return base
-
-
-def _wheel(table: Table, axes: Mapping[str, Array]) -> Wheel:
-    wheel = Wheel(
-        name=table.text("name"),
-        axis=_axis(table, axes),
-        inertia=table.number("inertia", low=1e-12, unit="kg m^2"),
-        momentum_limit=table.number("momentum_limit", low=0.0, unit="N m s"),
-        torque_limit=table.number("torque_limit", low=0.0, unit="N m"),
-    )
-    table.close()
-    return wheel
-
-
-def _axis(table: Table, axes: Mapping[str, Array]) -> Array:
-    name = table.text("name")
-    if name not in axes:
-        hint = str(UnknownName("joint", name, axes)).partition("(")[2].rstrip(")")
-        raise table.fail("name", f"is {name!r}, which is no joint of the MJCF", hint)
-    return axes[name]
-
-
-def _stage(table: Table, axes: Mapping[str, Array]) -> Stage:
-    low, high = table.numbers("travel", 2, unit="m")
-    if low >= high:
-        raise table.fail("travel", f"runs from {low:g} to {high:g} m", "give the lower end first")
-    stage = Stage(
-        name=table.text("name"),
-        axis=_axis(table, axes),
-        mass=table.number("mass", low=1e-9, unit="kg"),
-        travel=(float(low), float(high)),
-        speed=table.number("speed", low=1e-9, unit="m/s"),
-        acceleration=table.number("acceleration", low=1e-9, unit="m/s^2"),
-        resolution=table.number("resolution", 0.0, low=0.0, unit="m"),
-    )
-    table.close()
-    return stage
-
-
-def _sensor(sensors: Table, stream: str, widths: dict[str, int], base: Base, step: float) -> Sensor:
-    if stream not in MEASURED:
-        raise sensors.fail(
-            stream,
-            "is no stream that the simulation measures",
-            "use " + ", ".join(MEASURED),
-        )
-    table = sensors.table(stream)
-    if stream in ("gyro", "attitude"):
-        width = 3
-    else:
-        width = widths["joint" if stream.startswith("joint") else stream]
-    if width == 0 or (stream.startswith("joint") and base.kind == "ball"):
-        raise sensors.fail(stream, "measures a part the machine does not have", "remove it")
-    unit = "rad" if stream == "attitude" else stream_named(stream).unit
-    sensor = Sensor(
-        stream=stream,
-        rate=table.number("rate", low=1e-3, high=1.0 / step, unit="Hz"),
-        noise=table.numbers("noise", width, low=0.0, unit=unit),
-        bias=table.numbers("bias", width, np.zeros(width), low=0.0, unit=unit),
-        resolution=table.number("resolution", 0.0, low=0.0, unit=unit),
-        range=table.number("range", np.inf, low=0.0, unit=unit),
-        latency=table.number("latency", 0.0, low=0.0, high=10.0, unit="s"),
-        dropout=table.number("dropout", 0.0, low=0.0, high=1.0),
-    )
-    table.close()
-    return sensor
-
-
-def _refuse_doubles(table: Table, names: list[str]) -> None:
-    for name in names:
-        if names.count(name) > 1:
-            key = "wheels" if "wheels" in table else "stages"
-            raise table.fail(
-                key,
-                f"and stages hold two parts named {name!r}",
-                "give each part its own name",
-            )

@@ -1,6 +1,7 @@
 """The MJCF as its file has it: nothing set, nothing changed."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from twin.errors import PlatformError, TwinError
 from twin.platform.mjcf_files import check_files
 
+Array = NDArray[np.float64]
 Edit = Callable[[mujoco.MjSpec], None]
 
 
@@ -39,9 +41,49 @@ def load_mjcf(path: Path, *, visuals: bool = True, edits: Sequence[Edit] = ()) -
         raise PlatformError(path, f"MuJoCo refuses it: {text}", "mend the MJCF") from None
 
 
-def joint_axes(path: Path) -> Mapping[str, NDArray[np.float64]]:
-    """Axis of every joint at qpos0, by name, in room axes, which are the body's there."""
+@dataclass(frozen=True)
+class Layout:
+    """Where the MJCF has its named parts at qpos0, in room axes, which are the body's there."""
+
+    axes: Mapping[str, Array]
+    """Of every joint, (3,)."""
+    anchors: Mapping[str, Array]
+    """Of every joint, (3,) [m]."""
+    carriers: Mapping[str, tuple[str, ...]]
+    """The joints that carry a joint, the nearest first."""
+    sites: Mapping[str, Array]
+    """Of every site, (3,) [m]."""
+    pushes: Mapping[str, Array]
+    """Of every site that an actuator of its name acts on, (3,) its force per unit of control."""
+
+
+def read_layout(path: Path) -> Layout:
+    """Compile the file and look where its parts are.
+
+    Raises:
+        PlatformError: as `load_mjcf`.
+    """
     model = load_mjcf(path)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    return {model.joint(i).name: data.xaxis[i].copy() for i in range(model.njnt)}
+    joints = {model.joint(i).name: i for i in range(model.njnt)}
+    return Layout(
+        axes={name: data.xaxis[i].copy() for name, i in joints.items()},
+        anchors={name: data.xanchor[i].copy() for name, i in joints.items()},
+        carriers={name: tuple(_carriers(model, i)) for name, i in joints.items()},
+        sites={model.site(i).name: data.site_xpos[i].copy() for i in range(model.nsite)},
+        pushes={
+            model.actuator(i).name: data.site_xmat[site].reshape(3, 3) @ model.actuator_gear[i, :3]
+            for i, site in enumerate(model.actuator_trnid[:, 0])
+            if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_SITE
+            and model.site(site).name == model.actuator(i).name
+        },
+    )
+
+
+def _carriers(model: mujoco.MjModel, joint: int) -> Iterator[str]:
+    body = int(model.body_parentid[model.jnt_bodyid[joint]])
+    while body > 0:
+        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        yield from (model.joint(first + i).name for i in reversed(range(count)))
+        body = int(model.body_parentid[body])

@@ -8,8 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import UnknownName
-from twin.signals import STREAMS
+from twin.signals import stream_named
 
 Array = NDArray[np.float64]
 
@@ -27,6 +26,12 @@ class Base:
     """A motor on a hinge that takes `command_joint_torque`; None where there is none."""
     torque_limit: float = np.inf
     """[N m]."""
+    planar: tuple[str, ...] = ()
+    """Joints of a stage that floats on the floor below the ball: slides along the room's x and y,
+    and the hinge of its heading. The ball hangs on the slides, not on the heading: a bearing
+    without friction does not feel it, and so the ball's joint is the attitude in the room."""
+    locked: tuple[str, ...] = ()
+    """Those of `joint` and `planar` that stand still. A locked ball turns with the heading."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +47,94 @@ class Wheel:
     torque_limit: float
     """[N m]."""
     axis: Array
-    """(3,) spin axis in body axes, unit, as the MJCF has it."""
+    """(3,) spin axis in body axes, unit, as the MJCF has it; on a gimbal, at its angle 0."""
+    gimbal: str | None = None
+    """The gimbal that carries it, as the MJCF has it; None on the body."""
 
     @property
     def speed_limit(self) -> float:
         """[rad/s]."""
         return self.momentum_limit / self.inertia
+
+
+@dataclass(frozen=True)
+class Rotor:
+    """A rotor whose motor holds its speed relative to what carries it: a prescribed joint."""
+
+    name: str
+    """Of its joint in the MJCF."""
+    inertia: float
+    """About the spin axis [kg m^2]."""
+    speed: float
+    """[rad/s]."""
+    axis: Array
+    """(3,) spin axis in body axes, unit, at the gimbal's angle 0."""
+    gimbal: str | None
+    """The gimbal that carries it, as the MJCF has it."""
+
+    @property
+    def momentum(self) -> float:
+        """Relative to what carries it [N m s]."""
+        return self.inertia * self.speed
+
+
+@dataclass(frozen=True)
+class Gimbal:
+    """The gimbal of a control moment gyro, driven at a rate: a prescribed joint.
+
+    The axis of a wheel or rotor a that it carries stands at a cos(delta) + (g x a) sin(delta).
+    """
+
+    name: str
+    """Of its joint in the MJCF."""
+    rate: float
+    """Highest rate [rad/s]."""
+    acceleration: float
+    """Highest acceleration [rad/s^2]."""
+    home: float
+    """Angle at which a run starts [rad]."""
+    skew: float
+    """Turn of the gimbal's axis about its rotor's at angle 0, from where the MJCF has it [rad]."""
+    axis: Array
+    """(3,) g in body axes, unit, with that turn."""
+
+
+@dataclass(frozen=True)
+class Magnetorquer:
+    """A coil; its moment crossed with the magnetic field turns the body."""
+
+    name: str
+    """Of its site and its actuator in the MJCF."""
+    dipole_limit: float
+    """[A m^2]."""
+    axis: Array
+    """(3,) of its moment in body axes, unit: from the CR to its site in the MJCF."""
+
+
+@dataclass(frozen=True)
+class Thruster:
+    """A cold-gas thruster; its command is the mean force over a control tick."""
+
+    name: str
+    """Of its site and its motor in the MJCF."""
+    force_limit: float
+    """[N]."""
+    point: Array
+    """(3,) where the force acts, from the CR, body axes [m]."""
+    direction: Array
+    """(3,) of the force on the body, body axes, unit."""
+
+
+@dataclass(frozen=True)
+class Gas:
+    """What feeds the thrusters."""
+
+    mass: float
+    """In full tanks [kg]."""
+    pressure: float
+    """Of full tanks [Pa]; it falls in proportion to what is left."""
+    specific_impulse: float
+    """[s]."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +144,7 @@ class Stage:
     name: str
     """Of its joint in the MJCF."""
     mass: float
-    """[kg]."""
+    """All that slides on it, stages stacked on it too [kg]."""
     travel: tuple[float, float]
     """Lowest and highest position [m]; 0 is MJCF's qpos 0."""
     speed: float
@@ -66,6 +153,8 @@ class Stage:
     """Highest acceleration [m/s^2]."""
     resolution: float
     """Smallest step of the commanded position [m]; 0: continuous."""
+    response: float
+    """From a command to the start of the move [s]."""
     axis: Array
     """(3,) direction of positive travel in body axes, unit, as the MJCF has it."""
 
@@ -90,6 +179,12 @@ class Sensor:
     """From the instant a value is true to its arrival [s]."""
     dropout: float = 0.0
     """Probability that a sample never arrives."""
+    cutoff: float = np.inf
+    """Of a Butterworth low-pass before the noise [Hz]; inf: none."""
+    order: int = 4
+    """Of that filter."""
+    site: str = ""
+    """Of the MJCF, at which specific force is felt; of accelerometers and inclinometers."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +225,11 @@ class Platform:
     base: Base
     wheels: tuple[Wheel, ...]
     stages: tuple[Stage, ...]
+    rotors: tuple[Rotor, ...]
+    gimbals: tuple[Gimbal, ...]
+    magnetorquers: tuple[Magnetorquer, ...]
+    thrusters: tuple[Thruster, ...]
+    gas: Gas | None
     sensors: Mapping[str, Sensor]
     """By stream."""
     gravity: float
@@ -160,6 +260,9 @@ class Platform:
             "command_wheel_torque": len(self.wheels),
             "command_stage_position": len(self.stages),
             "command_joint_torque": int(self.base.actuator is not None),
+            "command_gimbal_rate": len(self.gimbals),
+            "command_dipole": 3 if self.magnetorquers else 0,
+            "command_thruster": len(self.thrusters),
         }
         return {name: width for name, width in widths.items() if width}
 
@@ -169,15 +272,17 @@ class Platform:
         Raises:
             UnknownName: no such stream.
         """
-        if stream not in STREAMS and not stream.startswith("wanted_"):
-            raise UnknownName("stream", stream, STREAMS)
-        fixed = STREAMS[stream].columns if stream in STREAMS else ()
+        fixed = stream_named(stream).columns
         if fixed:
             return fixed
         if "wheel" in stream:
             return tuple(wheel.name for wheel in self.wheels)
         if "stage" in stream:
             return tuple(stage.name for stage in self.stages)
+        if "gimbal" in stream:
+            return tuple(gimbal.name for gimbal in self.gimbals)
+        if "thruster" in stream:
+            return tuple(thruster.name for thruster in self.thrusters)
         if "joint" in stream:
             return (self.base.joint,) if self.base.kind == "hinge" else ()
         return ()

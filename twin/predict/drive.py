@@ -45,6 +45,7 @@ class Inputs:
         self.model = machine.model
         self.used: tuple[str, ...] = ()
         platform = machine.platform
+        _refuse_what_is_not_predicted(machine, recording)
         self._joint = self._stream(recording, "command_joint_torque", 1)
         self._wheel_torque = self._stream(recording, "command_wheel_torque", len(platform.wheels))
         if self._wheel_torque is None:
@@ -193,6 +194,28 @@ class Inputs:
 def _filled(x: Array) -> Array:
     """(1 - exp(-x)) / x."""
     return np.where(x > 1e-9, -np.expm1(-x) / np.maximum(x, 1e-9), 1.0)
+
+
+def _refuse_what_is_not_predicted(machine: Machine, recording: Recording) -> None:
+    """
+    Raises:
+        UsageError: the machine moves by means that a prediction does not know.
+    """
+    platform = machine.platform
+    driven = [
+        name
+        for name in ("command_dipole", "command_thruster")
+        if name in recording and recording[name].value.any()
+    ]
+    if platform.gimbals or platform.rotors:
+        driven.insert(0, "gimbals")
+    if set(platform.base.planar) - set(platform.base.locked):
+        driven.insert(0, "a stage that floats on the floor")
+    if driven:
+        raise UsageError(
+            f"{platform.name} moves by {', '.join(driven)}, which cannot be predicted from a log "
+            "yet; use a log (or a variant) without"
+        )
 
 
 def held_mean(series: Series, edges: Array) -> Array:

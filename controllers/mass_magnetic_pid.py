@@ -1,0 +1,123 @@
+"""Balance in the plane: masses level the body, magnetorquers damp it."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.controller import Controller
+from twin.errors import ControllerError
+from twin.platform import Platform
+from twin.rotation import conjugate, cross, rotate, vertical_body
+from twin.signals import Command, Estimate, Target
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Balance:
+    """What the law remembers."""
+
+    position: Array
+    """Integral part of each stage's position, (n, stages) [m]: where it balances the body."""
+    allocation: Array
+    """Stage position per mass moment, (stages, 3) [1/kg]."""
+    travel: Array
+    """Lowest and highest position, (2, stages) [m]."""
+    field_world: Array
+    """(3,) [T]."""
+    gravity: float
+    """[m/s^2]."""
+    tick: float
+    """[s]."""
+
+
+@dataclass(frozen=True)
+class MassMagneticPID(Controller[Balance]):
+    """Proportional and integral torque by balance masses, derivative torque by magnetorquers.
+
+    g^ = -u, u the upward vertical in body axes; e = u x z, z the body's own axis, upwards
+
+    tau_sm  = -K_p e - K_I int e dt               by the masses [N m, body]            (4)
+    m_j d_j = (g^ x tau_sm)_j / |g|               position of stage j [m]              (5)
+    tau_mag = -K_d w_perp                         by the coils, w across g^ [N m]      (6)
+    d       = B x tau_mag / |B|^2                 dipole [A m^2, body], B in the body  (7)
+
+    The source has z and B point the other way (z along gravity, B a multiple of -g^): e is its
+    g^ x z^, and (7) is its K_d / b g^ x w where B stands upright, whichever way it points. The
+    integral is kept as a position of each stage, with the same anti-windup as in `mass_pid`.
+
+    Each horizontal axis of small tilt obeys J s^3 + K_d s^2 + (K_p + k) s + K_I = 0 with
+    k = -m g r_z: stable by Routh if K_I < K_d (K_p + k) / J.
+
+    Source: the note on in-plane balancing by sliding masses and magnetorquers (paper 003 of
+    docs/design.md), eq. 3 to 7, with the gains of its tables; K_I is its K_d K_i.
+    """
+
+    proportional: float = field(default=1e-3, metadata={"unit": "N m"})
+    """K_p, per sine of the tilt."""
+    integral: float = field(default=2e-5, metadata={"unit": "N m/s"})
+    """K_I, per sine of the tilt and second."""
+    derivative: float = field(default=1.8e-3, metadata={"unit": "N m s"})
+    """K_d, per body rate."""
+
+    def init(self, platform: Platform, n: int) -> Balance:
+        """Stages at their zero."""
+        stages = platform.stages
+        axes = np.array([stage.axis for stage in stages]).reshape(-1, 3)
+        if np.linalg.matrix_rank(axes[:, :2]) < 2 or not platform.magnetorquers:
+            raise ControllerError(
+                "mass_magnetic_pid needs masses that slide in both horizontal directions and "
+                f"magnetorquers; {platform.name} has {len(stages)} stages and "
+                f"{len(platform.magnetorquers)} magnetorquers"
+            )
+        if not np.any(platform.magnetic_field):
+            raise ControllerError(
+                f"mass_magnetic_pid needs a magnetic field, and {platform.name} states none; "
+                "give [environment] magnetic_field"
+            )
+        masses = np.array([stage.mass for stage in stages])
+        return Balance(
+            position=np.zeros((n, len(stages))),
+            allocation=np.linalg.pinv(axes.T) / masses[:, None],
+            travel=np.array([stage.travel for stage in stages]).T,
+            field_world=platform.magnetic_field,
+            gravity=platform.gravity,
+            tick=platform.tick,
+        )
+
+    def update(
+        self, state: Balance, estimate: Estimate, target: Target, time: float
+    ) -> tuple[Command, Balance]:
+        """Stage positions and dipole; zero in a run that has not been seen yet."""
+        up = vertical_body(estimate.attitude)
+        error = np.zeros_like(up)
+        error[:, 0], error[:, 1] = up[:, 1], -up[:, 0]  # u x z
+
+        direct = _positions(state, -self.proportional * error, up)
+        step = _positions(state, -self.integral * state.tick * error, up)
+        low, high = state.travel
+        asked = state.position + step + direct
+        beyond = ((asked > high) & (step > 0.0)) | ((asked < low) & (step < 0.0))
+        seen = estimate.valid[:, None]
+        position = np.where(seen & ~beyond, state.position + step, state.position)
+        masses = np.where(seen, np.clip(position + direct, low, high), 0.0)
+
+        rate = estimate.rate_body
+        across = rate - np.einsum("ni,ni->n", rate, up)[:, None] * up
+        field_world = np.broadcast_to(state.field_world, up.shape)
+        field_body = rotate(conjugate(estimate.attitude), field_world)
+        strength = float(state.field_world @ state.field_world)
+        dipole = cross(field_body, -self.derivative * across) / strength
+        command = {
+            "command_stage_position": masses,
+            "command_dipole": np.where(seen, dipole, 0.0),
+        }
+        return command, replace(state, position=position)
+
+
+def _positions(state: Balance, torque: Array, up: Array) -> Array:
+    """Equation 5: stage positions (n, stages) [m] that give the torque's horizontal part."""
+    moment = cross(torque, up) / state.gravity  # g^ x tau / |g| with g^ = -up  [kg m]
+    # einsum rather than @: a row's last bits must not depend on how many runs there are.
+    return np.einsum("ij,nj->ni", state.allocation, moment)

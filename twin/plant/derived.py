@@ -1,0 +1,89 @@
+"""Streams that stand in no column of MuJoCo's state: what a perfect sensor makes of it.
+
+Specific force is the mean over the physics step before the sample, as an accelerometer that sums
+up velocity increments gives it.
+"""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.model import Machine
+from twin.platform import Sensor
+from twin.rotation import conjugate, cross, rotate
+
+Array = NDArray[np.float64]
+Derived = Callable[[Sensor | None, Array, Array], Array]
+"""Of a sensor, states (n, m, nq + nv) and the state before them (n, 1, nq + nv): (n, m, k)."""
+
+
+def derived_streams(machine: Machine) -> dict[str, Derived]:
+    """By stream, those that this machine can have."""
+    if machine.platform.base.kind != "ball":
+        return {}
+    streams = _Derived(machine)
+    return {
+        "inclinometer": streams.inclinometer,
+        "accelerometer": streams.accelerometer,
+        "magnetometer": streams.magnetometer,
+        "position": streams.position,
+        "velocity": streams.velocity,
+    }
+
+
+class _Derived:
+    def __init__(self, machine: Machine) -> None:
+        model, nq = machine.model, machine.model.nq
+        self._step = machine.platform.step
+        self._gravity = machine.platform.gravity
+        self._field = machine.platform.magnetic_field
+        self._attitude = machine.base_qpos
+        self._rate = slice(nq + machine.base_dof.start, nq + machine.base_dof.stop)
+        self._place = machine.planar_qpos[:2]
+        self._speed = nq + machine.planar_dof[:2]
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        anchor = data.xanchor[model.body_jntadr[machine.base_body]]
+        self._height = float(anchor[2])
+        self._sites = {model.site(i).name: data.site_xpos[i] - anchor for i in range(model.nsite)}
+
+    def accelerometer(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
+        """Specific force at the sensor's site, body axes [m/s^2]."""
+        assert sensor is not None
+        earlier = np.concatenate([before, states[:, :-1]], axis=1)
+        rate, site = states[..., self._rate], self._sites[sensor.site]
+        turning = (rate - earlier[..., self._rate]) / self._step
+        push = np.zeros_like(rate)
+        push[..., 2] = self._gravity
+        if self._speed.size:
+            push[..., :2] = (states[..., self._speed] - earlier[..., self._speed]) / self._step
+        arm = np.broadcast_to(site, rate.shape)
+        felt = rotate(conjugate(states[..., self._attitude]), push)
+        return felt + cross(turning, arm) + cross(rate, cross(rate, arm))
+
+    def inclinometer(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
+        """Elevations roll and pitch that specific force makes believe [rad]."""
+        force = self.accelerometer(sensor, states, before) / self._gravity
+        roll, pitch = np.clip(force[..., 1], -1.0, 1.0), np.clip(force[..., 0], -1.0, 1.0)
+        return np.stack([np.arcsin(roll), -np.arcsin(pitch)], axis=-1)
+
+    def magnetometer(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
+        """The field in body axes [T]."""
+        del sensor, before
+        attitude = states[..., self._attitude]
+        return rotate(conjugate(attitude), np.broadcast_to(self._field, (*attitude.shape[:-1], 3)))
+
+    def position(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
+        """Of the CR in the room [m]."""
+        del sensor, before
+        height = np.full((*states.shape[:-1], 1), self._height)
+        return np.concatenate([states[..., self._place], height], axis=-1)
+
+    def velocity(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
+        """Of the CR in the room [m/s]."""
+        del sensor, before
+        return np.concatenate(
+            [states[..., self._speed], np.zeros((*states.shape[:-1], 1))], axis=-1
+        )

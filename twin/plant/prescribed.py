@@ -1,0 +1,103 @@
+"""Joints that follow a profile, whatever pushes back: sliding masses, gimbals, rotors.
+
+MuJoCo is given the force that moves their armature as planned; after each tick they are put
+exactly on their profile.
+"""
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.model import Machine
+from twin.plant.gimbals import ramp
+from twin.plant.stages import plan
+
+Array = NDArray[np.float64]
+
+
+class PrescribedJoints:
+    """Their profiles in n runs."""
+
+    def __init__(self, machine: Machine, qpos: Array, qvel: Array) -> None:
+        """Start where `qpos` (n, nq) and `qvel` (n, nv) are; both are written to by `pin`."""
+        platform = machine.platform
+        self._machine = machine
+        self._qpos, self._qvel = qpos, qvel
+        self._step = platform.step
+        self._inertia = machine.stage_inertia, machine.gimbal_inertia
+        stages, gimbals = platform.stages, platform.gimbals
+        self._has_stages, self._has_gimbals = bool(stages), bool(gimbals)
+        self.stage_position = qpos[:, machine.stage_qpos].copy()
+        """(n, stages) [m]."""
+        self._stage_speed = np.zeros_like(self.stage_position)
+        self._stage_target = self.stage_position.copy()
+        self._max_speed = np.array([stage.speed for stage in stages])
+        self._max_acceleration = np.array([stage.acceleration for stage in stages])
+        wait = max((stage.response for stage in stages), default=0.0)
+        self._coming = deque([self._stage_target] * round(wait / platform.tick))
+        self._gimbal_angle = qpos[:, machine.gimbal_qpos].copy()
+        self._gimbal_rate = np.zeros_like(self._gimbal_angle)
+        self._gimbal_target = self._gimbal_rate
+        self._gimbal_acceleration = np.array([gimbal.acceleration for gimbal in gimbals])
+        self._qvel[:, machine.rotor_dof] = [rotor.speed for rotor in platform.rotors]
+
+    def send_stages(self, position: Array) -> None:
+        """Positions (n, stages) [m] to go for, once the drives respond."""
+        if self._coming:
+            self._coming[-1] = position
+        else:
+            self._stage_target = position
+
+    def send_gimbals(self, rate: Array) -> None:
+        """Rates (n, gimbals) [rad/s] to go for."""
+        self._gimbal_target = rate
+
+    def forces(self, steps: int) -> Array | None:
+        """Forces (n, steps, nv) on the joints in the next steps; None while none accelerates."""
+        if self._coming:
+            self._stage_target = self._coming.popleft()
+            self._coming.append(self._coming[-1] if self._coming else self._stage_target)
+        force: Array | None = None
+        if self._has_stages and (
+            self._stage_speed.any() or (self.stage_position != self._stage_target).any()
+        ):
+            acceleration, self.stage_position, self._stage_speed = plan(
+                self.stage_position,
+                self._stage_speed,
+                self._stage_target,
+                steps=steps,
+                step=self._step,
+                max_speed=self._max_speed,
+                max_acceleration=self._max_acceleration,
+            )
+            force = self._nothing(steps)
+            force[:, :, self._machine.stage_dof] = acceleration * self._inertia[0]
+        if self._has_gimbals:
+            if (self._gimbal_rate == self._gimbal_target).all():
+                self._gimbal_angle = self._gimbal_angle + self._gimbal_rate * (steps * self._step)
+                return force
+            acceleration, self._gimbal_angle, self._gimbal_rate = ramp(
+                self._gimbal_angle,
+                self._gimbal_rate,
+                self._gimbal_target,
+                steps=steps,
+                step=self._step,
+                max_acceleration=self._gimbal_acceleration,
+            )
+            force = self._nothing(steps) if force is None else force
+            force[:, :, self._machine.gimbal_dof] = acceleration * self._inertia[1]
+        return force
+
+    def pin(self) -> None:
+        """Put the joints on their profile: what pushed back in a tick is forgotten."""
+        machine = self._machine
+        if self._has_stages:
+            self._qpos[:, machine.stage_qpos] = self.stage_position
+            self._qvel[:, machine.stage_dof] = self._stage_speed
+        if self._has_gimbals:
+            self._qpos[:, machine.gimbal_qpos] = self._gimbal_angle
+            self._qvel[:, machine.gimbal_dof] = self._gimbal_rate
+
+    def _nothing(self, steps: int) -> Array:
+        return np.zeros((len(self._qpos), steps, self._machine.model.nv))

@@ -1,0 +1,98 @@
+"""Read a sensor's table out of platform.toml."""
+
+import numpy as np
+
+from twin.config import Table
+from twin.platform.load_parts import Parts
+from twin.platform.mjcf import Layout
+from twin.platform.parts import Base, Sensor
+from twin.signals import stream_named
+
+MEASURED = (
+    "gyro",
+    "attitude",
+    "inclinometer",
+    "accelerometer",
+    "magnetometer",
+    "position",
+    "velocity",
+    "wheel_speed",
+    "gimbal_angle",
+    "gimbal_rate",
+    "stage_position",
+    "joint_angle",
+    "joint_rate",
+    "gas_pressure",
+)
+"""Streams that the simulated plant can measure."""
+
+_AT_SITE = ("inclinometer", "accelerometer")
+
+
+def read_sensor(
+    sensors: Table, stream: str, parts: Parts, base: Base, layout: Layout, step: float
+) -> Sensor:
+    """The table [sensors.STREAM]."""
+    if stream not in MEASURED:
+        raise sensors.fail(
+            stream,
+            "is no stream that the simulation measures",
+            "use " + ", ".join(MEASURED),
+        )
+    table = sensors.table(stream)
+    width = _width(stream, parts, base)
+    if width == 0:
+        raise sensors.fail(stream, "measures a part the machine does not have", "remove it")
+    unit = "rad" if stream == "attitude" else stream_named(stream).unit
+    none = np.zeros(width)
+    sensor = Sensor(
+        stream=stream,
+        rate=table.number("rate", low=1e-3, high=1.0 / step, unit="Hz"),
+        noise=table.numbers("noise", width, low=0.0, unit=unit),
+        bias=table.numbers("bias", width, none, low=0.0, unit=unit),
+        resolution=table.number("resolution", 0.0, low=0.0, unit=unit),
+        range=table.number("range", np.inf, low=0.0, unit=unit),
+        latency=table.number("latency", 0.0, low=0.0, high=10.0, unit="s"),
+        dropout=table.number("dropout", 0.0, low=0.0, high=1.0),
+        cutoff=table.number("cutoff", np.inf, low=1e-3, unit="Hz"),
+        order=int(table.number("order", 4, low=1, high=8)),
+        site=_site(table, stream, layout),
+    )
+    if np.isfinite(sensor.cutoff) and sensor.cutoff >= 0.5 / step:
+        raise table.fail(
+            "cutoff",
+            f"is {sensor.cutoff:g} Hz, which steps of {step:g} s cannot show",
+            f"keep it below {0.5 / step:g} Hz, or choose a smaller simulation.step",
+        )
+    if stream == "attitude" and np.isfinite(sensor.cutoff):
+        raise table.fail("cutoff", "filters a quaternion", "filter the gyro instead")
+    table.close()
+    return sensor
+
+
+def _width(stream: str, parts: Parts, base: Base) -> int:
+    """Numbers of a sensor's noise; 0 where the machine has nothing to measure."""
+    ball = base.kind == "ball"
+    return {
+        "inclinometer": 2 * ball,
+        "accelerometer": 3 * ball,
+        "magnetometer": 3 * ball,
+        "position": 3 * bool(base.planar),
+        "velocity": 3 * bool(base.planar),
+        "wheel_speed": len(parts.wheels),
+        "gimbal_angle": len(parts.gimbals),
+        "gimbal_rate": len(parts.gimbals),
+        "stage_position": len(parts.stages),
+        "joint_angle": int(not ball),
+        "joint_rate": int(not ball),
+        "gas_pressure": int(parts.gas is not None),
+    }.get(stream, 3)
+
+
+def _site(table: Table, stream: str, layout: Layout) -> str:
+    if stream not in _AT_SITE:
+        return ""
+    site = table.text("site")
+    if site not in layout.sites:
+        raise table.fail("site", f"is {site!r}, which is no site of the MJCF", "name it there")
+    return site
