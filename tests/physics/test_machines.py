@@ -19,12 +19,13 @@ from twin.stream.recorder import MemoryRecorder
 
 SECONDS = 300.0
 
-STEPS = {"cubesat": 0.01}
+STEPS = {"cubesat": 0.01, "tas2": 0.005}
 """[s] at which momentum about the vertical is kept to 1e-10 of the largest any part holds."""
 
 LAWS = {
     "sads": ("quaternion_pd", 30.0),
     "cubesat": ("mass_magnetic_pid", 150.0),
+    "tas2": ("cmg_pd", 30.0),
 }
 """A law for each machine, and how long it has to bring 5 deg of tilt below one [s]."""
 
@@ -56,7 +57,7 @@ def internal_commands(platform: Platform, time: float) -> dict[str, np.ndarray]:
         * np.array([min(0.2 * s.travel[1], 1e-5 * platform.mass / s.mass) for s in stages]),
         "command_wheel_torque": sines(len(wheels))
         * np.array([min(0.02 * w.torque_limit, 1e-3 * inertia) for w in wheels]),
-        "command_gimbal_rate": sines(len(gimbals)) * np.array([0.2 * g.rate for g in gimbals]),
+        "command_gimbal_rate": sines(len(gimbals)) * np.array([0.05 * g.rate for g in gimbals]),
         "command_dipole": 0.1 * sines(3),
     }
     return {name: value for name, value in commands.items() if name in platform.commands}

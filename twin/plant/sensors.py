@@ -14,9 +14,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from twin.effects import Order, ScatterEffect, SeriesEffect
+from twin.plant.low_pass import LowPass
 from twin.platform import Platform, Sensor
 from twin.rotation import from_rotation_vector, multiply
 from twin.signals import Samples
@@ -73,12 +73,7 @@ class SimulatedSensor:
         self._bias = (bias * sensor.bias)[:, None, :] if sensor.bias.any() else None
         self.filtered = bool(np.isfinite(sensor.cutoff))
         """Whether it must see every physics step."""
-        self._sections = (
-            butter(sensor.order, sensor.cutoff, fs=1.0 / step, output="sos")
-            if self.filtered
-            else np.empty((0, 6))
-        )
-        self._memory: Array | None = None
+        self._low_pass = LowPass(sensor, step) if self.filtered else None
         if scatter:
             self._shaken = [
                 np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, run, key, 1])))
@@ -98,12 +93,8 @@ class SimulatedSensor:
         return instants - done - 1
 
     def low_passed(self, truth: Array) -> Array:
-        """The sensor's filter on every physics step (n, steps, k), in rest at the first."""
-        if self._memory is None:
-            rest = sosfilt_zi(self._sections)[:, None, :, None]
-            self._memory = rest * truth[None, :, :1]
-        passed, self._memory = sosfilt(self._sections, truth, axis=1, zi=self._memory)
-        return passed
+        """What the sensor's filter leaves of every physics step, (n, steps, k)."""
+        return truth if self._low_pass is None else self._low_pass(truth)
 
     def measure(
         self,
