@@ -85,6 +85,7 @@ class Machine:
     rotor_dof: Index
     magnetorquer_actuator: Index
     thruster_actuator: Index
+    """Empty on a base that does not float away: there thrusters are a torque on the body."""
     planar_qpos: Index
     """x, y and heading of a planar stage; empty without one."""
     planar_dof: Index
@@ -116,6 +117,10 @@ def compile_model(platform: Platform) -> Machine:
     effects = effects_of(platform)
     on_body = [effect for effect in effects if isinstance(effect, BodyEffect)]
     edits = [partial(effect.edit_spec, platform=platform) for effect in on_body]
+    floats = bool(set(platform.base.planar) - set(platform.base.locked))
+    pushing = platform.thrusters if floats else ()
+    if platform.thrusters and not floats:
+        edits.append(partial(_take_out_thrusters, platform=platform))
     model = load_mjcf(platform.model_path, visuals=False, edits=edits)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     model.opt.timestep = platform.step
@@ -123,6 +128,8 @@ def compile_model(platform: Platform) -> Machine:
     model.opt.magnetic[:] = platform.magnetic_field
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     model.opt.disableactuator |= 1 << STAGE_GROUP
+    if platform.base.kind == "ball" and np.isinf(platform.tilt_limit):
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 
     joint, actuator = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_ACTUATOR
     base = platform.base
@@ -171,7 +178,7 @@ def compile_model(platform: Platform) -> Machine:
         gimbal_dof=_index(model.jnt_dofadr[gimbals]),
         rotor_dof=_index(model.jnt_dofadr[rotors]),
         magnetorquer_actuator=_index(torquers),
-        thruster_actuator=_index(_all(platform, model, actuator, platform.thrusters)),
+        thruster_actuator=_index(_all(platform, model, actuator, pushing)),
         planar_qpos=_index(model.jnt_qposadr[planar]),
         planar_dof=_index(model.jnt_dofadr[planar]),
         sliding=_sliding(platform, model, base_body),
@@ -246,6 +253,12 @@ def set_mass_properties(
     model.body_inertia[base_body] = moments
     model.body_sameframe[base_body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     mujoco.mj_setConst(model, data)
+
+
+def _take_out_thrusters(spec: mujoco.MjSpec, *, platform: Platform) -> None:
+    """A bearing that stands takes their force: a torque says the same, and a step is cheaper."""
+    for thruster in platform.thrusters:
+        spec.delete(spec.actuator(thruster.name))
 
 
 def _weigh_stages(platform: Platform, model: mujoco.MjModel) -> None:

@@ -19,7 +19,7 @@ from twin.stream.recorder import MemoryRecorder
 
 SECONDS = 300.0
 
-STEPS = {"cubesat": 0.01, "tas2": 0.005}
+STEPS = {"cubesat": 0.01, "tas2": 0.01}
 """[s] at which momentum about the vertical is kept to 1e-10 of the largest any part holds."""
 
 LAWS = {
@@ -31,44 +31,47 @@ LAWS = {
 
 
 def vertical_momentum(plant: SimulatedPlant) -> float:
-    """About the CR, along the vertical: L_CR = L_CM + M c x v of all that floats."""
-    machine = plant.machine
-    model, data = machine.model, mujoco.MjData(machine.model)
+    """About the room's vertical through the CR at its start, L_CM + M c x v of all that moves.
+
+    The bearing's force passes through that line while the CR stands; where it floats away on a
+    planar stage, nothing holds the whole.
+    """
+    model, data = plant.machine.model, mujoco.MjData(plant.machine.model)
     (data.qpos[:],), (data.qvel[:],) = plant.state
     mujoco.mj_forward(model, data)
     mujoco.mj_subtreeVel(model, data)
-    body = machine.base_body
-    arm = data.subtree_com[body] - data.xanchor[model.body_jntadr[body]]
-    carried = model.body_subtreemass[body] * np.cross(arm, data.subtree_linvel[body])
-    return float((data.subtree_angmom[body] + carried)[2])
+    carried = model.body_subtreemass[0] * np.cross(data.subtree_com[0], data.subtree_linvel[0])
+    return float((data.subtree_angmom[0] + carried)[2])
 
 
 def internal_commands(platform: Platform, time: float) -> dict[str, np.ndarray]:
-    """Slow sines on all that exchanges momentum within the machine, and on coils along z."""
+    """Slow waves on all that exchanges momentum within the machine, and on coils along z.
 
-    def sines(count: int) -> np.ndarray:
-        return np.sin(time * (0.5 - 0.1 * np.arange(count) / max(count, 1)))[None]
+    Torques and rates are cosines, so that what they move swings about its start.
+    """
+
+    def phases(count: int) -> np.ndarray:
+        return time * (0.5 - 0.1 * np.arange(count) / max(count, 1))[None]
 
     wheels, stages, gimbals = platform.wheels, platform.stages, platform.gimbals
     inertia = np.linalg.eigvalsh(platform.inertia)[0]
     commands = {
         # 1 cm moves the CM by far more than its offset, so a share of the weight's moment is taken
-        "command_stage_position": sines(len(stages))
+        "command_stage_position": np.sin(phases(len(stages)))
         * np.array([min(0.2 * s.travel[1], 1e-5 * platform.mass / s.mass) for s in stages]),
-        "command_wheel_torque": sines(len(wheels))
+        "command_wheel_torque": np.cos(phases(len(wheels)))
         * np.array([min(0.02 * w.torque_limit, 1e-3 * inertia) for w in wheels]),
-        "command_gimbal_rate": sines(len(gimbals)) * np.array([0.05 * g.rate for g in gimbals]),
-        "command_dipole": 0.1 * sines(3),
+        "command_gimbal_rate": np.cos(phases(len(gimbals)))
+        * np.array([0.05 * g.rate for g in gimbals]),
+        "command_dipole": 0.1 * np.sin(phases(3)),
     }
     return {name: value for name, value in commands.items() if name in platform.commands}
 
 
-@pytest.mark.parametrize("name", STEPS)
-def test_momentum_about_the_vertical_is_kept_by_all_that_acts_within(name: str):
-    """Coils in a vertical field change none of it either."""
-    platform = load_platform(name)
+def momentum_drift(platform: Platform) -> float:
+    """In SECONDS, in parts of the largest momentum that any part holds."""
     deep = np.array([1e-6, -1e-6, -5e-5]) * platform.mass  # it swings clear of the stop
-    platform = replace(platform, center_of_mass_offset=deep, step=STEPS[name])
+    platform = replace(platform, center_of_mass_offset=deep)
     plant = SimulatedPlant(platform, initial=InitialState(rate_body=np.array([0.01, -0.01, 0.03])))
     plant.read(0.0)
     wheels = np.array([wheel.inertia for wheel in platform.wheels])
@@ -86,10 +89,22 @@ def test_momentum_about_the_vertical_is_kept_by_all_that_acts_within(name: str):
             largest = max(largest, turning, *spinning)
             lean = max(lean, float(tilt(truth["truth_attitude"])))
         plant.write(internal_commands(platform, k * platform.tick))
-    print(f"{name}: {drift / largest:.1e} of {largest:.3g} N m s; {np.degrees(lean):.2g} deg")
+    print(
+        f"{platform.name}, {platform.step:g} s steps: {drift / largest:.1e} of {largest:.3g} N m s,"
+        f" {np.degrees(lean):.2g} deg"
+    )
     assert not plant.stopped
-    assert lean < platform.tilt_limit - np.radians(5.0), "no contact may have been looked for"
-    assert drift < 1e-10 * largest
+    assert lean < platform.tilt_limit, "what the stop takes is not kept"
+    return drift / largest
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_momentum_about_the_vertical_is_kept_by_all_that_acts_within(name: str):
+    """Coils in a vertical field change none of it either. The default step's drift is printed."""
+    platform = load_platform(name)
+    if platform.step != STEPS[name]:
+        momentum_drift(platform)
+    assert momentum_drift(replace(platform, step=STEPS[name])) < 1e-10
 
 
 @pytest.mark.parametrize("about", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])

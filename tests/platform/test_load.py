@@ -57,7 +57,7 @@ WRONG = {
     "step does not fit": ("step = 0.01 ", "step = 0.03 ", "does not divide the control period"),
     "gravity points up": ("gravity = 9.81", "gravity = -9.81", "at least 0 m/s^2"),
     "frame is no rotation": ("[0.0, 1.0, 0.0, 0.0]", "[0.0, 2.0, 0.0, 0.0]", "scale it to length"),
-    "tilt stop beyond pi": ("angle = 0.52", "angle = 30.52", "between 0 and 3.14159 rad"),
+    "tilt stop beyond pi": ("angle = 0.52", "angle = 30.52", "at most 3.14159 rad"),
     "sensor is unknown": ("[sensors.gyro]", "[sensors.girometer]", "use gyro, attitude"),
     "sensor is faster than the step": ("rate = 100.0", "rate = 1000.0", "between 0.001 and 100 Hz"),
     "noise is negative": ("noise = 1e-3", "noise = -1e-3", "at least 0 rad/s"),

@@ -71,7 +71,7 @@ class PrescribedJoints:
                 max_speed=self._max_speed,
                 max_acceleration=self._max_acceleration,
             )
-            force = self._nothing(steps)
+            force = self.no_forces(steps)
             force[:, :, self._machine.stage_dof] = acceleration * self._inertia[0]
         if self._has_gimbals:
             if (self._gimbal_rate == self._gimbal_target).all():
@@ -85,7 +85,7 @@ class PrescribedJoints:
                 step=self._step,
                 max_acceleration=self._gimbal_acceleration,
             )
-            force = self._nothing(steps) if force is None else force
+            force = self.no_forces(steps) if force is None else force
             force[:, :, self._machine.gimbal_dof] = acceleration * self._inertia[1]
         return force
 
@@ -99,5 +99,6 @@ class PrescribedJoints:
             self._qpos[:, machine.gimbal_qpos] = self._gimbal_angle
             self._qvel[:, machine.gimbal_dof] = self._gimbal_rate
 
-    def _nothing(self, steps: int) -> Array:
+    def no_forces(self, steps: int) -> Array:
+        """Zeros of the shape of `forces`."""
         return np.zeros((len(self._qpos), steps, self._machine.model.nv))

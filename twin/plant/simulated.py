@@ -110,6 +110,9 @@ class SimulatedPlant(Plant):
         self._joints = PrescribedJoints(self.machine, self._qpos, self._qvel)
         self._tanks = None if platform.gas is None else Tanks(platform.gas, self.n)
         self._thrust = np.zeros((self.n, len(platform.thrusters)))
+        self._thrust_torque = np.zeros((self.n, 3))
+        arms = [np.cross(one.point, one.direction) for one in platform.thrusters]
+        self._thrust_arms = np.array(arms).reshape(-1, 3)
         self._wheel_wish = np.zeros((self.n, len(platform.wheels)))
         self._apply: dict[str, Callable[[Array], Array]] = {
             "command_wheel_torque": self._wheel_torque,
@@ -230,7 +233,10 @@ class SimulatedPlant(Plant):
     def _force_of_thrusters(self, wish: Array) -> Array:
         applied = self._limits.force(wish)
         self._thrust = applied if self._tanks is None else self._tanks.fed(applied)
-        self._ctrl[:, self.machine.thruster_actuator] = self._thrust
+        if self.machine.thruster_actuator.size:
+            self._ctrl[:, self.machine.thruster_actuator] = self._thrust
+        else:
+            self._thrust_torque = np.einsum("nt,ti->ni", self._thrust, self._thrust_arms)
         return self._thrust
 
     def _start(self, initial: InitialState) -> None:
@@ -259,7 +265,10 @@ class SimulatedPlant(Plant):
     def _advance(self, steps: int) -> Array:
         """Advance every living run; the states after each step, (n, steps, nq + nv)."""
         control = self._joints.forces(steps)
-        moving = control is not None
+        if self._thrust_torque.any():
+            control = self._joints.no_forces(steps) if control is None else control
+            control[:, :, self.machine.base_dof] += self._thrust_torque[:, None]
+        pushed = control is not None
         self._set_contacts(steps)
         living = self._living()
         if control is not None and len(living) < self.n:
@@ -273,7 +282,7 @@ class SimulatedPlant(Plant):
                 self._batch.rollout(
                     steps,
                     control,
-                    _FORCE if moving else 0,
+                    _FORCE if pushed else 0,
                     record=[_STATE],
                     ids=self._ids,
                     out={_STATE: states},
@@ -288,7 +297,7 @@ class SimulatedPlant(Plant):
             moved, states = states, present[:, None].repeat(steps, axis=1)
             states[living] = moved
         self._joints.pin()
-        if moving:
+        if pushed:
             self._force[:] = 0.0
         if self._tanks is not None:
             self._tanks.draw(self._thrust, steps * self.platform.step)

@@ -60,7 +60,11 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
         raise frames.fail("paper_from_body", "is no unit quaternion", "scale it to length 1")
     frames.close()
     tilt_stop = table.table("tilt_stop", required=False)
-    tilt_limit = tilt_stop.number("angle", np.inf, low=0.0, high=np.pi, unit="rad")
+    tilt_limit = tilt_stop.number("angle", np.inf, low=0.0, unit="rad")
+    if np.pi < tilt_limit < np.inf:
+        raise tilt_stop.fail(
+            "angle", f"is {tilt_limit:g} rad", "give at most 3.14159 rad, or inf for none"
+        )
     tilt_stop.close()
 
     sensor_table = table.table("sensors", required=False)
