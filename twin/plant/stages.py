@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_ARRIVED = 1e-12
-"""[m]: nearer than this, a stage is put exactly on its target."""
+_ARRIVED = 1e-15
+"""[m]: nearer than this, a stage is put exactly on its target. The jump in speed that this makes
+changes the momentum of the machine, so it must be of the size of rounding."""
 
 
 def plan(
