@@ -56,7 +56,7 @@ class Flight:
         )
         if "command_wheel_torque" not in wanted or platform.base.kind != "ball":
             return []
-        start = np.broadcast_to(self.initial.wheel_speed, (n, len(platform.wheels)))[0]
+        start = np.broadcast_to(self.initial.wheel_speeds(platform), (n, len(platform.wheels)))[0]
         budget = momentum_budget(platform, self.reference, self.duration, start)
         if budget.saturates_at is None:
             return []

@@ -128,7 +128,7 @@ def compile_model(platform: Platform) -> Machine:
     model.opt.magnetic[:] = platform.magnetic_field
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     model.opt.disableactuator |= 1 << STAGE_GROUP
-    if platform.base.kind == "ball" and np.isinf(platform.tilt_limit):
+    if platform.base.kind == "ball" and np.isinf(platform.stop_angle):
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 
     joint, actuator = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_ACTUATOR

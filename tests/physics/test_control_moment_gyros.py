@@ -9,7 +9,13 @@ from twin.platform import load_platform
 from twin.rotation import matrix, normalized
 
 
-def odd_in_speed(machine: Machine, angle, gimbal_rate, rate, speed) -> np.ndarray:
+def odd_in_speed(
+    machine: Machine,
+    angle: np.ndarray,
+    gimbal_rate: np.ndarray,
+    rate: np.ndarray,
+    speed: np.ndarray,
+) -> np.ndarray:
     """(3,) the part of the torque on the body that turns round with the rotors [N m, body]."""
     draw = np.random.default_rng(3)
     attitude = normalized(draw.normal(size=4))

@@ -1,4 +1,4 @@
-"""Where the tilt stop touches, and what the default step costs in accuracy."""
+"""Where the stop touches, and what the default step costs in accuracy."""
 
 import mujoco
 import numpy as np
@@ -20,14 +20,13 @@ STEP_ERROR = np.deg2rad(1e-4)
 _DIRECTIONS = 12
 
 
-def check_tilt_stop(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
-    """Tilt the machine in twelve directions, each at another yaw, until something touches."""
+def check_stop(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
+    """Lean the machine in twelve directions, each at another yaw, until something touches."""
     if platform.base.kind != "ball":
         return []
-    azimuths = np.arange(_DIRECTIONS) * (2.0 * np.pi / _DIRECTIONS)
-    angles = [_first_contact(platform, model, azimuth, 2.4 * azimuth) for azimuth in azimuths]
-    low, high = min(angles), max(angles)
-    if np.isinf(platform.tilt_limit):
+    angles = [_first_contact(platform, model, number) for number in range(_DIRECTIONS)]
+    low, high, stated = min(angles), max(angles), platform.stop_angle
+    if np.isinf(stated):
         return [
             judge(
                 "no tilt stop",
@@ -38,40 +37,51 @@ def check_tilt_stop(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
                 "the MJCF has a tilt stop; add [tilt_stop] angle to platform.toml",
             )
         ]
-    degrees = np.rad2deg([low, high, platform.tilt_limit])
+    kind = "tilt" if platform.pitch_stop is None else "pitch"
+    degrees = np.rad2deg([low, high, stated])
     meets = (
-        f"touches between {degrees[0]:.4g} and {degrees[1]:.4g} deg of tilt"
+        f"touches between {degrees[0]:.4g} and {degrees[1]:.4g} deg of {kind}"
         if np.isfinite(high)
         else "tilts in some direction until it is upside down, and nothing touches"
+        if kind == "tilt"
+        else "lets its axis stand upright, and nothing touches"
     )
     return [
         judge(
-            "tilt stop, any direction",
-            max(platform.tilt_limit - low, high - platform.tilt_limit) <= TILT_TOLERANCE,
-            [platform.tilt_limit, platform.tilt_limit],
+            f"{kind} stop, any direction",
+            max(stated - low, high - stated) <= TILT_TOLERANCE,
+            [stated, stated],
             [low, high],
             "rad",
             f"the MJCF {meets}, platform.toml says {degrees[2]:.4g} deg; mend the contact pair or "
-            "tilt_stop.angle",
+            f"{kind}_stop.angle",
         )
     ]
 
 
-def _first_contact(platform: Platform, model: mujoco.MjModel, azimuth: float, yaw: float) -> float:
-    """Smallest tilt [rad] towards `azimuth` at which anything touches; inf when nothing does."""
+def _first_contact(platform: Platform, model: mujoco.MjModel, number: int) -> float:
+    """Smallest lean [rad] in a numbered direction at which anything touches; inf without one.
+
+    With a pitch stop the axis goes up or down, each time at another roll.
+    """
+    azimuth = number * (2.0 * np.pi / _DIRECTIONS)
     data = mujoco.MjData(model)
     start = int(model.jnt_qposadr[model.joint(platform.base.joint).id])
-    turned = rotation.from_rotation_vector(np.array([0.0, 0.0, yaw]))
-    across = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    turned = rotation.from_rotation_vector(np.array([0.0, 0.0, 2.4 * azimuth]))
+    across, furthest = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0]), np.pi
+    if platform.pitch_stop is not None:
+        axis, furthest = platform.pitch_stop.axis, 0.5 * np.pi
+        across = (-1.0) ** number * np.cross([0.0, 0.0, 1.0], rotation.rotate(turned, axis))
+        turned = rotation.multiply(turned, rotation.from_rotation_vector(azimuth * axis))
 
-    def touches(tilt: float) -> bool:
-        lean = rotation.from_rotation_vector(tilt * across)
+    def touches(angle: float) -> bool:
+        lean = rotation.from_rotation_vector(angle * across)
         data.qpos[start : start + 4] = rotation.multiply(lean, turned)
         mujoco.mj_fwdPosition(model, data)
         return bool(np.any(data.contact.dist[: data.ncon] <= 0.0))
 
-    coarse = np.linspace(0.0, np.pi, 181)
-    hit = next((i for i, tilt in enumerate(coarse) if touches(float(tilt))), None)
+    coarse = np.linspace(0.0, furthest, 181)
+    hit = next((i for i, angle in enumerate(coarse) if touches(float(angle))), None)
     if hit is None:
         return np.inf
     if hit == 0:

@@ -4,7 +4,7 @@ import mujoco
 
 from twin.check.finding import Finding, compare, judge
 from twin.check.masses import check_masses, check_whole
-from twin.check.motion import check_step, check_tilt_stop
+from twin.check.motion import check_step, check_stop
 from twin.check.parts import check_joints, check_parts
 from twin.errors import PlatformError
 from twin.model import compile_model, mass_properties
@@ -26,7 +26,7 @@ def check_platform(platform: Platform) -> list[Finding]:
         return findings  # the rest would only repeat it
     findings += check_parts(base, model)
     findings += check_masses(base, model)
-    findings += check_tilt_stop(base, model)
+    findings += check_stop(base, model)
     findings += _compiled(base)
     for variant in variants_of(base.folder):
         findings += _compiled(load_platform(f"{base.folder}:{variant}"))

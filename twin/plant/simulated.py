@@ -24,6 +24,7 @@ from twin.plant.prescribed import PrescribedJoints
 from twin.plant.sensors import SimulatedSensor
 from twin.plant.truth import Truth
 from twin.platform import Platform
+from twin.rotation import vertical_body
 from twin.signals import Command, Reading, Samples
 
 Array = NDArray[np.float64]
@@ -52,12 +53,17 @@ class InitialState:
     """Or (n, 1) [rad]; hinges."""
     joint_rate: float | Array = 0.0
     """Or (n, 1) [rad/s]; hinges."""
-    wheel_speed: float | Array = 0.0
-    """Or (wheels,), (n, wheels) [rad/s]."""
+    wheel_speed: float | Array | None = None
+    """Or (wheels,), (n, wheels) [rad/s]; their home unless given."""
     stage_position: float | Array = 0.0
     """Or (stages,), (n, stages) [m]."""
     gimbal_angle: Array | None = None
     """(gimbals,) or (n, gimbals) [rad]; their home unless given."""
+
+    def wheel_speeds(self, platform: Platform) -> float | Array:
+        """As given, or at home [rad/s]."""
+        home = np.array([wheel.home for wheel in platform.wheels])
+        return home if self.wheel_speed is None else self.wheel_speed
 
 
 class SimulatedPlant(Plant):
@@ -104,7 +110,8 @@ class SimulatedPlant(Plant):
         self._force = self._batch.bind("qfrc_applied")
         self._flags = self._batch.expand("opt.disableflags")
         self._model_flags = int(model.opt.disableflags)
-        self._guard = np.sin(0.5 * (min(platform.tilt_limit, np.pi) - _GUARD))
+        within = min(platform.stop_angle, np.pi) - _GUARD
+        self._guard = np.sin(within if platform.pitch_stop else 0.5 * within)
 
         self._start(initial or InitialState())
         self._joints = PrescribedJoints(self.machine, self._qpos, self._qvel)
@@ -250,7 +257,7 @@ class SimulatedPlant(Plant):
         else:
             self._qpos[:, machine.base_qpos] = initial.joint_angle
             self._qvel[:, machine.base_dof] = initial.joint_rate
-        self._qvel[:, machine.wheel_dof] = initial.wheel_speed
+        self._qvel[:, machine.wheel_dof] = initial.wheel_speeds(self.platform)
         self._qpos[:, machine.stage_qpos] = initial.stage_position
         home = np.array([gimbal.home for gimbal in self.platform.gimbals])
         angle = home if initial.gimbal_angle is None else initial.gimbal_angle
@@ -299,18 +306,22 @@ class SimulatedPlant(Plant):
         self._joints.pin()
         if pushed:
             self._force[:] = 0.0
-        if self._tanks is not None:
+        if self._tanks is not None and self._thrust.any():
             self._tanks.draw(self._thrust, steps * self.platform.step)
         self._stop_diverged(states[:, -1])
         return states
 
     def _set_contacts(self, steps: int) -> None:
-        if not np.isfinite(self.platform.tilt_limit) or self.platform.base.kind != "ball":
+        platform = self.platform
+        if not np.isfinite(platform.stop_angle) or platform.base.kind != "ball":
             return
-        tilt = self._qpos[:, self.machine.base_qpos][:, 1:3]
+        attitude = self._qpos[:, self.machine.base_qpos]
         rate = self._qvel[:, self.machine.base_dof]
-        reach = 0.5 * _GUARD / (steps * self.platform.step)
-        lean = np.einsum("ni,ni->n", tilt, tilt)
+        reach = 0.5 * _GUARD / (steps * platform.step)
+        if platform.pitch_stop is None:
+            lean = np.einsum("ni,ni->n", attitude[:, 1:3], attitude[:, 1:3])
+        else:
+            lean = np.einsum("ni,i->n", vertical_body(attitude), platform.pitch_stop.axis) ** 2
         speed = np.einsum("ni,ni->n", rate, rate)
         near = (lean > self._guard**2) | (speed > reach**2)
         self._flags[:] = np.where(near, self._model_flags, self._model_flags | _NO_CONTACT)

@@ -6,6 +6,7 @@ from twin.platform.of_log import platform_of as platform_of
 from twin.platform.parts import Base as Base
 from twin.platform.parts import Gas as Gas
 from twin.platform.parts import Gimbal as Gimbal
+from twin.platform.parts import PitchStop as PitchStop
 from twin.platform.parts import Platform as Platform
 from twin.platform.parts import Sensor as Sensor
 from twin.platform.parts import Stage as Stage

@@ -14,7 +14,7 @@ from twin.library import find_model
 from twin.platform.load_parts import read_base, read_parts
 from twin.platform.load_sensors import read_sensor
 from twin.platform.mjcf import read_layout
-from twin.platform.parts import Array, Platform, StatedEffect
+from twin.platform.parts import Array, PitchStop, Platform, StatedEffect
 
 
 def load_platform(name: str | Path) -> Platform:
@@ -66,6 +66,9 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
             "angle", f"is {tilt_limit:g} rad", "give at most 3.14159 rad, or inf for none"
         )
     tilt_stop.close()
+    pitch_stop = _pitch_stop(table.table("pitch_stop")) if "pitch_stop" in table else None
+    if pitch_stop is not None and np.isfinite(tilt_limit):
+        raise table.fail("pitch_stop", "stands beside tilt_stop", "keep the one the machine has")
 
     sensor_table = table.table("sensors", required=False)
     sensors = {
@@ -100,6 +103,7 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
         tilt_limit=tilt_limit,
         paper_from_body=paper_from_body,
         effects=effects,
+        pitch_stop=pitch_stop,
     )
 
 
@@ -117,6 +121,17 @@ def _effects(table: Table) -> tuple[StatedEffect, ...]:
             given = {key: aimed.raw(key) for key in aimed.keys}
             found.append(StatedEffect(name, target, given, one.line(target)))
     return tuple(found)
+
+
+def _pitch_stop(table: Table) -> PitchStop:
+    axis = table.numbers("axis", 3)
+    if abs(np.linalg.norm(axis) - 1.0) > 1e-9 or abs(axis[2]) > 1e-9:
+        raise table.fail(
+            "axis", f"is {axis.tolist()}", "give a unit vector that is horizontal when level"
+        )
+    angle = table.number("angle", low=0.0, high=0.5 * np.pi, unit="rad")
+    table.close()
+    return PitchStop(axis, angle)
 
 
 def _timing(table: Table) -> tuple[float, float]:

@@ -105,7 +105,14 @@ def _wheel(table: Table, layout: Layout, gimbals: list[str]) -> Wheel:
         inertia=table.number("inertia", low=1e-12, unit="kg m^2"),
         momentum_limit=table.number("momentum_limit", low=0.0, unit="N m s"),
         torque_limit=table.number("torque_limit", low=0.0, unit="N m"),
+        home=table.number("home", 0.0, unit="rad/s"),
     )
+    if abs(wheel.home) > wheel.speed_limit:
+        raise table.fail(
+            "home",
+            f"is {wheel.home:g} rad/s, beyond the {wheel.speed_limit:g} rad/s of momentum_limit",
+            "start it within its limit",
+        )
     table.close()
     return wheel
 

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.rotation import tilt, vertical_body
 from twin.signals import stream_named
 
 Array = NDArray[np.float64]
@@ -50,6 +51,8 @@ class Wheel:
     """(3,) spin axis in body axes, unit, as the MJCF has it; on a gimbal, at its angle 0."""
     gimbal: str | None = None
     """The gimbal that carries it, as the MJCF has it; None on the body."""
+    home: float = 0.0
+    """Speed at which a run starts [rad/s]."""
 
     @property
     def speed_limit(self) -> float:
@@ -188,6 +191,16 @@ class Sensor:
 
 
 @dataclass(frozen=True)
+class PitchStop:
+    """Limits the elevation of one body axis and leaves the turn about it free, as a dumbbell's."""
+
+    axis: Array
+    """(3,) body axes, unit; horizontal when level."""
+    angle: float
+    """At which it touches, up and down [rad]."""
+
+
+@dataclass(frozen=True)
 class StatedEffect:
     """An effect as it is stated; `twin.effects` knows what it does."""
 
@@ -242,6 +255,8 @@ class Platform:
     """Quaternion that turns our body axes into the source's own; identity unless stated."""
     effects: tuple[StatedEffect, ...] = ()
     """What the machine has beyond its parts (docs/design.md 4.4)."""
+    pitch_stop: PitchStop | None = None
+    """In place of a tilt stop."""
 
     @property
     def tick(self) -> float:
@@ -265,6 +280,18 @@ class Platform:
             "command_thruster": len(self.thrusters),
         }
         return {name: width for name, width in widths.items() if width}
+
+    @property
+    def stop_angle(self) -> float:
+        """Where its stop touches, of tilt or pitch [rad]; inf without one."""
+        return self.tilt_limit if self.pitch_stop is None else self.pitch_stop.angle
+
+    def lean(self, attitude: Array) -> Array:
+        """What the stop limits, at attitudes (..., 4): tilt or pitch, (...,) [rad]."""
+        if self.pitch_stop is None:
+            return tilt(attitude)
+        sine = np.abs(vertical_body(attitude) @ self.pitch_stop.axis)
+        return np.arcsin(np.minimum(sine, 1.0))
 
     def columns(self, stream: str) -> tuple[str, ...]:
         """Column names of a canonical stream on this machine.

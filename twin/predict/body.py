@@ -14,7 +14,6 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from twin import rotation
 from twin.errors import UsageError
 from twin.model import Machine
 from twin.predict.base import BaseParameters
@@ -393,8 +392,8 @@ def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:
 
 
 def _near_stop(machine: Machine, motion: Motion) -> bool:
-    """Whether the log comes near the tilt stop."""
+    """Whether the log comes near the stop."""
     platform = machine.platform
     if platform.base.kind != "ball":
         return True
-    return float(rotation.tilt(motion.position).max()) > platform.tilt_limit - STOP_GUARD
+    return float(platform.lean(motion.position).max()) > platform.stop_angle - STOP_GUARD
