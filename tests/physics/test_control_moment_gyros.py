@@ -33,7 +33,7 @@ def odd_in_speed(
     return 0.5 * (torques[0] - torques[1])
 
 
-@pytest.mark.parametrize("name", ["tas2", "tas2:skew70"])
+@pytest.mark.parametrize("name", ["tas2", "tas2:skew70", "astros"])
 def test_a_gimballed_rotor_turns_the_body_with_a_times_the_gimbal_rate(name: str):
     platform = load_platform(name)
     machine = compile_model(platform)

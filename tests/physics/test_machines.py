@@ -24,6 +24,8 @@ STEPS = {
     "tas2": 0.01,
     "whorl1": 0.005,
     "whorl2": 0.01,
+    "astros": 0.01,
+    "astros:mode_c": 0.01,
 }
 """[s] at which momentum about the vertical is kept to 1e-10 of the largest any part holds."""
 
@@ -33,6 +35,8 @@ LAWS = (
     ("tas2", "cmg_pd", 30.0),
     ("whorl1", "quaternion_pd", 30.0),
     ("whorl2", "quaternion_pd", 30.0),
+    ("astros", "mass_pid", 90.0),
+    ("astros", "cmg_pd", 30.0),
 )
 """Laws for each machine, and how long they have to bring 5 deg of tilt below one [s]."""
 
