@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_ARRIVED = 1e-15
-"""[m]: nearer than this, a stage is put exactly on its target. The jump in speed that this makes
-changes the momentum of the machine, so it must be of the size of rounding."""
+_ARRIVED = 1e-16
+"""[m]: a stage that moves less than this in a step, within ten times this of its target, is put
+there at rest. The jump in speed changes the machine's momentum, so it must be of the size of
+rounding."""
 
 
 def plan(
@@ -40,7 +41,7 @@ def plan(
         position = position + step * speed + 0.5 * step * step * pull
         speed = speed + step * pull
         acceleration[:, k] = pull
-        arrived = (np.abs(position - target) < _ARRIVED) & (np.abs(speed) < _ARRIVED / step)
+        arrived = (np.abs(position - target) < 10.0 * _ARRIVED) & (np.abs(speed) < _ARRIVED / step)
         position = np.where(arrived, target, position)
         speed = np.where(arrived, 0.0, speed)
     return acceleration, position, speed
