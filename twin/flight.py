@@ -11,7 +11,7 @@ from twin.clock import Clock
 from twin.controller import AnyController, load_controller
 from twin.effects import Effect, effects_of, with_effects
 from twin.errors import UnknownName, UsageError
-from twin.estimators import Estimator, load_estimator
+from twin.estimators import Estimator, load_estimator, usual_estimator
 from twin.loop import Observer, Outcome, fly
 from twin.plant.plant import Plant
 from twin.plant.replayed import ReplayedPlant
@@ -87,7 +87,7 @@ def prepare(
     platform: str,
     *,
     controller: str,
-    estimator: str,
+    estimator: str | None,
     plant: str,
     reference: str | None,
     duration: float | None,
@@ -101,7 +101,7 @@ def prepare(
     Args:
         platform: a shipped name, or a folder; `:variant` may follow.
         controller: a shipped name, or a file.
-        estimator: a name of `twin.estimators`.
+        estimator: a name of `twin.estimators`; None for the machine's usual one.
         plant: `sim` or `replay:LOG`.
         reference: see `twin.reference.parse_reference`; None: what the law is usually given.
         duration: [s]; None: 60 s, or the whole log that is replayed.
@@ -137,7 +137,7 @@ def prepare(
         raise UsageError(f"duration is {length:g} s; give a time above zero")
     return Flight(
         plant=body,
-        estimator=load_estimator(estimator),
+        estimator=load_estimator(estimator or usual_estimator(machine)),
         controller=law,
         reference=parse_reference(reference or law.reference),
         duration=length,

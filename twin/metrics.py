@@ -37,7 +37,7 @@ class Metrics:
     def collect(self, tick: Tick) -> None:
         """One tick."""
         estimate, truth, time = tick.estimate, tick.truth, tick.reading.time
-        if self.platform.base.kind == "ball":
+        if self.platform.base.kind != "hinge":
             seen = truth.get("truth_attitude")
             attitude = estimate.attitude if seen is None else seen.value[:, -1]
             self._tilt = np.maximum(self._tilt, tilt(attitude))
@@ -64,7 +64,7 @@ class Metrics:
         if self._counted:
             found["tracking_error_rms_rad"] = np.sqrt(self._squares / self._counted)
             found["tracking_error_max_rad"] = self._worst
-        if self.platform.base.kind == "ball":
+        if self.platform.base.kind != "hinge":
             found["tilt_max_rad"] = self._tilt
         if self._saturated is not None:
             found["wheel_momentum_max_N_m_s"] = self._momentum

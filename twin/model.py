@@ -86,9 +86,11 @@ class Machine:
     magnetorquer_actuator: Index
     thruster_actuator: Index
     """Empty on a base that does not float away: there thrusters are a torque on the body."""
-    planar_qpos: Index
-    """x, y and heading of a planar stage; empty without one."""
-    planar_dof: Index
+    place_qpos: Index
+    """Of the CR in the room: x, y of a planar stage, x, y, z of a free base; else empty."""
+    place_dof: Index
+    heading_qpos: Index
+    """Of a planar stage; empty without one."""
     sliding: "Sliding"
     joint_actuator: int | None
     effects: tuple[Effect, ...]
@@ -117,7 +119,8 @@ def compile_model(platform: Platform) -> Machine:
     effects = effects_of(platform)
     on_body = [effect for effect in effects if isinstance(effect, BodyEffect)]
     edits = [partial(effect.edit_spec, platform=platform) for effect in on_body]
-    floats = bool(set(platform.base.planar) - set(platform.base.locked))
+    base = platform.base
+    floats = base.kind == "free" or bool(set(base.planar) - set(base.locked))
     pushing = platform.thrusters if floats else ()
     if platform.thrusters and not floats:
         edits.append(partial(_take_out_thrusters, platform=platform))
@@ -132,16 +135,19 @@ def compile_model(platform: Platform) -> Machine:
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 
     joint, actuator = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_ACTUATOR
-    base = platform.base
     base_joint = _named(platform, model, joint, base.joint)
     base_body = _named(platform, model, mujoco.mjtObj.mjOBJ_BODY, base.body)
-    width = {"ball": (4, 3), "hinge": (1, 1)}[base.kind]
+    width = (1, 1) if base.kind == "hinge" else (4, 3)
     qpos, dof = int(model.jnt_qposadr[base_joint]), int(model.jnt_dofadr[base_joint])
     wheels = _all(platform, model, joint, platform.wheels)
     stages = _all(platform, model, joint, platform.stages)
     gimbals = _all(platform, model, joint, platform.gimbals)
     rotors = _all(platform, model, joint, platform.rotors)
     planar = [_named(platform, model, joint, name) for name in base.planar]
+    place_qpos, place_dof = model.jnt_qposadr[planar[:2]], model.jnt_dofadr[planar[:2]]
+    if base.kind == "free":
+        place_qpos, place_dof = qpos + np.arange(3), dof + np.arange(3)
+        qpos, dof = qpos + 3, dof + 3
     torquers = _all(platform, model, actuator, platform.magnetorquers)
     motor = None if base.actuator is None else _named(platform, model, actuator, base.actuator)
 
@@ -179,8 +185,9 @@ def compile_model(platform: Platform) -> Machine:
         rotor_dof=_index(model.jnt_dofadr[rotors]),
         magnetorquer_actuator=_index(torquers),
         thruster_actuator=_index(_all(platform, model, actuator, pushing)),
-        planar_qpos=_index(model.jnt_qposadr[planar]),
-        planar_dof=_index(model.jnt_dofadr[planar]),
+        place_qpos=_index(place_qpos),
+        place_dof=_index(place_dof),
+        heading_qpos=_index(model.jnt_qposadr[planar[2:]]),
         sliding=_sliding(platform, model, base_body),
         joint_actuator=motor,
         effects=effects,
@@ -310,7 +317,8 @@ def _apply_field(platform: Platform, model: mujoco.MjModel, torquers: list[int])
     anchor = data.xanchor[model.joint(platform.base.joint).id]
     for actuator in torquers:
         site, room = model.actuator_trnid[actuator]
-        if room < 0 or model.site_bodyid[room] != 0 or platform.base.planar:
+        floats = platform.base.planar or platform.base.kind == "free"
+        if room < 0 or model.site_bodyid[room] != 0 or floats:
             raise PlatformError(
                 platform.model_path,
                 f"magnetorquer {model.actuator(actuator).name!r} needs a bearing that stands in "

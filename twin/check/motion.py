@@ -98,7 +98,7 @@ def check_step(platform: Platform) -> list[Finding]:
     machine = compile_model(platform)
     machine.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     whole, half = _fly(machine, 1), _fly(machine, 2)
-    if platform.base.kind == "ball":
+    if platform.base.kind != "hinge":
         angle = rotation.to_rotation_vector(
             rotation.multiply(rotation.conjugate(half[0]), whole[0])
         )
@@ -133,7 +133,7 @@ def _fly(machine: Machine, halvings: int) -> tuple[Array, Array]:
     speed = np.array([wheel.speed_limit for wheel in platform.wheels])
     frequency = 0.5 + 0.4 * np.arange(len(limit))  # [rad/s]
     amplitude = np.minimum(0.2 * limit, 0.1 * momentum * frequency)
-    if platform.base.kind == "ball":
+    if platform.base.kind != "hinge":
         data.qpos[machine.base_qpos] = rotation.from_rotation_vector(np.array([0.1, 0.05, 0.0]))
         data.qvel[machine.base_dof] = (0.1, -0.05, 0.08)
     else:

@@ -21,6 +21,7 @@ VERBS: dict[str, tuple[str, str, str]] = {
     "export": ("twin.cli.export", "Export", "a log as a folder of CSV, Parquet or MAT files"),
     "view": ("twin.cli.view", "View", "open a recording in the Rerun viewer"),
     "platforms": ("twin.cli.platforms", "Platforms", "the machines that are shipped"),
+    "new": ("twin.cli.new", "New", "begin a machine of one's own: a folder that flies at once"),
     "effects": ("twin.cli.effects", "Effects", "what may depart from a machine's model"),
     "controllers": ("twin.cli.controllers", "Controllers", "the control laws that are shipped"),
 }

@@ -34,8 +34,9 @@ class Run:
     """A shipped law (see `twin controllers`) or the file of one's own."""
     gains: Annotated[tuple[str, ...], _arg("NAME=VALUE ...")] = ()
     """Gains that differ from the law's own."""
-    estimator: Annotated[str, _arg("filter|passthrough")] = "filter"
-    """Attitude and gyro bias filtered, or the sensors as they are."""
+    estimator: Annotated[str | None, _arg("filter|passthrough")] = None
+    """Attitude and gyro bias filtered, or the sensors as they are; by default filtered where the
+    machine has gyro and attitude."""
     plant: Annotated[str, _arg("sim|replay:LOG")] = "sim"
     """Simulated, or a log played as if it were hardware."""
     reference: Annotated[str | None, _arg("REFERENCE")] = None
@@ -50,6 +51,8 @@ class Run:
     """At the start, in degrees; a hinge takes the first."""
     rate: Annotated[Angles, _arg("X Y Z")] = (0.0, 0.0, 0.0)
     """Body rates x, y, z at the start, in degrees a second; a hinge takes the first."""
+    velocity: Annotated[Angles, _arg("X Y Z")] = (0.0, 0.0, 0.0)
+    """Of a body that is thrown, or slides on its stage, at the start: in the room, in m/s."""
     seed: int = 0
     """Of all random numbers."""
     realtime: bool = False
@@ -121,14 +124,18 @@ class Run:
         return InitialState(
             attitude=from_euler_zyx(yaw, pitch, roll),
             rate_body=rate,
+            velocity=np.array(self.velocity),
             joint_angle=float(roll),
             joint_rate=float(rate[0]),
         )
 
     def _announce(self, flight: "Flight", warnings: Sequence[str]) -> None:
+        from twin.estimators import usual_estimator
+
         reference = self.reference or flight.controller.reference
+        estimator = self.estimator or usual_estimator(flight.platform)
         lines = [
-            f"{flight.platform.name}: {self.controller} with estimator {self.estimator}, "
+            f"{flight.platform.name}: {self.controller} with estimator {estimator}, "
             f"reference {reference}, {flight.duration:g} s at {flight.platform.control_rate:g} Hz, "
             f"plant {self.plant}, seed {self.seed}",
             *(f"with {effect.words()}" for effect in flight.effects),

@@ -4,6 +4,7 @@ from twin.errors import UnknownName
 from twin.estimators.attitude_filter import AttitudeFilter
 from twin.estimators.estimator import Estimator
 from twin.estimators.passthrough import Passthrough
+from twin.platform import Platform
 
 ESTIMATORS: dict[str, type[Estimator]] = {"filter": AttitudeFilter, "passthrough": Passthrough}
 
@@ -17,3 +18,8 @@ def load_estimator(name: str) -> Estimator:
     if name not in ESTIMATORS:
         raise UnknownName("estimator", name, ESTIMATORS)
     return ESTIMATORS[name]()
+
+
+def usual_estimator(platform: Platform) -> str:
+    """The filter for a machine that has what it needs, else the sensors as they are."""
+    return "filter" if {"gyro", "attitude"} <= set(platform.sensors) else "passthrough"

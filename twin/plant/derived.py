@@ -21,7 +21,7 @@ Derived = Callable[[Sensor | None, Array, Array], Array]
 
 def derived_streams(machine: Machine) -> dict[str, Derived]:
     """By stream, those that this machine can have."""
-    if machine.platform.base.kind != "ball":
+    if machine.platform.base.kind == "hinge":
         return {}
     streams = _Derived(machine)
     return {
@@ -41,8 +41,8 @@ class _Derived:
         self._field = machine.platform.magnetic_field
         self._attitude = machine.base_qpos
         self._rate = slice(nq + machine.base_dof.start, nq + machine.base_dof.stop)
-        self._place = machine.planar_qpos[:2]
-        self._speed = nq + machine.planar_dof[:2]
+        self._place = machine.place_qpos
+        self._speed = nq + machine.place_dof
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         anchor = data.xanchor[model.body_jntadr[machine.base_body]]
@@ -58,7 +58,8 @@ class _Derived:
         push = np.zeros_like(rate)
         push[..., 2] = self._gravity
         if self._speed.size:
-            push[..., :2] = (states[..., self._speed] - earlier[..., self._speed]) / self._step
+            gained = states[..., self._speed] - earlier[..., self._speed]
+            push[..., : self._speed.size] += gained / self._step
         arm = np.broadcast_to(site, rate.shape)
         felt = rotate(conjugate(states[..., self._attitude]), push)
         return felt + cross(turning, arm) + cross(rate, cross(rate, arm))
@@ -78,12 +79,14 @@ class _Derived:
     def position(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
         """Of the CR in the room [m]."""
         del sensor, before
-        height = np.full((*states.shape[:-1], 1), self._height)
-        return np.concatenate([states[..., self._place], height], axis=-1)
+        place = np.empty((*states.shape[:-1], 3))
+        place[..., 2] = self._height
+        place[..., : self._place.size] = states[..., self._place]
+        return place
 
     def velocity(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
         """Of the CR in the room [m/s]."""
         del sensor, before
-        return np.concatenate(
-            [states[..., self._speed], np.zeros((*states.shape[:-1], 1))], axis=-1
-        )
+        speed = np.zeros((*states.shape[:-1], 3))
+        speed[..., : self._speed.size] = states[..., self._speed]
+        return speed

@@ -46,9 +46,11 @@ class InitialState:
     """How the runs start; each shape broadcasts against (n, width)."""
 
     attitude: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
-    """(4,) or (n, 4), world from body; ball joints."""
+    """(4,) or (n, 4), world from body; ball joints and free bases."""
     rate_body: Array = field(default_factory=lambda: np.zeros(3))
     """(3,) or (n, 3) [rad/s]; ball joints."""
+    velocity: Array = field(default_factory=lambda: np.zeros(3))
+    """(3,) or (n, 3) of the CR in the room [m/s]; free bases, and x and y of planar ones."""
     joint_angle: float | Array = 0.0
     """Or (n, 1) [rad]; hinges."""
     joint_rate: float | Array = 0.0
@@ -248,7 +250,7 @@ class SimulatedPlant(Plant):
 
     def _start(self, initial: InitialState) -> None:
         machine, base = self.machine, self.platform.base
-        if base.kind == "ball":
+        if base.kind != "hinge":
             quat = np.asarray(initial.attitude, dtype=np.float64)
             self._qpos[:, machine.base_qpos] = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
             self._qvel[:, machine.base_dof] = initial.rate_body
@@ -257,6 +259,9 @@ class SimulatedPlant(Plant):
         else:
             self._qpos[:, machine.base_qpos] = initial.joint_angle
             self._qvel[:, machine.base_dof] = initial.joint_rate
+        self._qvel[:, machine.place_dof] = np.asarray(initial.velocity)[
+            ..., : len(machine.place_dof)
+        ]
         self._qvel[:, machine.wheel_dof] = initial.wheel_speeds(self.platform)
         self._qpos[:, machine.stage_qpos] = initial.stage_position
         home = np.array([gimbal.home for gimbal in self.platform.gimbals])

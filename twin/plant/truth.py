@@ -20,16 +20,16 @@ class Truth:
     def __init__(self, machine: Machine) -> None:
         nq = machine.model.nq
         base_dof = slice(nq + machine.base_dof.start, nq + machine.base_dof.stop)
-        ball = machine.platform.base.kind == "ball"
+        turns = machine.platform.base.kind != "hinge"
         self._columns: dict[str, Columns] = {
             "wheel_speed": _tight(nq + machine.wheel_dof),
             "gimbal_angle": _tight(machine.gimbal_qpos),
             "gimbal_rate": _tight(nq + machine.gimbal_dof),
             "stage_position": _tight(machine.stage_qpos),
             "stage_speed": _tight(nq + machine.stage_dof),
-            "heading": _tight(machine.planar_qpos[2:]),
+            "heading": _tight(machine.heading_qpos),
         }
-        if ball:
+        if turns:
             self._columns |= {"attitude": machine.base_qpos, "gyro": base_dof}
         else:
             self._columns |= {"joint_angle": machine.base_qpos, "joint_rate": base_dof}
@@ -39,7 +39,7 @@ class Truth:
             if not isinstance(columns, np.ndarray) or columns.size
         }
         self._derived = derived_streams(machine)
-        self._shown = [name for name in ("position", "velocity") if machine.planar_qpos.size]
+        self._shown = [name for name in ("position", "velocity") if machine.place_qpos.size]
         self._mass_moment, self._inertia = _mass_laws(machine)
         self._stages: Array | None = None
         self._masses = (np.empty(0), np.empty(0))

@@ -41,9 +41,9 @@ class Parts:
 
 def read_base(table: Table) -> Base:
     """The table [base]."""
-    kind = table.text("kind", among=("ball", "hinge"))
+    kind = table.text("kind", among=("ball", "hinge", "free"))
     base = Base(
-        kind="ball" if kind == "ball" else "hinge",
+        kind="ball" if kind == "ball" else "hinge" if kind == "hinge" else "free",
         joint=table.text("joint"),
         body=table.text("body"),
         actuator=table.text("actuator", None),
@@ -51,8 +51,8 @@ def read_base(table: Table) -> Base:
         planar=table.texts("planar", ()),
         locked=table.texts("locked", ()),
     )
-    if base.kind == "ball" and base.actuator is not None:
-        raise table.fail("actuator", "is given on a ball joint", "only a hinge has a motor")
+    if base.kind != "hinge" and base.actuator is not None:
+        raise table.fail("actuator", f"is given on a {kind} joint", "only a hinge has a motor")
     if base.planar and (base.kind != "ball" or len(base.planar) != 3):
         raise table.fail(
             "planar",

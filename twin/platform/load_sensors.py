@@ -72,19 +72,19 @@ def read_sensor(
 
 def _width(stream: str, parts: Parts, base: Base) -> int:
     """Numbers of a sensor's noise; 0 where the machine has nothing to measure."""
-    ball = base.kind == "ball"
+    turns, moves = base.kind != "hinge", bool(base.planar) or base.kind == "free"
     return {
-        "inclinometer": 2 * ball,
-        "accelerometer": 3 * ball,
-        "magnetometer": 3 * ball,
-        "position": 3 * bool(base.planar),
-        "velocity": 3 * bool(base.planar),
+        "inclinometer": 2 * turns,
+        "accelerometer": 3 * turns,
+        "magnetometer": 3 * turns,
+        "position": 3 * moves,
+        "velocity": 3 * moves,
         "wheel_speed": len(parts.wheels),
         "gimbal_angle": len(parts.gimbals),
         "gimbal_rate": len(parts.gimbals),
         "stage_position": len(parts.stages),
-        "joint_angle": int(not ball),
-        "joint_rate": int(not ball),
+        "joint_angle": int(not turns),
+        "joint_rate": int(not turns),
         "gas_pressure": int(parts.gas is not None),
     }.get(stream, 3)
 

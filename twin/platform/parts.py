@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 class Base:
     """The joint between the room and the floating body."""
 
-    kind: Literal["ball", "hinge"]
+    kind: Literal["ball", "hinge", "free"]
+    """A free base is carried by nothing: a body that is thrown. Its CR is its body's origin."""
     joint: str
     """Its name in the MJCF."""
     body: str

@@ -211,6 +211,8 @@ def _refuse_what_is_not_predicted(machine: Machine, recording: Recording) -> Non
         driven.insert(0, "gimbals")
     if set(platform.base.planar) - set(platform.base.locked):
         driven.insert(0, "a stage that floats on the floor")
+    if platform.base.kind == "free":
+        driven.insert(0, "falling free")
     if driven:
         raise UsageError(
             f"{platform.name} moves by {', '.join(driven)}, which cannot be predicted from a log "

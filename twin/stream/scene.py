@@ -43,7 +43,7 @@ class Scene:
         self._model = load_mjcf(platform.model_path)
         self._paths = _body_paths(self._model)
         base = platform.base
-        self._streams = (_ATTITUDES if base.kind == "ball" else _ANGLES, _POSITIONS)
+        self._streams = (_ANGLES if base.kind == "hinge" else _ATTITUDES, _POSITIONS)
         self._chosen: dict[int, str] = {}
         self._joints = [base.joint, *(stage.name for stage in platform.stages)]
         self._placed = False
@@ -108,7 +108,7 @@ class Scene:
             return self._chunk(
                 number, time, model.body_pos[body] + shift, np.tile(turn, (len(time), 1))
             )
-        if model.jnt_type[number] == mujoco.mjtJoint.mjJNT_BALL:
+        if model.jnt_type[number] in (mujoco.mjtJoint.mjJNT_BALL, mujoco.mjtJoint.mjJNT_FREE):
             return self._turned(joint, time, np.tile(rotation.IDENTITY, (len(time), 1)))
         return self._turned(joint, time, rotation.from_rotation_vector(away[:, None] * axis))
 

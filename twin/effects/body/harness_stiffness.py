@@ -52,7 +52,7 @@ class HarnessStiffness(BodyEffect):
 
     def unfit(self, platform: Platform) -> str:
         missing = super().unfit(platform)
-        numbers = {"ball": 4, "hinge": 1}[platform.base.kind]
+        numbers = 1 if platform.base.kind == "hinge" else 4
         if missing or self.reference is None or len(self.reference) == numbers:
             return missing
         return (
