@@ -65,6 +65,36 @@ def test_bus_and_stages_stand_where_mujoco_puts_them(sads):
         assert np.allclose(in_world(poses, path), data.xpos[body.id], atol=1e-6), body.name
 
 
+def test_gimbals_and_what_floats_away_stand_where_mujoco_puts_them():
+    astros = load_platform("astros:mode_c")
+    model = load_mjcf(astros.model_path)
+    data = mujoco.MjData(model)
+    quat = rotation.from_euler_zyx(np.array(0.3), np.array(-0.2), np.array(0.1))
+    angle = np.array([0.3, -0.4, 0.5, 1.2])
+    data.joint("bearing").qpos[:] = quat
+    data.joint("x").qpos[0], data.joint("y").qpos[0] = 0.4, -0.3
+    for gimbal, delta in zip(astros.gimbals, angle, strict=True):
+        data.joint(gimbal.name).qpos[0] = delta
+    mujoco.mj_kinematics(model, data)
+    place = np.array([0.4, -0.3, data.body("bus").xpos[2]])
+    time = np.zeros(1)
+    poses = placed(
+        Scene(astros).motion(
+            {
+                "attitude": (time, quat[None]),
+                "position": (time, place[None]),
+                "gimbal_angle": (time, angle[None]),
+            }
+        )
+    )
+    for name in ("column", "bus", "g1", "g4", "s3"):
+        path = next(p for p in poses if p.endswith("/" + name))
+        assert np.allclose(in_world(poses, path), data.body(name).xpos, atol=1e-6), name
+    path = next(p for p in poses if p.endswith("/g4"))
+    turned = rotation.multiply(quat, poses[path][1])
+    assert np.allclose(np.abs(turned @ data.body("g4").xquat), 1.0, atol=1e-6)
+
+
 def test_a_hinge_turns_about_its_axis():
     pendulum = load_platform("dfki_pendulum")
     model = load_mjcf(pendulum.model_path)

@@ -1,6 +1,7 @@
 """The machine in 3D: the MJCF's own visible geoms on entities that follow its body tree.
 
-The bus turns with the attitude (or the hinge angle), the stages slide; wheels are drawn at rest.
+The bus turns with the attitude (or the hinge angle), the stages slide, gimbals turn, and what
+floats away goes where the CR goes; wheels are drawn at rest.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,6 +24,9 @@ WORLD = "world"
 _ATTITUDES = ("estimate_attitude", "attitude", "truth_attitude")
 _ANGLES = ("joint_angle", "truth_joint_angle")
 _POSITIONS = ("stage_position", "truth_stage_position", "command_stage_position")
+_GIMBALS = ("gimbal_angle", "truth_gimbal_angle")
+_HEADINGS = ("truth_heading",)
+_PLACES = ("position", "truth_position")
 """Streams that move the machine; the first that is there does."""
 
 _HIDDEN_GROUP = 3
@@ -43,16 +47,26 @@ class Scene:
         self._model = load_mjcf(platform.model_path)
         self._paths = _body_paths(self._model)
         base = platform.base
-        self._streams = (_ANGLES if base.kind == "hinge" else _ATTITUDES, _POSITIONS)
-        self._chosen: dict[int, str] = {}
-        self._joints = [base.joint, *(stage.name for stage in platform.stages)]
+        self._base = base
+        self._parts = (
+            ((base.joint,), _ANGLES if base.kind == "hinge" else _ATTITUDES),
+            (tuple(stage.name for stage in platform.stages), _POSITIONS),
+            (tuple(gimbal.name for gimbal in platform.gimbals), _GIMBALS),
+            (base.planar[2:], _HEADINGS),
+        )
+        """Joints, and the streams that move them, the best first."""
+        self._joints = [joint for joints, _ in self._parts for joint in joints]
+        self._carried = base.joint if base.kind == "free" else (*base.planar, "")[0]
+        """The joint whose body goes where the CR goes; empty where the CR stands."""
+        self._chosen: dict[tuple[str, ...], str] = {}
         self._placed = False
 
     def shapes(self) -> Iterator[tuple[str, rr.AsComponents]]:
         """What does not change: entity path and archetype."""
         model = self._model
         yield WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP
-        moving = {int(model.jnt_bodyid[model.joint(name).id]) for name in self._joints}
+        joints = [*self._joints, *filter(None, [self._carried])]
+        moving = {int(model.jnt_bodyid[model.joint(name).id]) for name in joints}
         for body in range(1, model.nbody):
             if body not in moving:
                 yield (
@@ -80,20 +94,48 @@ class Scene:
             for name in self._joints:
                 rest = self._model.qpos0[self._model.joint(name).qposadr[0]]
                 chunks.append(self._moved(name, start, np.array([rest])))
-        for part, streams in enumerate(self._streams):
-            stream = self._chosen.get(part) or next((s for s in streams if s in rows), None)
-            if stream is None or stream not in rows or not len(rows[stream][0]):
+            if self._carried:
+                chunks.append(self._carried_to(start, self._anchor()[None]))
+        for joints, streams in self._parts:
+            stream = self._stream(streams, rows)
+            if stream is None:
                 continue
-            self._chosen[part] = stream
             time, value = rows[stream]
             if stream in _ATTITUDES:
-                chunks.append(self._turned(self._joints[0], time, value))
-            elif stream in _ANGLES:
-                chunks.append(self._moved(self._joints[0], time, value[:, 0]))
+                chunks.append(self._turned(joints[0], time, value))
             else:
-                names = self._joints[1:]
-                chunks += [self._moved(n, time, value[:, i]) for i, n in enumerate(names)]
+                chunks += [self._moved(n, time, value[:, i]) for i, n in enumerate(joints)]
+        place = self._stream(_PLACES, rows) if self._carried else None
+        if place is not None:
+            chunks.append(self._carried_to(*rows[place]))
         return chunks
+
+    def _stream(
+        self, streams: tuple[str, ...], rows: Mapping[str, tuple[Array, Array]]
+    ) -> str | None:
+        """The stream that was taken first, if it has rows now."""
+        stream = self._chosen.get(streams) or next((s for s in streams if s in rows), None)
+        if stream is None or stream not in rows or not len(rows[stream][0]):
+            return None
+        self._chosen[streams] = stream
+        return stream
+
+    def _anchor(self) -> Array:
+        """(3,) the CR in the room at rest [m]."""
+        data = mujoco.MjData(self._model)
+        mujoco.mj_kinematics(self._model, data)
+        return data.xanchor[self._model.joint(self._base.joint).id].copy()
+
+    def _carried_to(self, time: Array, place: Array) -> Chunk:
+        """The body that carries the CR, which is at `place` (m, 3) in the room [m]."""
+        body = int(self._model.jnt_bodyid[self._model.joint(self._carried).id])
+        translation = self._model.body_pos[body] + place - self._anchor()
+        if self._base.kind == "free":  # its attitude is told apart
+            columns = rr.Transform3D.columns(translation=translation)
+        else:
+            turn = np.tile(self._model.body_quat[body], (len(time), 1))
+            columns = rr.Transform3D.columns(translation=translation, quaternion=_xyzw(turn))
+        return Chunk.from_columns(self._paths[body], indexes=[timeline(time)], columns=columns)
 
     def _moved(self, joint: str, time: Array, coordinate: Array) -> Chunk:
         """Along a slide or about a hinge; a ball joint at rest."""
@@ -122,8 +164,11 @@ class Scene:
         return self._chunk(number, time, fixed - rotation.rotate(quat, anchor), quat)
 
     def _chunk(self, joint: int, time: Array, position: Array, quat: Array) -> Chunk:
-        columns = rr.Transform3D.columns(translation=position, quaternion=_xyzw(quat))
         path = self._paths[int(self._model.jnt_bodyid[joint])]
+        if self._model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:  # its place is told apart
+            columns = rr.Transform3D.columns(quaternion=_xyzw(quat))
+        else:
+            columns = rr.Transform3D.columns(translation=position, quaternion=_xyzw(quat))
         return Chunk.from_columns(path, indexes=[timeline(time)], columns=columns)
 
 
