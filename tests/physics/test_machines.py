@@ -83,7 +83,8 @@ def momentum_drift(platform: Platform) -> float:
     """In SECONDS, in parts of the largest momentum that any part holds."""
     deep = np.array([1e-6, -1e-6, -5e-5]) * platform.mass  # it swings clear of the stop
     platform = replace(platform, center_of_mass_offset=deep)
-    rate = np.array([1.0, -1.0, 3.0]) * min(0.01, 0.02 * platform.stop_angle)
+    swing = min(0.01, 0.02 * platform.stop_angle)
+    rate = np.array([swing, -swing, 0.03])
     plant = SimulatedPlant(platform, initial=InitialState(rate_body=rate))
     plant.read(0.0)
     wheels = np.array([wheel.inertia for wheel in platform.wheels])
