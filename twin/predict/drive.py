@@ -1,13 +1,16 @@
 """What drives a prediction: held commands and measured joints, as forces on the physics grid."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
 
 from twin.errors import UsageError
 from twin.model import Machine
+from twin.platform import Sensor
 from twin.predict.base import hinge_axis
 from twin.predict.motion import smoothed_series
 from twin.predict.segments import Segment
@@ -61,7 +64,7 @@ class Inputs:
         for name in ("stage_position", "command_stage_position"):
             stage = self._stream(recording, name, len(platform.stages))
             if stage is not None and self._stage is None:
-                self._stage = smoothed_series(stage)
+                self._stage = _travelled(stage, platform.sensors.get(name))
 
     @property
     def wheels_predicted(self) -> bool:
@@ -218,6 +221,24 @@ def _refuse_what_is_not_predicted(machine: Machine, recording: Recording) -> Non
             f"{platform.name} moves by {', '.join(driven)}, which cannot be predicted from a log "
             "yet; use a log (or a variant) without"
         )
+
+
+def _travelled(series: Series, sensor: Sensor | None) -> tuple[Series, Series]:
+    """A position, smoothed where that takes no more than noise away, and its rate.
+
+    A mass that stays 1 um off after a move turns a table, so the position is what the rate's
+    trapezoids add up to: where the mass rests, that of the data, since what trapezoids leave of a
+    spline is a change of its second derivative (Euler and Maclaurin).
+    """
+    smooth = smoothed_series(series)[0]
+    lost = np.sqrt(np.mean(np.square(series.value - smooth.interpolated_at(series.time)), axis=0))
+    # A counter's noise cannot be told from its moves: that of a command is none.
+    noise = 0.0 if sensor is None else np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0))
+    place = smooth if np.all(lost <= 3.0 * noise) else series
+    slope = CubicSpline(place.time, place.value, bc_type="natural")(place.time, 1)
+    travel = cumulative_trapezoid(slope, place.time, axis=0, initial=0.0)
+    rate = Series(place.time, slope, place.columns, f"{place.unit}/s")
+    return replace(place, value=place.value[0] + travel), rate
 
 
 def held_mean(series: Series, edges: Array) -> Array:
