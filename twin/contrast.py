@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.clock import SimulatedClock
 from twin.controller import Controller
-from twin.effects import Effect, EffectError, with_effects
+from twin.effects import Effect, able, with_effects
 from twin.estimators.passthrough import Passthrough
 from twin.loop import fly
 from twin.plant.simulated import InitialState, SimulatedPlant
@@ -34,8 +34,6 @@ ROUND_OFF = 1e-9
 
 _PERIODS = (7.0, 11.0, 13.0, 17.0)
 """Of the parts' waves, in turn [s]; cosines, so that none gives the body a mean rate."""
-_FINER = (1, 2, 4, 8, 16, 32)
-"""Into how many parts a step may be cut for an effect that needs shorter ones."""
 
 
 @dataclass(frozen=True)
@@ -133,19 +131,6 @@ def contrast(platform: Platform, effect: Effect, seconds: float = SECONDS) -> Co
         if stream in without and stream in changed
     )
     return Contrast(fine, effect, differences)
-
-
-def able(platform: Platform, effect: Effect) -> Platform:
-    """The platform, with a shorter step if the effect needs one.
-
-    Raises:
-        EffectError: it cannot have it.
-    """
-    for parts in _FINER:
-        finer = replace(platform, step=platform.step / parts)
-        if not effect.unfit(finer):
-            return finer
-    raise EffectError(f"{platform.name} cannot have {effect.label}: {effect.unfit(platform)}")
 
 
 def undisturbed(platform: Platform) -> Platform:

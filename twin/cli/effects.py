@@ -80,8 +80,7 @@ class Effects:
 
 def _aimed(text: str, name: str | None) -> "tuple[Effect, Platform]":
     """The effect, at its typical size and its first target unless told, and its platform."""
-    from twin.contrast import able
-    from twin.effects import EffectError, parse_effects
+    from twin.effects import EffectError, able, parse_effects
     from twin.effects.effect import targets
     from twin.errors import UsageError
     from twin.library import model_names

@@ -14,6 +14,9 @@ from twin.effects.errors import EffectError
 from twin.errors import PlatformError, TwinError, UnknownName
 from twin.platform import Platform, StatedEffect
 
+FINER = (1, 2, 4, 8, 16, 32)
+"""Into how many parts a step may be cut for an effect that needs shorter ones."""
+
 
 def effects_of(platform: Platform) -> tuple[Effect, ...]:
     """The effects that a platform has.
@@ -43,6 +46,19 @@ def with_effects(platform: Platform, effects: Sequence[Effect]) -> Platform:
     changed = replace(platform, effects=(*platform.effects, *added))
     effects_of(changed)
     return changed
+
+
+def able(platform: Platform, effect: Effect) -> Platform:
+    """The platform, with a shorter step if the effect needs one.
+
+    Raises:
+        EffectError: it cannot have it.
+    """
+    for parts in FINER:
+        finer = replace(platform, step=platform.step / parts)
+        if not effect.unfit(finer):
+            return finer
+    raise EffectError(f"{platform.name} cannot have {effect.label}: {effect.unfit(platform)}")
 
 
 def stated(effect: Effect) -> StatedEffect:

@@ -1,0 +1,178 @@
+"""An effect of the catalogue as perturbations of a prediction: one for each of its components.
+
+Strengths are in the components' units. An amplitude's is its value. A component that shapes the
+effect without being its size, a frequency or a place, has a meaning only where there is some
+effect: its strength is a change from the value it has, the amplitudes being what they are.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import rotation
+from twin.effects import BodyEffect, Effect, Order, SeriesEffect
+from twin.platform import Platform
+from twin.predict.body import Body
+from twin.predict.drive import Inputs
+from twin.predict.effect_forces import as_measured, force_of, inverse, on_grid
+from twin.predict.outputs import Output
+from twin.predict.perturbation import Perturbation
+from twin.signals import Samples
+
+Array = NDArray[np.float64]
+
+BLIND = ("wheel_imbalance",)
+"""What turns with a wheel leaves no column: no log has the angles of wheels."""
+SMALL = 1e-2
+"""Step of a difference, of a component's scale."""
+
+
+def perturbations_of(effect: Effect, platform: Platform) -> tuple[Perturbation, ...]:
+    """What an effect does to a prediction, component by component.
+
+    Of a vector every component acts for itself: what two of them do together is left out, so where
+    an effect is large they are formed anew at the strengths that were found.
+
+    Args:
+        effect: at the values where it is linearised; an amplitude of 0 counts as a small one.
+        platform: of the machine that is predicted.
+
+    Returns:
+        One a component, in their order; none for an effect that changes no expected value.
+    """
+    if effect.name in BLIND or not isinstance(effect, BodyEffect | SeriesEffect):
+        return ()
+    units = [known.unit for known in effect.parameters() for _ in range(known.size)]
+    return tuple(
+        _perturbation(f"{effect.label} {name}", unit, change, platform)
+        for name, unit, change in zip(effect.names, units, _changes(effect), strict=True)
+    )
+
+
+def strengths_of(effect: Effect) -> Array:
+    """(p,) the strengths of its perturbations that make up the effect itself."""
+    return np.where(amplitudes(effect), effect.values, 0.0)
+
+
+def with_strengths(effect: Effect, strengths: Array) -> Effect:
+    """The effect that its perturbations make at these strengths, within its bounds."""
+    low, high = effect.bounds()
+    values = np.where(amplitudes(effect), 0.0, effect.values) + strengths
+    return effect.with_values(np.clip(values, low, high))
+
+
+def amplitudes(effect: Effect) -> NDArray[np.bool_]:
+    """(p,) which components are amplitudes."""
+    return np.concatenate([np.full(known.size, known.amplitude) for known in effect.parameters()])
+
+
+Change = tuple[tuple[Effect, float], ...]
+"""Effects and factors; their sum is the change at strength 1."""
+
+
+def _changes(effect: Effect) -> list[Change]:
+    """Of each component."""
+    values, steps = effect.values, SMALL * effect.scale()
+    low, high = effect.bounds()
+    size = amplitudes(effect)
+    found: list[Change] = []
+    for i, step in enumerate(steps):
+        alone = np.where(size, 0.0, values)
+        if size[i]:
+            alone[i] = values[i] or step
+            found.append(((effect.with_values(alone), 1.0 / float(alone[i])),))
+            continue
+        large = np.where(size & (values == 0.0), steps, values)
+        ends = [large.copy(), large.copy()]
+        ends[0][i] = max(values[i] - step, low[i])
+        ends[1][i] = min(values[i] + step, high[i])
+        slope = 1.0 / float(ends[1][i] - ends[0][i])
+        before, after = (effect.with_values(end) for end in ends)
+        found.append(((after, slope), (before, -slope)))
+    return found
+
+
+def _perturbation(name: str, unit: str, change: Change, platform: Platform) -> Perturbation:
+    first = change[0][0]
+    if isinstance(first, BodyEffect):
+        return Perturbation(name, unit, force=_summed(change, _body_force))
+    assert isinstance(first, SeriesEffect)
+    stream = first.stream
+    if stream.startswith("command_"):
+        return Perturbation(name, unit, force=_summed(change, _input_force))
+
+    def late(output: Output) -> Array:
+        return sum(
+            (factor * _late(effect, output, platform) for effect, factor in change),
+            start=np.zeros(len(output.time)),
+        )
+
+    def shown(output: Output, truth: Array) -> Array:
+        return sum(
+            (factor * _shown(effect, output, truth, platform) for effect, factor in change),
+            start=np.zeros((1, *output.slot.shape)),
+        )
+
+    force = _summed(change, _input_force)
+    if first.order is Order.delay:
+        return Perturbation(name, unit, force=force, stream=stream, late=late)
+    return Perturbation(name, unit, force=force, stream=stream, shown=shown)
+
+
+def _summed(change: Change, force: Callable[[Effect, Body], Array]) -> Callable[[Body], Array]:
+    def total(body: Body) -> Array:
+        grid = body.grid
+        none = np.zeros((grid.segments, grid.steps, body.machine.model.nv))
+        return sum((factor * force(effect, body) for effect, factor in change), start=none)
+
+    return total
+
+
+def _body_force(effect: Effect, body: Body) -> Array:
+    assert isinstance(effect, BodyEffect)
+    return force_of(effect, body)
+
+
+def _input_force(effect: Effect, body: Body) -> Array:
+    """What the machine was driven with, less what the log says; 0 where that is predicted."""
+    assert isinstance(effect, SeriesEffect)
+    recording, stream = body.recording, effect.stream
+    if stream not in body.inputs.used or stream in [output.stream for output in body.outputs]:
+        return np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
+    series = recording[stream]
+    samples = Samples(series.value[None], series.time[None], np.ones((1, len(series)), dtype=bool))
+    act = effect.apply if stream.startswith("command_") else effect.undo
+    true = act(samples, body.machine.platform)
+    driven = replace(series, time=true.time[0], value=true.value[0])
+    inputs = Inputs(body.machine, replace(recording, streams={**recording.streams, stream: driven}))
+    more = _commanded(inputs, body) - body.commanded()
+    here, there = (as_measured(body, one) for one in (body.inputs, inputs))
+    if (here.position == there.position).all() and (here.velocity == there.velocity).all():
+        return more
+    needed = inverse(body.machine, here) - inverse(body.machine, there)
+    return more + on_grid(needed, body)
+
+
+def _commanded(inputs: Inputs, body: Body) -> Array:
+    grid = body.grid
+    edges = grid.step * np.arange(grid.steps + 1)
+    return np.stack([inputs.commanded(start + edges) for start in grid.starts.tolist()])
+
+
+def _late(effect: Effect, output: Output, platform: Platform) -> Array:
+    """(m,) how long before its stamp each sample was true [s]."""
+    assert isinstance(effect, SeriesEffect)
+    blank = Samples(output.value[None], output.time[None], np.ones((1, len(output.time)), bool))
+    return output.time - effect.undo(blank, platform).time[0]
+
+
+def _shown(effect: Effect, output: Output, truth: Array, platform: Platform) -> Array:
+    """(1, m, k) what a sensor shows beyond the truth."""
+    assert isinstance(effect, SeriesEffect)
+    samples = Samples(truth, output.time[None], np.ones((1, len(output.time)), dtype=bool))
+    shown = effect.apply(samples, platform).value
+    if truth.shape[-1] == 4:
+        return rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(truth), shown))
+    return shown - truth

@@ -1,0 +1,208 @@
+"""The generalised force with which an effect acts along a log's measured motion.
+
+What the machine with the effect needs to move as it did, less what it needs without: two inverse
+dynamics, and the torques and pushes that no model holds. Parts that only the machine with the
+effect has, a panel or a liquid, are carried along first, from rest at the log's first instant.
+"""
+
+import copy
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from twin.effects import BodyEffect, State, able, with_effects
+from twin.model import Machine, compile_model
+from twin.predict.body import Body
+from twin.predict.drive import Inputs
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_FORCE = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED.value)
+
+_CARRIED = 1e13
+"""Armature of a joint that moves as measured, while hidden parts swing on it [kg m^2 or kg]."""
+
+
+@dataclass(frozen=True)
+class Along:
+    """A machine in all joints, in the middle of each physics step."""
+
+    position: Array
+    """(m, nq)."""
+    velocity: Array
+    """(m, nv)."""
+    acceleration: Array
+    """(m, nv)."""
+
+
+def force_of(effect: BodyEffect, body: Body) -> Array:
+    """(S, steps, nv) force of an effect, mean over each step, along the log's motion.
+
+    Raises:
+        EffectError: the machine cannot have it, at whatever step.
+    """
+    plain = body.machine
+    machine = _with(effect, body)
+    shared = _Shared.of(plain, machine)
+    here = as_measured(body, body.inputs)
+    along = shared.along(here)
+    if shared.hidden_dof.size:
+        _carry(shared, body, along)
+    needed = inverse(plain, here) - inverse(machine, along)[:, shared.dof]
+    law = effect.torque(machine.platform)
+    if law is not None:
+        base = State(here.position[:, plain.base_qpos], here.velocity[:, plain.base_dof])
+        needed[:, plain.base_dof] += law(base)
+    needed += _pushes(effect, machine, along, middles(body))[:, shared.dof]
+    return on_grid(needed, body)
+
+
+def middles(body: Body) -> Array:
+    """(S steps,) middle of each physics step [s]."""
+    grid = body.grid
+    return (grid.starts[:, None] + grid.step * (np.arange(grid.steps) + 0.5)).ravel()
+
+
+def on_grid(force: Array, body: Body) -> Array:
+    """(S, steps, nv) from (S steps, nv); the joints that are prescribed feel none."""
+    machine = body.machine
+    felt = np.zeros_like(force)
+    for free in (machine.base_dof, machine.wheel_dof):
+        felt[:, free] = force[:, free]
+    return felt.reshape(body.grid.segments, body.grid.steps, -1)
+
+
+def as_measured(body: Body, inputs: Inputs) -> Along:
+    """A log's machine, its joints as its inputs have them.
+
+    A wheel that a command drives is accelerated by that: its speed, differenced, is mostly noise.
+    """
+    machine, times = body.machine, middles(body)
+    moving = body.motion.at(times)
+    position, velocity, acceleration = inputs.joint_states(times)
+    position[:, machine.base_qpos] = moving.position
+    velocity[:, machine.base_dof] = moving.rate
+    acceleration[:, machine.base_dof] = moving.acceleration
+    if inputs.wheels_predicted and not inputs.wheels_undriven:
+        wheels = machine.platform.wheels
+        rotor = np.array([wheel.inertia for wheel in wheels])
+        axes = np.stack([wheel.axis for wheel in wheels])
+        torque = body.commanded().reshape(len(times), -1)[:, machine.wheel_dof]
+        torque = (
+            torque - machine.model.dof_damping[machine.wheel_dof] * velocity[:, machine.wheel_dof]
+        )
+        acceleration[:, machine.wheel_dof] = torque / rotor - moving.acceleration @ axes.T
+    return Along(position, velocity, acceleration)
+
+
+def inverse(machine: Machine, along: Along) -> Array:
+    """(m, nv) the forces that a machine needs to move so, without contacts."""
+    model = copy.copy(machine.model)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    data = mujoco.MjData(model)
+    force = np.empty_like(along.velocity)
+    for row in range(len(force)):
+        data.qpos[:] = along.position[row]
+        data.qvel[:] = along.velocity[row]
+        data.qacc[:] = along.acceleration[row]
+        mujoco.mj_inverse(model, data)
+        force[row] = data.qfrc_inverse
+    return force
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """Where the joints of a plain machine stand in one that has more of them."""
+
+    machine: Machine
+    qpos: Index
+    """(nq of the plain machine,)."""
+    dof: Index
+    """(nv of the plain machine,)."""
+    hidden_qpos: Index
+    hidden_dof: Index
+    """Of the joints that the plain machine lacks."""
+
+    @staticmethod
+    def of(plain: Machine, machine: Machine) -> "_Shared":
+        """By the joints' names."""
+        model = machine.model
+        joints = [model.joint(plain.model.joint(i).name) for i in range(plain.model.njnt)]
+        dof = np.concatenate([np.flatnonzero(model.dof_jntid == joint.id) for joint in joints])
+        qpos = np.concatenate([joint.qposadr[0] + np.arange(joint.qpos0.size) for joint in joints])
+        hidden_qpos = np.setdiff1d(np.arange(model.nq), qpos)
+        return _Shared(machine, qpos, dof, hidden_qpos, np.setdiff1d(np.arange(model.nv), dof))
+
+    def along(self, plain: Along) -> Along:
+        """The same motion; the hidden joints rest."""
+        model = self.machine.model
+        position = np.tile(model.qpos0, (len(plain.position), 1))
+        velocity, acceleration = np.zeros((2, len(position), model.nv))
+        position[:, self.qpos] = plain.position
+        velocity[:, self.dof] = plain.velocity
+        acceleration[:, self.dof] = plain.acceleration
+        return Along(position, velocity, acceleration)
+
+
+def _with(effect: BodyEffect, body: Body) -> Machine:
+    """The machine with an effect, on a step that can follow it, springs at rest at the start."""
+    platform = able(body.machine.platform, effect)
+    machine = compile_model(with_effects(platform, (effect,)))
+    if effect.follows_start:
+        machine.model.qpos_spring[machine.base_qpos] = body.motion.position[0]
+    return machine
+
+
+def _pushes(effect: BodyEffect, machine: Machine, along: Along, times: Array) -> Array:
+    """(m, nv) generalised force of what pushes with the room's axes."""
+    model, data = machine.model, mujoco.MjData(machine.model)
+    force = np.zeros_like(along.velocity)
+    for push in effect.pushes(machine.platform):
+        body = int(model.body(push.body).id)
+        wrench = push.wrench(times) if callable(push.wrench) else push.wrench
+        wrench = np.broadcast_to(wrench, (len(times), 6))
+        for row in range(len(times)):
+            data.qpos[:] = along.position[row]
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_applyFT(
+                model, data, wrench[row, :3], wrench[row, 3:], data.xipos[body], body, force[row]
+            )
+    return force
+
+
+def _carry(shared: _Shared, body: Body, along: Along) -> None:
+    """Let the hidden joints swing on the measured motion, segment by segment; write theirs.
+
+    Their acceleration is the change of their rate over a step, so that the impulse on the rest is
+    exact.
+    """
+    machine, grid = shared.machine, body.grid
+    finer = round(grid.step / machine.platform.step)
+    step = grid.step / finer
+    model = copy.copy(machine.model)
+    model.opt.timestep = step
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    model.dof_armature[shared.dof] = _CARRIED
+    batch = Batch(model, 1)
+    batch.bind("qpos")[:] = model.qpos0
+    edges = step * np.arange(grid.steps * finer + 1)
+    for segment, start in enumerate(grid.starts.tolist()):
+        moving = body.motion.at(start + edges)
+        batch.bind("qpos")[:, machine.base_qpos] = moving.position[0]
+        batch.bind("qvel")[:, machine.base_dof] = moving.rate[0]
+        before = np.concatenate([batch.bind("qpos"), batch.bind("qvel")], axis=1)
+        force = np.zeros((1, len(edges) - 1, model.nv))
+        force[0][:, machine.base_dof] = _CARRIED * np.diff(moving.rate, axis=0) / step
+        run = batch.rollout(len(edges) - 1, force, control_spec=_FORCE, record=("qpos", "qvel"))
+        after = np.concatenate([run["qpos"], run["qvel"]], axis=2)[0]
+        ends = np.concatenate([before, after])[::finer]
+        rows = slice(segment * grid.steps, (segment + 1) * grid.steps)
+        places, rates = shared.hidden_qpos, model.nq + shared.hidden_dof
+        along.position[rows, places] = 0.5 * (ends[1:, places] + ends[:-1, places])
+        along.velocity[rows, shared.hidden_dof] = 0.5 * (ends[1:, rates] + ends[:-1, rates])
+        along.acceleration[rows, shared.hidden_dof] = np.diff(ends[:, rates], axis=0) / grid.step
