@@ -1,0 +1,61 @@
+"""The catalogue has the effects that the design promises, with their numbers and units."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from twin.effects import catalogue
+
+DESIGN = (Path(__file__).parents[2] / "docs" / "design.md").read_text(encoding="utf-8")
+TABLE = DESIGN[DESIGN.index("### 4.4") : DESIGN.index("### 4.5")]
+ENTRY = re.compile(r"`(?P<name>\w+)`(?P<rest>[^`|]*)")
+PROMISED = {
+    found["name"]: found["rest"]
+    for row in re.findall(r"^\| (`.*?) \|", TABLE, re.MULTILINE)
+    for found in ENTRY.finditer(row)
+}
+BUILT = {kind.name: kind for kind in catalogue()}
+IN_WORDS = {
+    "stage_vibration": ["(rad/s)/(m/s)"],
+    "structural_sag": ["kg m/(m/s2)"],
+    "wheel_imbalance": ["kg m", "kg m2"],
+}
+"""Units that the table puts another way."""
+PLANNED = {
+    "gas_consumption",
+    "gimbal_backlash",
+    "gimbal_center_of_mass_offset",
+    "gimbal_friction",
+    "gimbal_offset",
+    "magnetorquer_gain",
+    "thruster_misalignment",
+}
+
+
+def test_the_table_is_found():
+    assert len(PROMISED) > 40
+
+
+def test_the_catalogue_holds_what_the_design_names_and_nothing_else():
+    assert set(BUILT) == set(PROMISED) - PLANNED
+
+
+@pytest.mark.parametrize("name", BUILT)
+def test_an_effect_of_the_design_has_its_size_and_units(name):
+    kind, rest = BUILT[name], PROMISED[name]
+    units = [known.unit.replace("^", "") for known in kind.parameters()]
+    count = re.search(r"\((\d)\)", rest)
+    if count:
+        assert [known.size for known in kind.parameters()] == [int(count[1])]
+    stated = re.search(r"\[([^\]]+)\]", rest)
+    if name in IN_WORDS:
+        assert units == IN_WORDS[name]
+    elif stated:
+        named = [part.split(",")[0].strip() for part in [stated[1]]]
+        wanted = stated[1].split(", ") if len(units) > 1 else named
+        assert units == ["1" if unit == "-" else unit for unit in wanted]
+
+
+def test_a_lag_is_called_lag():
+    assert [known.name for known in BUILT["clock_lag"].parameters()] == ["lag"]
