@@ -84,6 +84,18 @@ class Spacecraft:
         for module in (sensor, reference, error, law, share):
             self._add("flight", module)
 
+    def take_torques(self) -> Callable[[Array], None]:
+        """What sets the torques (wheels,) of its motors [N m], held until the next."""
+        message = messaging.ArrayMotorTorqueMsg()
+        self._effector.rwMotorCmdInMsg.subscribeTo(message)
+        self._parts.append(message)
+
+        def take(torque: Array) -> None:
+            payload = messaging.ArrayMotorTorqueMsgPayload(motorTorque=torque.tolist())
+            message.write(payload, self._simulation.TotalSim.CurrentNanos)
+
+        return take
+
     def ready(self) -> Callable[[float], None]:
         """What runs it for a number of seconds."""
         self._simulation.InitializeSimulation()

@@ -1,5 +1,6 @@
-"""A pendulum integrated apart from MuJoCo, with whatever friction, gain and delay a test hides."""
+"""What tests of many folders share: a pendulum integrated apart from MuJoCo, and a claim kept."""
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -78,3 +79,16 @@ def pendulum() -> Platform:
 def swing() -> Callable[..., Recording]:
     """A log of the pendulum with what the keywords of `Swing` hide in it."""
     return lambda **hidden: _simulate(Swing(**hidden))
+
+
+@pytest.fixture
+def agrees(record_property) -> Callable[[str, float, float, str], None]:
+    """Hold a deviation to its tolerance; `python -m benchmarks.fidelity` makes a table of both."""
+
+    def check(what: str, deviation: float, tolerance: float, unit: str = "of the size") -> None:
+        claim = {"what": what, "deviation": deviation, "tolerance": tolerance, "unit": unit}
+        record_property("claim", json.dumps(claim))
+        print(f"{what}: {deviation:.1e}, claimed {tolerance:.0e} {unit}")
+        assert deviation <= tolerance, what
+
+    return check

@@ -26,31 +26,37 @@ TUMBLE = InitialState(
 SECONDS = 60.0
 
 
+def relative(found: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.max(np.abs(found / expected - 1.0)))
+
+
 def about_z(platform):
     return platform.inertia[2, 2] - platform.wheels[2].inertia
 
 
-def test_viscous_friction_lets_a_spin_decay_exponentially(balanced):
+def test_viscous_friction_lets_a_spin_decay_exponentially(balanced, agrees):
     effect = effect_named("bearing_viscous_friction")(damping=0.5)
     time, _, rate = flown(balanced, (effect,), SECONDS, SPIN)
     expected = 0.3 * np.exp(-0.5 * time / about_z(balanced))
-    np.testing.assert_allclose(rate[:, 2], expected, rtol=1e-9)
+    agrees("bearing_viscous_friction: exponential decay", relative(rate[:, 2], expected), 1e-12)
 
 
-def test_dry_friction_lets_a_spin_fall_linearly_and_stop(balanced):
+def test_dry_friction_lets_a_spin_fall_linearly_and_stop(balanced, agrees):
     effect = effect_named("bearing_coulomb_friction")(torque_size=0.1)
     time, _, rate = flown(balanced, (effect,), SECONDS, SPIN)
     expected = np.maximum(0.3 - 0.1 * time / about_z(balanced), 0.0)
-    np.testing.assert_allclose(rate[:, 2], expected, atol=2e-4)
+    error = np.abs(rate[:, 2] - expected).max()
+    agrees("bearing_coulomb_friction: linear decay, then rest", error, 2e-4, "rad/s")
 
 
 # the law is first carried on to a step's middle in the second step of a run
-@pytest.mark.parametrize(("variant", "tolerance"), [("axes", 1e-9), ("norm", 2e-6)])
-def test_drag_lets_a_spin_decay_hyperbolically(balanced, variant, tolerance):
+@pytest.mark.parametrize(("variant", "tolerance"), [("axes", 1e-12), ("norm", 2e-6)])
+def test_drag_lets_a_spin_decay_hyperbolically(balanced, variant, tolerance, agrees):
     effect = effect_named("aerodynamic_drag")(drag=5.0, variant=variant)
     time, _, rate = flown(balanced, (effect,), SECONDS, SPIN)
     expected = 0.3 / (1.0 + 5.0 * 0.3 * time / about_z(balanced))
-    np.testing.assert_allclose(rate[:, 2], expected, rtol=tolerance)
+    error = relative(rate[:, 2], expected)
+    agrees(f"aerodynamic_drag, {variant}: hyperbolic decay", error, tolerance)
 
 
 WEIGHT, FIELD = np.array([0.0, 0.0, -9.81]), np.array([2.2e-5, 0.0, -4.2e-5])
@@ -104,25 +110,25 @@ def _drag(b):
 
 
 CASES = {
-    "bearing_viscous_friction": ((0.5,), _viscous(0.5), 3e-10),
+    "bearing_viscous_friction": ((0.5,), _viscous(0.5), 2e-10),
     "bearing_coulomb_friction": ((0.01,), _dry(0.01), 2e-7),
-    "aerodynamic_drag": ((2.0,), _drag(2.0), 3e-10),
-    "bearing_swirl_torque": ((3e-3,), _swirl(3e-3), 3e-10),
-    "residual_dipole": ((30.0, -20.0, 50.0), _dipole([30.0, -20.0, 50.0]), 3e-10),
+    "aerodynamic_drag": ((2.0,), _drag(2.0), 2e-10),
+    "bearing_swirl_torque": ((3e-3,), _swirl(3e-3), 2e-10),
+    "residual_dipole": ((30.0, -20.0, 50.0), _dipole([30.0, -20.0, 50.0]), 2e-10),
     "center_of_mass_drift": ((2e-5, -1e-5, 4e-5), _drift([2e-5, -1e-5, 4e-5]), 2e-8),
     "room_draft": (
         (0.1, 0.2, 0.3, 0.01, -0.02, 0.01, 0.2, 0.5),
         _draft([0.1, 0.2, 0.3], [0.01, -0.02, 0.01], 0.2, 0.5),
         2e-7,
     ),
-    "harness_stiffness": ((0.05,), _harness(0.05), 3e-10),
+    "harness_stiffness": ((0.05,), _harness(0.05), 2e-10),
     "structural_sag": ((1e-4,), _sag(1e-4), 2e-7),
 }
 """Values, the torque written down a second time, and how far apart the attitudes may be [rad]."""
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_tumbling_under_an_effect_agrees_with_an_independent_integration(sads, name):
+def test_tumbling_under_an_effect_agrees_with_an_independent_integration(sads, name, agrees):
     values, torque, tolerance = CASES[name]
     kind = effect_named(name)
     effect = kind(**kind.named(values))
@@ -130,13 +136,12 @@ def test_tumbling_under_an_effect_agrees_with_an_independent_integration(sads, n
     expected, expected_rate = integrated(sads, torque, SECONDS, TUMBLE)
     without, _ = integrated(sads, lambda t, q, w: np.zeros(3), SECONDS, TUMBLE)
     error = apart(expected, attitude[-1])
-    print(f"{name}: {error:.1e} rad apart; the effect itself is {apart(expected, without):.1e}")
-    assert error < tolerance
+    agrees(f"{name}: attitude after 60 s of tumbling, against DOP853", error, tolerance, "rad")
     np.testing.assert_allclose(rate[-1], expected_rate, atol=tolerance)
     assert apart(expected, without) > 1e4 * tolerance, "the case would not show the effect"
 
 
-def test_an_appendage_rings_faster_than_with_the_bus_held_fast(balanced):
+def test_an_appendage_rings_faster_than_with_the_bus_held_fast(balanced, agrees):
     kind = effect_named("flexible_appendage")
     effect = kind(frequency=1.0, damping_ratio=0.0, inertia=2.0, axis=(0.0, 0.0, 0.5))
     platform = replace(balanced, sensors={})
@@ -145,7 +150,8 @@ def test_an_appendage_rings_faster_than_with_the_bus_held_fast(balanced):
     turn = 2.0 * np.pi / np.sqrt(1.0 - share)
     # the bus starts alone at rate w0; the mean is that of both together
     expected = 0.3 * (1.0 - share) + 0.3 * share * np.cos(turn * time)
-    np.testing.assert_allclose(rate[:, 2], expected, atol=2e-6)
+    error = np.abs(rate[:, 2] - expected).max()
+    agrees("flexible_appendage: ringing of two inertias on a spring", error, 2e-6, "rad/s")
 
 
 def _rung(platform, effect):
@@ -160,7 +166,7 @@ def _rung(platform, effect):
     return np.arange(len(rates)) * platform.tick, None, np.array(rates)
 
 
-def test_sloshing_liquid_moves_as_lagrange_says(sads):
+def test_sloshing_liquid_moves_as_lagrange_says(sads, agrees):
     mass, length, height = 3.0, 0.2, 0.4
     effect = effect_named("liquid_slosh")(
         mass=mass, length=length, damping_ratio=0.01, pivot=(0.0, 0.0, -height)
@@ -189,7 +195,8 @@ def test_sloshing_liquid_moves_as_lagrange_says(sads):
         return [body_rate, liquid_rate, *np.linalg.solve(matrix, torque)]
 
     done = solve_ivp(slope, (0.0, 10.0), [0.2, 0.2, 0.0, 0.0], "DOP853", rtol=1e-11, atol=1e-12)
-    assert to_rotation_vector(attitude[-1])[0] == pytest.approx(done.y[0, -1], abs=1e-6)
+    error = abs(to_rotation_vector(attitude[-1])[0] - done.y[0, -1])
+    agrees("liquid_slosh: double pendulum by Lagrange, against DOP853", error, 3e-7, "rad")
     assert rate[-1, 0] == pytest.approx(done.y[2, -1], abs=1e-5)
 
 
