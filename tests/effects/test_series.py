@@ -7,22 +7,33 @@ import pytest
 
 from twin.effects import SeriesEffect, catalogue, effect_named, series_effects
 from twin.effects.effect import targets
-from twin.platform import Platform, Sensor
+from twin.platform import Platform, Sensor, load_platform
 from twin.rotation import from_rotation_vector, multiply, normalized, to_rotation_vector
 from twin.signals import STREAMS, Samples
 
 SERIES = [kind for kind in catalogue() if issubclass(kind, SeriesEffect)]
-OTHERS = ("inclinometer", "accelerometer", "magnetometer")
+OTHERS = {
+    "inclinometer": 2,
+    "accelerometer": 3,
+    "magnetometer": 3,
+    "gimbal_angle": 3,
+    "gas_pressure": 1,
+}
+MANY_TO_ONE = ("stage_backlash", "gimbal_backlash", "gimbal_friction")
+"""Within a play, or against friction, many commands end in one motion."""
 
 
 @pytest.fixture(scope="module")
 def equipped(sads: Platform) -> Platform:
-    """With the sensors that some effects act on."""
-    more = {
-        name: Sensor(name, 20.0, np.zeros(k), np.zeros(k))
-        for name, k in zip(OTHERS, (2, 3, 3), strict=True)
-    }
-    return replace(sads, sensors={**sads.sensors, **more})
+    """With the sensors and the parts that some effects act on."""
+    more = {name: Sensor(name, 20.0, np.zeros(k), np.zeros(k)) for name, k in OTHERS.items()}
+    return replace(
+        sads,
+        sensors={**sads.sensors, **more},
+        gimbals=load_platform("tas2").gimbals,
+        magnetorquers=load_platform("cubesat").magnetorquers,
+        gas=load_platform("astros").gas,
+    )
 
 
 def aimed(kind: type[SeriesEffect], platform: Platform) -> SeriesEffect:
@@ -59,7 +70,7 @@ def test_what_a_machine_shows_can_be_undone(kind, equipped):
     true = smooth(effect.stream, equipped)
     shown = effect.apply(true, equipped)
     again = effect.undo(shown, equipped)
-    if kind.name == "stage_backlash":  # inside the play a drive has many places
+    if kind.name in MANY_TO_ONE:
         again, true = effect.apply(again, equipped), shown
     assert apart(effect.stream, again.value, true.value) < 1e-12
     np.testing.assert_allclose(again.time, true.time, atol=1e-12)
@@ -117,3 +128,25 @@ def test_an_askew_inclinometer_reads_the_elevation_of_its_own_axes(equipped):
     turn = Rotation.from_rotvec([0.1, -0.05, 0.3]).as_matrix()  # the sensor's axes as columns
     assert roll == pytest.approx(np.arcsin(turn[2, 1]), abs=1e-12)
     assert pitch == pytest.approx(-np.arcsin(turn[2, 0]), abs=1e-12)
+
+
+def test_a_gimbal_waits_for_its_gear_after_a_reversal(equipped):
+    effect = effect_named("gimbal_backlash")(width=0.02)
+    tick = equipped.tick
+    rate = np.repeat([0.1, -0.1], 40)[None, :, None] * np.ones(3)
+    stamps = tick * np.arange(80)[None]
+    samples = Samples(rate, stamps, np.ones(stamps.shape, dtype=np.bool_))
+    turned = tick * np.cumsum(effect.apply(samples, equipped).value[0, :, 0])
+    gear = tick * np.cumsum(rate[0, :, 0])
+    # up on one side of the play, down on the other, in between it stands
+    assert turned[39] == pytest.approx(gear[39] - 0.01, abs=1e-12)
+    np.testing.assert_allclose(turned[40:43], turned[39], atol=1e-12)
+    assert turned[-1] == pytest.approx(gear[-1] + 0.01, abs=1e-12)
+
+
+def test_friction_stops_a_gimbal_that_is_told_to_creep(equipped):
+    effect = effect_named("gimbal_friction")(torque=0.1, stiffness=10.0, target="g2")
+    rate = np.array([[[0.005, 0.005, 0.5], [0.005, -0.3, 0.005]]])
+    samples = Samples(rate, np.zeros((1, 2)), np.ones((1, 2), dtype=np.bool_))
+    shown = effect.apply(samples, equipped).value
+    np.testing.assert_allclose(shown, [[[0.005, 0.0, 0.5], [0.005, -0.29, 0.005]]], atol=1e-15)

@@ -20,6 +20,16 @@ from twin.effects.errors import EffectError
 from twin.errors import UnknownName
 
 _FOLDER = Path(__file__).parent
+_FOLDERS = (
+    "body",
+    "sensors",
+    "clocks",
+    "wheels",
+    "gimbals",
+    "stages",
+    "magnetorquers",
+    "thrusters",
+)
 _GROUP = "twin.effects"
 
 
@@ -68,7 +78,7 @@ def _built_in() -> dict[str, str]:
     """Folder of each effect by its name."""
     return {
         path.stem: path.parent.name
-        for folder in ("body", "sensors", "clocks", "wheels", "stages")
+        for folder in _FOLDERS
         for path in sorted((_FOLDER / folder).glob("*.py"))
         if path.stem != "__init__"
     }

@@ -22,6 +22,8 @@ from twin.units import printed
 
 Array = NDArray[np.float64]
 Value = float | tuple[float, ...]
+Target = Literal["", "stream", "wheel", "stage", "gimbal", "thruster"]
+"""What an effect is aimed at."""
 
 _XYZ = ("x", "y", "z")
 
@@ -112,7 +114,7 @@ class Effect(abc.ABC):
     """What gives it away in a log."""
     streams: ClassVar[tuple[str, ...]]
     """Streams without which it cannot be seen."""
-    takes: ClassVar[Literal["", "stream", "wheel", "stage"]] = ""
+    takes: ClassVar[Target] = ""
     """What it is aimed at, if at anything: a stream, or a part (no target: all of them)."""
 
     target: str = field(default="", kw_only=True)
@@ -263,11 +265,16 @@ class Effect(abc.ABC):
         return tuple(numbers) if vector else numbers[0]
 
 
-def targets(takes: Literal["", "stream", "wheel", "stage"], platform: Platform) -> tuple[str, ...]:
+def targets(takes: Target, platform: Platform) -> tuple[str, ...]:
     """What an effect can be aimed at on a platform."""
     if takes == "stream":
         return tuple(platform.sensors)
-    parts = {"wheel": platform.wheels, "stage": platform.stages}
+    parts = {
+        "wheel": platform.wheels,
+        "stage": platform.stages,
+        "gimbal": platform.gimbals,
+        "thruster": platform.thrusters,
+    }
     return tuple(part.name for part in parts.get(takes, ()))
 
 

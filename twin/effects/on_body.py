@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.effects.effect import Effect
-from twin.platform import Platform
+from twin.platform import Platform, Thruster
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ TorqueLaw = Callable[[State], Array]
 
 @dataclass(frozen=True)
 class BodyEffect(Effect, abc.ABC):
-    """Acts on the machine. Gives what it needs of the five; each is nothing by default."""
+    """Acts on the machine. Gives what it needs of the six; each is nothing by default."""
 
     @property
     def follows_start(self) -> bool:
@@ -64,6 +64,10 @@ class BodyEffect(Effect, abc.ABC):
     def edit_model(self, model: mujoco.MjModel, platform: Platform) -> None:
         """Change what only the compiled model holds."""
         del model, platform
+
+    def edit_thruster(self, thruster: Thruster) -> Thruster:
+        """Change a thruster whose force is a torque: on a bearing that stands."""
+        return thruster
 
     def pushes(self, platform: Platform) -> tuple[Push, ...]:
         """Forces with axes of the room."""

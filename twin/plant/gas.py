@@ -1,14 +1,27 @@
-"""The tanks that feed the thrusters."""
+"""Thrusters on a bearing that stands, and the tanks that feed them."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.effects import BodyEffect
+from twin.model import Machine
 from twin.platform import Gas
 
 Array = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665
 """[m/s^2]: what a specific impulse in seconds is multiplied with."""
+
+
+def thruster_arms(machine: Machine) -> Array:
+    """(thrusters, 3) torque about the CR per force of each [m], body axes, effects and all."""
+    arms: list[Array] = []
+    for thruster in machine.platform.thrusters:
+        for effect in machine.effects:
+            if isinstance(effect, BodyEffect):
+                thruster = effect.edit_thruster(thruster)
+        arms.append(np.cross(thruster.point, thruster.direction))
+    return np.array(arms).reshape(-1, 3)
 
 
 class Tanks:

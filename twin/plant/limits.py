@@ -74,12 +74,15 @@ class Limits:
         """Force [N] of each thruster: none pulls."""
         return np.clip(wanted, 0.0, self._force)
 
+    def coils(self, dipole: Array) -> Array:
+        """Moment of each coil (n, coils) that gives a dipole (n, 3) [A m^2, body]."""
+        # einsum rather than @: a row's last bits must not depend on how many runs there are.
+        return np.einsum("ci,ni->nc", self._coil_share, dipole)
+
     def dipole(self, wanted: Array) -> tuple[Array, Array]:
         """Moment of each coil (n, coils) that gives the dipole as far as its limit lets it.
 
         Also returns the dipole (n, 3) that it gives [A m^2, body].
         """
-        # einsum rather than @: a row's last bits must not depend on how many runs there are.
-        coils = np.einsum("ci,ni->nc", self._coil_share, wanted)
-        coils = np.clip(coils, -self._dipole, self._dipole)
+        coils = np.clip(self.coils(wanted), -self._dipole, self._dipole)
         return coils, np.einsum("nc,ci->ni", coils, self._coil_axes)

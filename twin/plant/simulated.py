@@ -17,7 +17,7 @@ from twin.effects import ScatterEffect, series_effects
 from twin.errors import UsageError
 from twin.model import compile_model
 from twin.plant.forces import Forces
-from twin.plant.gas import Tanks
+from twin.plant.gas import Tanks, thruster_arms
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
 from twin.plant.prescribed import PrescribedJoints
@@ -120,8 +120,7 @@ class SimulatedPlant(Plant):
         self._tanks = None if platform.gas is None else Tanks(platform.gas, self.n)
         self._thrust = np.zeros((self.n, len(platform.thrusters)))
         self._thrust_torque = np.zeros((self.n, 3))
-        arms = [np.cross(one.point, one.direction) for one in platform.thrusters]
-        self._thrust_arms = np.array(arms).reshape(-1, 3)
+        self._thrust_arms = thruster_arms(self.machine)
         self._wheel_wish = np.zeros((self.n, len(platform.wheels)))
         self._apply: dict[str, Callable[[Array], Array]] = {
             "command_wheel_torque": self._wheel_torque,
@@ -236,6 +235,8 @@ class SimulatedPlant(Plant):
 
     def _dipole(self, wish: Array) -> Array:
         coils, applied = self._limits.dipole(wish)
+        if self._acts["command_dipole"]:
+            coils = self._limits.coils(self._done_with("command_dipole", applied))
         self._ctrl[:, self.machine.magnetorquer_actuator] = coils
         return applied
 

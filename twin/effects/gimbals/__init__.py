@@ -1,0 +1,1 @@
+"""Effects on the gimbals of control moment gyros."""

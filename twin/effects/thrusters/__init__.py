@@ -1,0 +1,1 @@
+"""Effects on thrusters and what feeds them."""
