@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.clock import SimulatedClock
 from twin.controller import Controller
-from twin.effects import Effect, able, with_effects
+from twin.effects import Effect, ScatterEffect, able, effect_named, with_effects
 from twin.estimators.passthrough import Passthrough
 from twin.loop import fly
 from twin.plant.simulated import InitialState, SimulatedPlant
@@ -46,6 +46,12 @@ class Excitation(Controller[Platform]):
     """Share of the travel, to either side."""
     joint_torque: float = 0.1
     """Share of the limit."""
+    gimbal_rate: float = 0.1
+    """Share of the limit."""
+    dipole: float = 0.5
+    """Share of the limit of the weakest coil."""
+    thrust: float = 0.02
+    """Share of the limit."""
 
     def init(self, platform: Platform, n: int) -> Platform:
         """The machine that it moves."""
@@ -68,6 +74,16 @@ class Excitation(Controller[Platform]):
         if "command_joint_torque" in platform.commands:
             size = np.array([self.joint_torque * platform.base.torque_limit])
             command["command_joint_torque"] = np.tile(size * _waves(1, time), rows)
+        if "command_gimbal_rate" in platform.commands:
+            size = self.gimbal_rate * np.array([g.rate for g in platform.gimbals])
+            command["command_gimbal_rate"] = np.tile(size * _waves(len(size), time), rows)
+        if "command_dipole" in platform.commands:
+            size = self.dipole * min(m.dipole_limit for m in platform.magnetorquers)
+            command["command_dipole"] = np.tile(size * _waves(3, time), rows)
+        if "command_thruster" in platform.commands:
+            size = self.thrust * np.array([t.force_limit for t in platform.thrusters])
+            push = np.maximum(size * _waves(len(size), time), 0.0)
+            command["command_thruster"] = np.tile(push, rows)
         return command, state
 
 
@@ -134,7 +150,10 @@ def contrast(platform: Platform, effect: Effect, seconds: float = SECONDS) -> Co
 
 
 def undisturbed(platform: Platform) -> Platform:
-    """The platform without a tilt stop, its sensors without noise, bias or loss."""
+    """The platform without a tilt stop, its sensors without noise, bias or loss.
+
+    Its own effects stay, but for those that are noise.
+    """
     sensors = {
         name: replace(
             sensor,
@@ -145,7 +164,10 @@ def undisturbed(platform: Platform) -> Platform:
         )
         for name, sensor in platform.sensors.items()
     }
-    return replace(platform, sensors=sensors, tilt_limit=np.pi)
+    kinds = [one.made_by or effect_named(one.name) for one in platform.effects]
+    known = zip(platform.effects, kinds, strict=True)
+    effects = tuple(one for one, kind in known if not issubclass(kind, ScatterEffect))
+    return replace(platform, sensors=sensors, effects=effects, tilt_limit=np.pi)
 
 
 def moved(

@@ -33,7 +33,7 @@ def test_a_coil_of_another_gain_turns_the_table_as_another_command():
     assert np.abs(askew - unaware).max() > 0.05 * np.abs(plain).max()
 
 
-@pytest.mark.parametrize("name", ["sads", "astros"])
+@pytest.mark.parametrize("name", ["whorl1", "astros:mode_c"])
 def test_an_askew_thruster_gives_the_torque_of_its_turned_force(name):
     machine = replace(load_platform(name), center_of_mass_offset=np.zeros(3))
     thruster = machine.thrusters[0]
