@@ -30,7 +30,6 @@ EFFECTS = {
     "drag": ("aerodynamic_drag=0.3", "an external torque"),
     "coulomb": ("bearing_coulomb_friction=2e-4", "an external torque"),
     "swirl": ("bearing_swirl_torque=1e-3", "an external torque"),
-    "dipole": ("residual_dipole=3/-2/1", "an external torque"),
     "harness": ("harness_stiffness=0.02", "an external torque"),
     "drift": ("center_of_mass_drift=4e-6/-2e-6/1e-6", "an external torque"),
     "gyro scale": ("gyro_scale_factor=0.02/-0.02/0.02", "a sensor"),
@@ -145,7 +144,8 @@ def names(row: dict[str, Any]) -> set[str]:
     found = set(row["found"])
     for law in row["found"].values():
         found |= set(law["ties"])
-    return {re.sub(r":.*", "", name) for name in found}
+    # a wheel's friction is one effect and two laws
+    return {re.sub(r":.*|(?<=^wheel)_(viscous|coulomb)(?=_friction)", "", name) for name in found}
 
 
 if __name__ == "__main__":

@@ -127,6 +127,30 @@ def wheel_friction(index: int, *, dry: bool) -> Shape:
     return shape
 
 
+def wheel_misalignment(index: int, across: int) -> Shape:
+    """One wheel turned by 1 rad in its mount, about one of the two directions across its axis.
+
+    Its momentum h a becomes h (a + u x a), and its change pushes the body the other way.
+    """
+
+    def shape(body: Body) -> Array:
+        machine = body.machine
+        wheel, dof = machine.platform.wheels[index], machine.wheel_dof[index]
+        axis = np.asarray(wheel.axis, dtype=np.float64)
+        turned = np.asarray(np.linalg.svd(axis[None])[2][1 + across], dtype=np.float64)
+        middle = _middle(body)
+        _, velocity, acceleration = body.inputs.joint_states(middle.time)
+        momentum = wheel.inertia * (velocity[:, dof] + middle.rate @ axis)
+        commanded = body.commanded()[..., dof].ravel()
+        # what acts on a rotor is its change of momentum, and has no noise of a difference in it
+        change = commanded if commanded.any() else wheel.inertia * acceleration[:, dof]
+        torque = -np.outer(change, turned)
+        torque -= rotation.cross(middle.rate, np.outer(momentum, turned))
+        return _spread(body, torque, machine.base_dof)
+
+    return shape
+
+
 def standstill(motion: Motion) -> float:
     """Rate below which dry friction fades [rad/s]."""
     rates = np.linalg.norm(motion.rate, axis=1)

@@ -207,6 +207,17 @@ def _inside(body: Body) -> list[Symptom]:
                 [shapes.wheel_friction(index, dry=True) for index in range(driven)],
                 dissipative=True,
             ),
+            inside(
+                "wheel_misalignment",
+                "wheels turned in their mounts",
+                "wheels turned in their mounts by {}",
+                "rad",
+                [
+                    shapes.wheel_misalignment(index, across)
+                    for index in range(driven)
+                    for across in range(2)
+                ],
+            ),
         ]
     return found
 
