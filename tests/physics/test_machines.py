@@ -111,7 +111,10 @@ def momentum_drift(platform: Platform) -> float:
     return drift / largest
 
 
-@pytest.mark.parametrize("name", STEPS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow) if "whorl" in name else name for name in STEPS],
+)
 def test_momentum_about_the_vertical_is_kept_by_all_that_acts_within(name: str):
     """Coils in a vertical field change none of it either. The default step's drift is printed."""
     platform = load_platform(name)
