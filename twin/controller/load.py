@@ -1,10 +1,7 @@
 """A control law from its file: by name or path, imported alone, with its gains."""
 
-import hashlib
-import importlib.util
 import inspect
 import math
-import sys
 import traceback
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
@@ -15,6 +12,7 @@ from typing import Any
 from twin.controller.controller import AnyController, Controller
 from twin.errors import ControllerError, TwinError, UnknownName
 from twin.library import find_controller
+from twin.own_file import import_alone
 
 
 def load_controller(name: str, gains: Mapping[str, float] | None = None) -> AnyController:
@@ -26,7 +24,7 @@ def load_controller(name: str, gains: Mapping[str, float] | None = None) -> AnyC
             does not take the gains.
     """
     path = find_controller(name)
-    law = _only_law(path, _import_alone(path))
+    law = _only_law(path, _imported(path))
     if not is_dataclass(law):
         raise ControllerError(
             f"{path}: {law.__name__} is no dataclass; put @dataclass(frozen=True) above it and "
@@ -61,22 +59,13 @@ def raised_at(path: Path, problem: BaseException) -> str:
     return (f"line {line}: " if line else "") + f"{type(problem).__name__}: {message}"
 
 
-def _import_alone(path: Path) -> ModuleType:
-    """Run the file as a module of a private name, so that it clashes with nobody's."""
-    name = f"_twin_controller_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:12]}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise ControllerError(f"{path}: is no Python file; a law is a file that ends in .py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
+def _imported(path: Path) -> ModuleType:
     try:
-        spec.loader.exec_module(module)
+        return import_alone(path)
     except (Exception, SystemExit) as problem:
-        del sys.modules[name]
         raise ControllerError(
             f"{path}: cannot be imported, {raised_at(path, problem)}; mend the file"
         ) from problem
-    return module
 
 
 def _only_law(path: Path, module: ModuleType) -> type[AnyController]:

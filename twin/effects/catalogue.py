@@ -4,11 +4,8 @@ A lab's own effect is a file with one class, given by its path, or the entry poi
 package in the group `twin.effects` that names such a class.
 """
 
-import hashlib
 import importlib
-import importlib.util
 import inspect
-import sys
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -18,6 +15,7 @@ from typing import Any
 from twin.effects.effect import Effect
 from twin.effects.errors import EffectError
 from twin.errors import UnknownName
+from twin.own_file import import_alone
 
 _FOLDER = Path(__file__).parent
 _FOLDERS = (
@@ -86,16 +84,9 @@ def _built_in() -> dict[str, str]:
 
 @cache
 def _only_effect(path: Path) -> type[Effect]:
-    name = f"_twin_effect_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:12]}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise EffectError(f"{path}: is no Python file; an effect is a file that ends in .py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        module = import_alone(path)
     except (Exception, SystemExit) as problem:
-        del sys.modules[name]
         raise EffectError(
             f"{path}: cannot be imported, {type(problem).__name__}: {problem}; mend the file"
         ) from problem
