@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.conventions.axes import signed_permutations
 from twin.conventions.grid import Grid, Means, grid_of
 from twin.platform import Platform
 from twin.recording import Recording
@@ -153,11 +152,6 @@ class Momentum:
         held = np.sqrt(np.mean(np.sum(np.square(self._inertia * speed), axis=1)))
         # an attitude error turns what the wheels hold
         return float(np.sqrt(body**2 + wheels**2 + (held * self._attitude.cell_noise(cell)) ** 2))
-
-
-def wheel_axes(platform: Platform) -> Array:
-    """(count, wheels, wheels) which column is each wheel, and with which sign."""
-    return signed_permutations(len(platform.wheels))
 
 
 def momentum_of(recording: Recording, platform: Platform | None) -> Momentum | None:

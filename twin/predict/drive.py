@@ -11,7 +11,6 @@ from scipy.interpolate import CubicSpline
 from twin.errors import UsageError
 from twin.model import Machine
 from twin.platform import Sensor
-from twin.predict.base import hinge_axis
 from twin.predict.motion import smoothed_series
 from twin.predict.segments import Segment
 from twin.recording import Recording, Series
@@ -108,17 +107,6 @@ class Inputs:
             force[:, machine.stage_dof] += machine.stage_inertia * np.diff(rate, axis=0) / step
         return Drive(force, position, velocity)
 
-    def torque_on_base(self, edges: Array) -> Array | None:
-        """(m, k) mean torque of the commands on the base between m + 1 edges in time [N m]."""
-        if self._joint is not None:
-            return held_mean(self._joint, edges)
-        if self._wheel_torque is not None:
-            torque = -held_mean(self._wheel_torque, edges) @ self._wheel_axes()
-            if self.machine.platform.base.kind == "hinge":
-                return (torque @ hinge_axis(self.machine))[:, None]
-            return torque
-        return None
-
     def commanded(self, edges: Array) -> Array:
         """(m, nv) mean of the commanded torques between m + 1 edges in time [N m]."""
         force = np.zeros((len(edges) - 1, self.machine.model.nv))
@@ -173,13 +161,6 @@ class Inputs:
             Series(time, speed, torque.columns, "rad/s"),
             Series(time, change, torque.columns, "rad/s/s"),
         )
-
-    def _wheel_axes(self) -> Array:
-        """(wheels, 3) in body axes, at qpos0."""
-        data = mujoco.MjData(self.machine.model)
-        mujoco.mj_kinematics(self.machine.model, data)
-        joints = self.machine.model.dof_jntid[self.machine.wheel_dof]
-        return data.xaxis[joints].copy()
 
     def _stream(self, recording: Recording, name: str, width: int) -> Series | None:
         if width == 0 or name not in recording or len(recording[name]) < 2:
