@@ -70,6 +70,23 @@ class SeriesEffect(Effect, abc.ABC):
 
 
 @dataclass(frozen=True)
+class ScaleEffect(SeriesEffect, abc.ABC):
+    """Multiplies each column of a stream."""
+
+    order = Order.scale
+
+    @abc.abstractmethod
+    def gain(self, platform: Platform) -> Array:
+        """(k,) what each column is multiplied by; 1 where nothing is wrong."""
+
+    def apply(self, samples: Samples, platform: Platform) -> Samples:
+        return with_value(samples, samples.value * self.gain(platform))
+
+    def undo(self, samples: Samples, platform: Platform) -> Samples:
+        return with_value(samples, samples.value / self.gain(platform))
+
+
+@dataclass(frozen=True)
 class ScatterEffect(Effect, abc.ABC):
     """Adds noise to one sensor, as strong as something else makes it; it cannot be undone."""
 

@@ -5,20 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_series import Order, SeriesEffect, with_value
+from twin.effects.on_series import Array, ScaleEffect
 from twin.platform import Platform
-from twin.signals import Samples
 
 
 @dataclass(frozen=True)
-class MagnetorquerGain(SeriesEffect):
+class MagnetorquerGain(ScaleEffect):
     """Of a commanded dipole, (1 + e) arrives, axis by axis of the body."""
 
     name = "magnetorquer_gain"
     domain = Domain.actuator
     observable = "the body turns into the field by more or less than the command says"
     streams = ("gyro", "attitude", "command_dipole")
-    order = Order.scale
     acts_on = "command_dipole"
 
     error: tuple[float, ...] = parameter(
@@ -30,8 +28,5 @@ class MagnetorquerGain(SeriesEffect):
         high=10.0,
     )
 
-    def apply(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value * (1.0 + np.array(self.error)))
-
-    def undo(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value / (1.0 + np.array(self.error)))
+    def gain(self, platform: Platform) -> Array:
+        return 1.0 + np.array(self.error)

@@ -5,20 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_series import Order, SeriesEffect, with_value
+from twin.effects.on_series import Array, ScaleEffect
 from twin.platform import Platform
-from twin.signals import Samples
 
 
 @dataclass(frozen=True)
-class AccelerometerScale(SeriesEffect):
+class AccelerometerScale(ScaleEffect):
     """Each axis shows (1 + e) of what it should."""
 
     name = "accelerometer_scale"
     domain = Domain.sensor
     observable = "the measured gravity has another length on each axis"
     streams = ("accelerometer", "attitude")
-    order = Order.scale
     acts_on = "accelerometer"
 
     error: tuple[float, ...] = parameter(
@@ -30,8 +28,5 @@ class AccelerometerScale(SeriesEffect):
         high=0.9,
     )
 
-    def apply(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value * (1.0 + np.array(self.error)))
-
-    def undo(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value / (1.0 + np.array(self.error)))
+    def gain(self, platform: Platform) -> Array:
+        return 1.0 + np.array(self.error)

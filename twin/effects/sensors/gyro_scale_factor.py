@@ -5,20 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_series import Order, SeriesEffect, with_value
+from twin.effects.on_series import Array, ScaleEffect
 from twin.platform import Platform
-from twin.signals import Samples
 
 
 @dataclass(frozen=True)
-class GyroScaleFactor(SeriesEffect):
+class GyroScaleFactor(ScaleEffect):
     """Each axis shows (1 + e) of what it should."""
 
     name = "gyro_scale_factor"
     domain = Domain.sensor
     observable = "the gyro and the turning of the attitude differ in proportion to the rate"
     streams = ("gyro", "attitude")
-    order = Order.scale
     acts_on = "gyro"
 
     error: tuple[float, ...] = parameter(
@@ -30,8 +28,5 @@ class GyroScaleFactor(SeriesEffect):
         high=0.9,
     )
 
-    def apply(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value * (1.0 + np.array(self.error)))
-
-    def undo(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value / (1.0 + np.array(self.error)))
+    def gain(self, platform: Platform) -> Array:
+        return 1.0 + np.array(self.error)

@@ -5,20 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_series import Array, Order, SeriesEffect, columns_of, with_value
+from twin.effects.on_series import Array, ScaleEffect, columns_of
 from twin.platform import Platform
-from twin.signals import Samples
 
 
 @dataclass(frozen=True)
-class StageScale(SeriesEffect):
+class StageScale(ScaleEffect):
     """The mass goes to (1 + e) of the position that is commanded."""
 
     name = "stage_scale"
     domain = Domain.actuator
     observable = "position and mass moment change by more or less than the command says"
     streams = ("stage_position", "command_stage_position")
-    order = Order.scale
     acts_on = "command_stage_position"
     takes = "stage"
 
@@ -31,11 +29,5 @@ class StageScale(SeriesEffect):
         high=10.0,
     )
 
-    def apply(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value * self._gain(platform))
-
-    def undo(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value / self._gain(platform))
-
-    def _gain(self, platform: Platform) -> Array:
+    def gain(self, platform: Platform) -> Array:
         return np.where(columns_of(self, platform, self.stream), 1.0 + self.error, 1.0)

@@ -5,20 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_series import Array, Order, SeriesEffect, columns_of, with_value
+from twin.effects.on_series import Array, ScaleEffect, columns_of
 from twin.platform import Platform
-from twin.signals import Samples
 
 
 @dataclass(frozen=True)
-class WheelTorqueGain(SeriesEffect):
+class WheelTorqueGain(ScaleEffect):
     """Of a commanded torque, (1 + e) arrives."""
 
     name = "wheel_torque_gain"
     domain = Domain.actuator
     observable = "the wheel's speed changes by more or less than the command says"
     streams = ("wheel_speed", "command_wheel_torque")
-    order = Order.scale
     acts_on = "command_wheel_torque"
     takes = "wheel"
 
@@ -31,11 +29,5 @@ class WheelTorqueGain(SeriesEffect):
         high=10.0,
     )
 
-    def apply(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value * self._gain(platform))
-
-    def undo(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value / self._gain(platform))
-
-    def _gain(self, platform: Platform) -> Array:
+    def gain(self, platform: Platform) -> Array:
         return np.where(columns_of(self, platform, self.stream), 1.0 + self.error, 1.0)
