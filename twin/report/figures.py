@@ -32,10 +32,9 @@ LISTED = 14
 
 
 def motion_figure(comparison: Comparison) -> str:
-    """Measured motion and free runs of the model as built and of the best one."""
+    """Turn from the first position, measured, and in free runs as built and of the best model."""
     with mpl.rc_context(FIGURE):
         motion, run = comparison.body.motion, shown_run(comparison)
-        output = comparison.body.outputs[0]
         width = motion.rate.shape[1]
         figure = Figure(figsize=(9.6, 1.2 + (2.4 if width == 1 else 1.9 * width)))
         panels = figure.subplots(width, 1, sharex=True, squeeze=False)[:, 0]
@@ -51,6 +50,7 @@ def motion_figure(comparison: Comparison) -> str:
             if runs is not None
         ]
         for k, panel in enumerate(panels):
+            axis = "" if width == 1 else f" about {'xyz'[k]}"
             panel.plot(
                 motion.time, measured[:, k] / factor, color=MEASURED, label="measured", lw=2.6
             )
@@ -64,7 +64,7 @@ def motion_figure(comparison: Comparison) -> str:
                         label=None if i else label,
                     )
             _frame(panel, measured[:, k] / factor)
-            panel.set_ylabel(_label(output.stream, output.columns, k, unit))
+            panel.set_ylabel(f"turn{axis} [{unit}]")
         panels[0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         panels[-1].set_xlabel("time [s]")
         return svg(figure)
@@ -267,8 +267,3 @@ def _both(comparison: Comparison) -> list[tuple[Account, str, str]]:
     if best.strengths or comparison.refitted is not None:
         pairs.append((best.explained, BEST, label))
     return pairs
-
-
-def _label(stream: str, columns: tuple[str, ...], k: int, unit: str) -> str:
-    name = stream if len(columns) == 1 else f"{stream} {columns[k]}"
-    return f"{name} [{unit}]"
