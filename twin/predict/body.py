@@ -64,6 +64,7 @@ class Body:
         self.machine = replace(machine, platform=replace(machine.platform, step=grid.step))
         self.recording = recording
         self.motion = motion
+        self.predicted: States | None = None
         self.inputs = Inputs(self.machine, recording)
         self.grid = grid
         self._contacts = _near_stop(machine, motion)
@@ -92,6 +93,16 @@ class Body:
         if self.inputs.wheels_undriven:
             (speed,) = (o for o in self.outputs if o.stream == "wheel_speed")
             self._wander = torque_intensity(machine.platform, recording[speed.stream], speed.noise)
+
+    def following(self, path: States) -> "Body":
+        """The same log; what acts along its motion does so along a prediction (1, S, steps + 1, .).
+
+        A prediction that a fit has settled is free of the sensors' noise and constant errors, which
+        a smoothed reading has, and keeps what smoothing takes out.
+        """
+        following = copy.copy(self)
+        following.predicted = path
+        return following
 
     @property
     def samples(self) -> int:

@@ -13,10 +13,12 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from twin import rotation
 from twin.effects import BodyEffect, State, able, with_effects
 from twin.model import Machine, compile_model
 from twin.predict.body import Body
 from twin.predict.drive import Inputs
+from twin.predict.states import States
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -82,8 +84,10 @@ def as_measured(body: Body, inputs: Inputs) -> Along:
     A wheel that a command drives is accelerated by that: its speed, differenced, is mostly noise.
     """
     machine, times = body.machine, middles(body)
-    moving = body.motion.at(times)
     position, velocity, acceleration = inputs.joint_states(times)
+    if body.predicted is not None:
+        return _along(body, body.predicted, Along(position, velocity, acceleration))
+    moving = body.motion.at(times)
     position[:, machine.base_qpos] = moving.position
     velocity[:, machine.base_dof] = moving.rate
     acceleration[:, machine.base_dof] = moving.acceleration
@@ -97,6 +101,23 @@ def as_measured(body: Body, inputs: Inputs) -> Along:
         )
         acceleration[:, machine.wheel_dof] = torque / rotor - moving.acceleration @ axes.T
     return Along(position, velocity, acceleration)
+
+
+def _along(body: Body, path: States, joints: Along) -> Along:
+    """Base, and wheels where they are states, as predicted; the other joints as given."""
+    machine, step = body.machine, body.grid.step
+    wheels = machine.wheel_dof if body.inputs.wheels_predicted else slice(0, 0)
+    begin, end = path.position[0, :, :-1], path.position[0, :, 1:]
+    if machine.platform.base.kind == "hinge":
+        middle = 0.5 * (begin + end)
+    else:
+        middle = rotation.normalized(begin + end)
+    joints.position[:, machine.base_qpos] = middle.reshape(-1, middle.shape[-1])
+    for dof, rates in ((machine.base_dof, path.rate[0]), (wheels, path.wheel_speed[0])):
+        size = rates.shape[-1]
+        joints.velocity[:, dof] = (0.5 * (rates[:, 1:] + rates[:, :-1])).reshape(-1, size)
+        joints.acceleration[:, dof] = (np.diff(rates, axis=1) / step).reshape(-1, size)
+    return joints
 
 
 def inverse(machine: Machine, along: Along) -> Array:
@@ -192,12 +213,12 @@ def _carry(shared: _Shared, body: Body, along: Along) -> None:
     batch.bind("qpos")[:] = model.qpos0
     edges = step * np.arange(grid.steps * finer + 1)
     for segment, start in enumerate(grid.starts.tolist()):
-        moving = body.motion.at(start + edges)
-        batch.bind("qpos")[:, machine.base_qpos] = moving.position[0]
-        batch.bind("qvel")[:, machine.base_dof] = moving.rate[0]
+        position, rate = _moving(body, segment, start + edges)
+        batch.bind("qpos")[:, machine.base_qpos] = position
+        batch.bind("qvel")[:, machine.base_dof] = rate[0]
         before = np.concatenate([batch.bind("qpos"), batch.bind("qvel")], axis=1)
         force = np.zeros((1, len(edges) - 1, model.nv))
-        force[0][:, machine.base_dof] = _CARRIED * np.diff(moving.rate, axis=0) / step
+        force[0][:, machine.base_dof] = _CARRIED * np.diff(rate, axis=0) / step
         run = batch.rollout(len(edges) - 1, force, control_spec=_FORCE, record=("qpos", "qvel"))
         after = np.concatenate([run["qpos"], run["qvel"]], axis=2)[0]
         ends = np.concatenate([before, after])[::finer]
@@ -206,3 +227,14 @@ def _carry(shared: _Shared, body: Body, along: Along) -> None:
         along.position[rows, places] = 0.5 * (ends[1:, places] + ends[:-1, places])
         along.velocity[rows, shared.hidden_dof] = 0.5 * (ends[1:, rates] + ends[:-1, rates])
         along.acceleration[rows, shared.hidden_dof] = np.diff(ends[:, rates], axis=0) / grid.step
+
+
+def _moving(body: Body, segment: int, times: Array) -> tuple[Array, Array]:
+    """Position (nq of the base,) at the first of some times in a segment; rates (m, k) at all."""
+    if body.predicted is None:
+        moving = body.motion.at(times)
+        return moving.position[0], moving.rate
+    rates = body.predicted.rate[0, segment]
+    known = body.grid.starts[segment] + body.grid.step * np.arange(len(rates))
+    rate = np.stack([np.interp(times, known, column) for column in rates.T], axis=-1)
+    return body.predicted.position[0, segment, 0], rate
