@@ -136,7 +136,7 @@ def scores(found: Identification, logs: list[Recording]) -> np.ndarray:
     model = found.base.model(now.at.theta)
     columns = []
     for body, start in zip(bodies, now.at.starts, strict=True):
-        path = body.paths(model, start.one())
+        path = body.rollouts.paths(model, start.one())
         columns.append(
             np.concatenate(
                 [clock_lag(body, path, "wheel_speed"), scale_factor(body, path, "gyro")], axis=-1

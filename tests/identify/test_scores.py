@@ -21,7 +21,7 @@ def fitted(campaign, log: Recording, columns) -> tuple[np.ndarray, np.ndarray]:
     found = identify([log], campaign.stated)
     body = body_of(machine, log.without_truth(), motion_of(log, campaign.stated))
     now = found.fit.innovations
-    path = body.paths(found.base.model(now.at.theta), now.at.starts[0].one())
+    path = body.rollouts.paths(found.base.model(now.at.theta), now.at.starts[0].one())
     more = columns(body, path)
     added = Problem([body], found.base).with_columns(now, [more])
     count = more.shape[-1]

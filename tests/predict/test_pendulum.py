@@ -51,7 +51,7 @@ def test_the_predicted_pendulum_keeps_its_energy_and_the_time_of_the_elliptic_in
     steps = round(19.9 / body.grid.step)
     push = np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
     model = base_parameters(body.machine).model(base_parameters(body.machine).as_stated)
-    angle = body.onward(model, np.zeros(1, dtype=np.intp), start, steps, push)[0, :, 0]
+    angle = body.rollouts.onward(model, np.zeros(1, dtype=np.intp), start, steps, push)[0, :, 0]
     exact = passive_log(pendulum, 20.0)["joint_angle"]
     time = body.grid.step * np.arange(steps + 1)
     assert np.max(np.abs(angle - np.interp(time, exact.time, exact.value[:, 0]))) < 1e-4

@@ -49,7 +49,7 @@ def test_a_forces_column_is_what_a_rollout_with_it_gives(swing: Swings, pendulum
     force, size = against_rate(body), 1e-5
     one = body.linearise(base, base.as_stated, np.zeros(0), body.start)
     columns, jumps = body.force_columns(one, force[..., None])
-    path = body.paths(base.model(base.as_stated), body.start.one(), size * force)
+    path = body.rollouts.paths(base.model(base.as_stated), body.start.one(), size * force)
     rolled = (body.rows(path)[0] - one.linear.residual) / size
     scale = np.abs(rolled).max()
     np.testing.assert_allclose(columns[..., 0], rolled, atol=2e-3 * scale)
@@ -63,7 +63,7 @@ def test_a_lags_column_does_not_see_what_a_law_commands_afterwards(
 ):
     body = predictor(swing(seed=SEED, duration=2.0), pendulum)
     base = base_parameters(body.machine)
-    path = body.paths(base.model(base.as_stated), body.start.one())
+    path = body.rollouts.paths(base.model(base.as_stated), body.start.one())
     lag = Added.to(body, (sensor_faults.clock_lag("joint_rate"),))
     instant = body.grid.steps // 2
     later = replace(path, rate=path.rate.copy())

@@ -58,7 +58,7 @@ def balance(account: Account) -> Balance:
     axes = np.array([wheel.axis for wheel in platform.wheels]).reshape(-1, 3)
     momentum = rate @ inertia + (spin * rotor) @ axes
     edges = np.append(time, 2.0 * time[-1] - time[-2])
-    torque = body.inputs.commanded(edges)
+    torque = body.inputs.commanded(edges, motion)
     power = np.sum(torque[:, machine.wheel_dof] * spin, axis=1)
     if hinge:
         power = power + (torque[:, machine.base_dof] * motion.rate)[:, 0]

@@ -124,7 +124,7 @@ def _positions(
         np.concatenate([s.rate for s in starts]),
         np.concatenate([s.wheel_speed for s in starts]),
     )
-    path = body.onward(model, np.tile(chosen, len(starts)), together, count, push)
+    path = body.rollouts.onward(model, np.tile(chosen, len(starts)), together, count, push)
     return np.split(path, len(starts))
 
 

@@ -78,7 +78,7 @@ def dipole(axis: int) -> Callable[[Body, Motion], Array]:
     """m x R^T B of 1 A m2 along a body axis."""
 
     def law(body: Body, at: Motion) -> Array:
-        field = field_world(body)
+        field = body.inputs.field_world
         field_body = rotation.rotate(rotation.conjugate(at.position), field)
         return rotation.cross(np.eye(3)[axis], field_body)
 
@@ -155,15 +155,6 @@ def standstill(motion: Motion) -> float:
     """Rate below which dry friction fades [rad/s]."""
     rates = np.linalg.norm(motion.rate, axis=1)
     return max(STANDSTILL * float(np.quantile(rates, 0.95)), 1e-9)
-
-
-def field_world(body: Body) -> Array:
-    """(3,) the field that the log states, or the platform [T]."""
-    environment = body.recording.provenance.get("environment") or {}
-    stated = environment.get("magnetic_field")
-    if stated is None:
-        return body.machine.platform.magnetic_field
-    return np.asarray(stated, dtype=np.float64)
 
 
 def _driven(body: Body) -> list[int]:

@@ -136,7 +136,7 @@ def _steady(bodies: Sequence[Body], *, ball: bool) -> list[Symptom]:
             *(on_base(shapes.drifting_mass(axis)) for axis in range(3)),
         )
     )
-    if all(np.any(shapes.field_world(body)) for body in bodies):
+    if all(np.any(body.inputs.field_world) for body in bodies):
         found.append(
             _torque(
                 "residual_dipole",

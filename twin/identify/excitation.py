@@ -117,14 +117,15 @@ def common_scale(machine: Machine, recordings: list[Recording]) -> list[str]:
     """The sentence about the one scale that wheels and gravity leave open, where it is open.
 
     J, m r, the wheels' inertia and what joints take may grow together and the motion stays the
-    same. A known torque on the base or a known mass that moves sets the scale.
+    same. A known torque on the base or a known mass that moves sets the scale; so do rotors of
+    stated momentum.
     """
-    if any(_mass_moved(r) or "command_joint_torque" in r for r in recordings):
+    if any(_mass_moved(r) or _pushed(r) for r in recordings) or machine.platform.rotors:
         return []
     what = "one common scale of J, m r"
     if not machine.platform.wheels:
-        if machine.platform.base.kind == "ball":
-            return []
+        if machine.platform.base.kind != "hinge":
+            return [f"{what}: it is that of the stated ones; needs a known torque or mass move"]
         return [f"{what} and damping: it is that of the stated m r; needs a known torque"]
     if any("command_wheel_duty" in r and "wheel_speed" not in r for r in recordings):
         return [
@@ -146,6 +147,12 @@ def scale_unknown(scales: Sequence[Scale]) -> list[str]:
         for scale in scales
         if not scale.known
     ]
+
+
+def _pushed(recording: Recording) -> bool:
+    """Whether something of known strength turned the base from outside."""
+    names = ("command_joint_torque", "command_dipole", "command_thruster")
+    return any(name in recording and bool(recording[name].value.any()) for name in names)
 
 
 def _mass_moved(recording: Recording) -> bool:

@@ -12,12 +12,14 @@ the constant as three more unknowns in place of differences between neighbours.
 
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.stats import t as student
 
 from twin import rotation
+from twin.model import Machine
 from twin.noise.stream import angles
 from twin.predict.base import ENTRIES, BaseParameters, hinge_axis
 from twin.predict.drive import Inputs
@@ -120,26 +122,18 @@ def _balance(recording: Recording, motion: Motion, base: BaseParameters) -> _Bal
         attitude, rate = motion.position, motion.rate - gyro_bias(recording)
     turn = rotation.matrix(attitude)
     joints_position, joints_velocity, _ = inputs.joint_states(time)
-    stage = joints_position[:, machine.stage_qpos]
-    mass = np.array([s.mass for s in platform.stages])
-    slide = np.array([s.axis for s in platform.stages]).reshape(-1, 3)
-    # what the sliding masses add to J and m r away from position 0, and their own momentum
-    riding = machine.sliding
-    place = riding.home + np.einsum("ms,bsi->mbi", stage, riding.travel)
-    known = _spread(riding.mass, place) - _spread(riding.mass, riding.home)
-    carried = np.einsum("s,ms,si->mi", mass, stage, slide)
-    speed = np.einsum("ms,bsi->mbi", joints_velocity[:, machine.stage_dof], riding.travel)
-    own = np.einsum("b,mbi->mi", riding.mass, rotation.cross(place, speed))
-    rotor = np.array([w.inertia for w in platform.wheels])
-    spin = np.array([w.axis for w in platform.wheels]).reshape(-1, 3)
-    own = own + joints_velocity[:, machine.wheel_dof] * rotor @ spin
-    momentum = own + np.einsum("mij,mj->mi", known, rate)
-
-    gravity = np.array([0.0, 0.0, -platform.gravity])
-    applied = np.zeros_like(rate)
+    joints_velocity[:, machine.base_dof] = motion.rate if hinge else rate
+    whole, moment = _as_stated(machine, joints_position, joints_velocity)
+    edges = np.append(time, 2.0 * time[-1] - time[-2])
+    applied = inputs.commanded(edges, motion)[:, machine.base_dof]
     if hinge:
-        edges = np.append(time, 2.0 * time[-1] - time[-2])
-        applied = inputs.torque_on_joint(edges) * axis
+        whole, applied = whole * axis, applied * axis
+        momentum = whole - (axis @ platform.inertia @ axis) * rate
+    else:
+        momentum, applied = whole - rate @ platform.inertia, rotation.rotate(attitude, applied)
+    # what wheels and gimbals hold, and what they and sliding masses change of J and m r
+    carried = moment - platform.center_of_mass_offset
+    gravity = np.array([0.0, 0.0, -platform.gravity])
     push = rotation.cross(rotation.rotate(attitude, carried), gravity) + applied
     target = _integral(push, time) - rotation.rotate(attitude, momentum)
     entries = np.stack(
@@ -174,12 +168,24 @@ def _integral(values: Array, time: Array) -> Array:
     return np.asarray(cumulative_trapezoid(values, time, axis=0, initial=0.0), dtype=np.float64)
 
 
-def _spread(mass: Array, place: Array) -> Array:
-    """Inertia about the CR of point masses (s,) at (..., s, 3), (..., 3, 3)."""
-    square = np.einsum("s,...si,...si->...", mass, place, place)
-    return square[..., None, None] * np.eye(3) - np.einsum(
-        "s,...si,...sj->...ij", mass, place, place
-    )
+def _as_stated(machine: Machine, position: Array, velocity: Array) -> tuple[Array, Array]:
+    """Of the machine as stated, its joints at (m, nq) and (m, nv): angular momentum about the CR
+    (m, k) and m r (m, 3), body axes."""
+    model, data = machine.model, mujoco.MjData(machine.model)
+    base, dof = machine.base_body, machine.base_dof
+    whole, moment = np.empty((len(position), dof.stop - dof.start)), np.empty((len(position), 3))
+    product = np.empty(model.nv)
+    for row in range(len(position)):
+        data.qpos[:] = position[row]
+        data.qpos[machine.base_qpos] = model.qpos0[machine.base_qpos]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_crb(model, data)
+        mujoco.mj_mulM(model, data, product, velocity[row])
+        whole[row] = product[dof]
+        arm = data.subtree_com[base] - data.xanchor[model.body_jntadr[base]]
+        moment[row] = model.body_subtreemass[base] * arm
+    return whole, moment
 
 
 def _unit(i: int, j: int) -> Array:

@@ -11,19 +11,19 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from twin.errors import UsageError
 from twin.model import Machine
 from twin.predict.base import BaseParameters
 from twin.predict.base_forces import base_forces
-from twin.predict.drive import Drive, Inputs
+from twin.predict.drive import Inputs
 from twin.predict.kalman import Local
 from twin.predict.linearised import Linearised
 from twin.predict.motion import Motion
 from twin.predict.outputs import Grid, outputs_of
-from twin.predict.segments import Segment, command_step, grid_of
+from twin.predict.rollouts import Rollouts
+from twin.predict.segments import command_step, grid_of
 from twin.predict.states import States
 from twin.predict.tangent import carried_forces
 from twin.predict.wander import torque_intensity, wander
@@ -34,11 +34,8 @@ Array = NDArray[np.float64]
 STEP = 1e-6
 """Of finite differences of a state [SI]."""
 
-_FORCE = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED.value)
 EXACT = 0.1
 """By how many of its standard deviations a longer step may move an estimate at the very most."""
-STOP_GUARD = np.radians(2.0)
-"""A log that stays so far from the tilt stop is predicted without contacts, at half the cost."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,6 @@ class Body:
         self.predicted: States | None = None
         self.inputs = Inputs(self.machine, recording)
         self.grid = grid
-        self._contacts = _near_stop(machine, motion)
         self.outputs, self._width = outputs_of(
             recording, self.machine, self.grid, self._predicted()
         )
@@ -76,19 +72,12 @@ class Body:
                 f"the log has none of the streams that {machine.platform.name} predicts: "
                 + ", ".join(self._predicted())
             )
-        drives = [
-            self.inputs.drive(Segment(start, start + self.grid.length))
-            for start in self.grid.starts.tolist()
-        ]
-        self._force = np.stack([drive.force for drive in drives])
-        self.start = self._smoothed(motion, drives)
-        self._position = np.stack([drive.joint_position for drive in drives])
-        self._velocity = np.stack([drive.joint_velocity for drive in drives])
+        self.rollouts = Rollouts(self.machine, self.inputs, motion, grid)
+        self.start = self.rollouts.start
         # Of the machine as stated: if its answer to noise were fitted too, a base ten times as
         # heavy, pushed ten times as hard, would explain what a model lacks just as well.
         stated = copy.copy(machine.model)
-        self._prepare(stated)
-        self._pushed = self._answer(stated)[..., machine.base_dof]
+        self._pushed = self.rollouts.answer(stated)[..., machine.base_dof]
         self._wander = np.zeros(len(machine.wheel_dof))
         if self.inputs.wheels_undriven:
             (speed,) = (o for o in self.outputs if o.stream == "wheel_speed")
@@ -137,87 +126,9 @@ class Body:
         """(S, steps, nv) torques of the commands, as if they acted so much later [s]."""
         grid = self.grid
         edges = grid.step * np.arange(grid.steps + 1) - late
-        return np.stack([self.inputs.commanded(start + edges) for start in grid.starts.tolist()])
-
-    def paths(self, model: mujoco.MjModel, start: States, push: Array | None = None) -> States:
-        """States along each prediction, (v, S, steps + 1, .), from starts (v, S, .).
-
-        The model is changed: its step is the grid's.
-
-        Args:
-            model: the machine's, with the base parameters to try.
-            start: of each segment.
-            push: (S, steps, nv) generalised force added to the drive.
-        """
-        machine, grid = self.machine, self.grid
-        self._prepare(model)
-        variants = start.rate.shape[0]
-        rows = variants * grid.segments
-        position = np.tile(self._position, (variants, 1))
-        velocity = np.tile(self._velocity, (variants, 1))
-        position[:, machine.base_qpos] = start.position.reshape(rows, -1)
-        velocity[:, machine.base_dof] = start.rate.reshape(rows, -1)
-        if self.inputs.wheels_predicted:
-            velocity[:, machine.wheel_dof] = start.wheel_speed.reshape(rows, -1)
-        force = self._force if push is None else self._force + push
-        batch = Batch(model, rows)
-        batch.bind("qpos")[:] = position
-        batch.bind("qvel")[:] = velocity
-        run = batch.rollout(
-            grid.steps,
-            np.tile(force, (variants, 1, 1)),
-            control_spec=_FORCE,
-            record=("qpos", "qvel"),
+        return np.stack(
+            [self.inputs.commanded(start + edges, self.motion) for start in grid.starts.tolist()]
         )
-
-        def along(first: Array, rest: Array, columns: slice | NDArray[np.intp]) -> Array:
-            values = np.concatenate([first[:, None, columns], rest[:, :, columns]], axis=1)
-            return values.reshape(variants, grid.segments, grid.steps + 1, -1)
-
-        wheels = machine.wheel_dof if self.inputs.wheels_predicted else slice(0, 0)
-        return States(
-            along(position, run["qpos"], machine.base_qpos),
-            along(velocity, run["qvel"], machine.base_dof),
-            along(velocity, run["qvel"], wheels),
-        )
-
-    def onward(
-        self,
-        model: mujoco.MjModel,
-        segments: NDArray[np.intp],
-        start: States,
-        steps: int,
-        push: Array,
-    ) -> Array:
-        """Positions (r, steps + 1, .) from starts (r, .) of segments, on beyond their ends.
-
-        Args:
-            model: as for `paths`.
-            segments: (r,) that the starts belong to.
-            start: of each.
-            steps: how far; the last drive is held where the log ends.
-            push: (S, steps, nv) generalised force added to the drive.
-        """
-        machine, grid = self.machine, self.grid
-        self._prepare(model)
-        position, velocity = self._position[segments], self._velocity[segments]
-        position[:, machine.base_qpos] = start.position
-        velocity[:, machine.base_dof] = start.rate
-        if self.inputs.wheels_predicted:
-            velocity[:, machine.wheel_dof] = start.wheel_speed
-        force = (self._force + push).reshape(-1, model.nv)
-        place = segments[:, None] * grid.steps + np.arange(steps)
-        batch = Batch(model, len(segments))
-        batch.bind("qpos")[:] = position
-        batch.bind("qvel")[:] = velocity
-        run = batch.rollout(
-            steps,
-            force[np.minimum(place, len(force) - 1)],
-            control_spec=_FORCE,
-            record=("qpos",),
-        )
-        first = position[:, None, machine.base_qpos]
-        return np.concatenate([first, run["qpos"][:, :, machine.base_qpos]], axis=1)
 
     def along(
         self, base: BaseParameters, theta: Array, start: States, push: Array | None = None
@@ -230,7 +141,7 @@ class Body:
         x = start.width
         shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
         model = base.model(theta)
-        path = self.paths(model, start.one().moved(shifts), push)
+        path = self.rollouts.paths(model, start.one().moved(shifts), push)
         rows, ends = self.rows(path), self._ends(path, start)
         linear = Linearised(
             rows[0],
@@ -241,7 +152,7 @@ class Body:
             np.zeros((*ends[0].shape, 0)),
             np.zeros((len(ends[0]), x, x)),
         )
-        answer = self._answer(model)
+        answer = self.rollouts.answer(model)
         return Exact(linear, self._local(path, answer), path[:1], answer)
 
     def linearise(
@@ -279,7 +190,7 @@ class Body:
 
     def nominal(self, model: mujoco.MjModel) -> list[Array]:
         """Residuals (m, k) of each output under a model, from the smoothed starts."""
-        path = self.paths(model, self.start.one())
+        path = self.rollouts.paths(model, self.start.one())
         return [output.residual(path, self.grid.step)[0] for output in self.outputs]
 
     def rows(self, path: States) -> Array:
@@ -332,7 +243,9 @@ class Body:
                     k = path.rate.shape[-1]
                     measured[(*at, k + column)] = late / noise
         wheels = self.machine.wheel_dof
-        wandered = wander(answer[..., wheels], self._force[..., wheels], self._wander, grid.step)
+        wandered = wander(
+            answer[..., wheels], self.rollouts.force[..., wheels], self._wander, grid.step
+        )
         carried = np.asarray(carried, dtype=np.float64)
         return Local(measured, carried, self._pushed, grid.step, *wandered)
 
@@ -341,40 +254,12 @@ class Body:
         k = self.start.rate.shape[-1]
         return {"attitude": 0, "joint_angle": 0, "wheel_speed": 2 * k}.get(stream, k)
 
-    def _answer(self, model: mujoco.MjModel) -> Array:
-        """(S, x, nv) change of the state by a unit impulse on each degree of freedom."""
-        machine, k = self.machine, self.start.rate.shape[-1]
-        data = mujoco.MjData(model)
-        answer = np.zeros((self.grid.segments, self.start.width, model.nv))
-        change = np.zeros((model.nv, model.nv))
-        for s in range(self.grid.segments):
-            data.qpos[:] = self._position[s]
-            data.qpos[machine.base_qpos] = self.start.position[s]
-            mujoco.mj_forward(model, data)
-            mujoco.mj_solveM(model, data, change, np.eye(model.nv))
-            answer[s, k : 2 * k] = change.T[machine.base_dof]
-            if self.inputs.wheels_predicted:
-                answer[s, 2 * k :] = change.T[machine.wheel_dof]
-        return answer
-
     def _ends(self, path: States, start: States) -> Array:
         """(v, S - 1, x) where segments end, seen from the starts of the next."""
         last = States(
             path.position[:, :-1, -1], path.rate[:, :-1, -1], path.wheel_speed[:, :-1, -1]
         )
         return last.less(start[1:])
-
-    def _prepare(self, model: mujoco.MjModel) -> None:
-        self.inputs.prepare(model)
-        model.opt.timestep = self.grid.step
-        if not self._contacts:
-            model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-
-    def _smoothed(self, motion: Motion, drives: list[Drive]) -> States:
-        there = motion.at(self.grid.starts)
-        wheels = self.machine.wheel_dof if self.inputs.wheels_predicted else slice(0, 0)
-        speeds = np.stack([drive.joint_velocity[wheels] for drive in drives])
-        return States(there.position, there.rate, speeds)
 
     def _predicted(self) -> tuple[str, ...]:
         hinge = self.machine.platform.base.kind == "hinge"
@@ -400,11 +285,3 @@ def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:
         if float(np.sum(np.square(one - other))) > EXACT**2:
             return Body(machine, recording, motion, grid_of(machine, motion, machine.platform.step))
     return coarse
-
-
-def _near_stop(machine: Machine, motion: Motion) -> bool:
-    """Whether the log comes near the stop."""
-    platform = machine.platform
-    if platform.base.kind != "ball":
-        return True
-    return float(platform.lean(motion.position).max()) > platform.stop_angle - STOP_GUARD

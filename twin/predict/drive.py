@@ -1,6 +1,8 @@
 """What drives a prediction: held commands and measured joints, as forces on the physics grid."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import mujoco
 import numpy as np
@@ -8,10 +10,14 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
+from twin import rotation
+from twin.drives import apply_field
 from twin.errors import UsageError
 from twin.model import Machine
-from twin.platform import Sensor
-from twin.predict.motion import smoothed_series
+from twin.plant.gas import thruster_arms
+from twin.plant.limits import Limits
+from twin.platform import Platform, Sensor
+from twin.predict.motion import Motion, smoothed_series
 from twin.predict.segments import Segment
 from twin.recording import Recording, Series
 
@@ -24,6 +30,9 @@ class Drive:
 
     force: Array
     """(steps, nv) generalised forces, constant over each step [N m, N]."""
+    control: Array
+    """(steps, nu) of MuJoCo's actuators: the moments of coils [A m^2], and on a base that floats
+    away the forces of thrusters [N]; the others' are 0."""
     joint_position: Array
     """(nq,) where the joints that are not the base start; the base's entries are 0."""
     joint_velocity: Array
@@ -39,7 +48,8 @@ class Inputs:
     rest, and the damping of its joint is what its back EMF takes. Its speed is then a state,
     measured or not. Where only its speed was recorded, it is a state all the same, under a torque
     of which nothing is known but its size; the smoothed reading only says along which path to
-    linearise. A stage follows its measured position.
+    linearise. A stage follows its measured position. Coils turn the body in the field as MuJoCo has
+    its attitude, thrusters push at their arms; the gas that they take weighs nothing.
     """
 
     def __init__(self, machine: Machine, recording: Recording) -> None:
@@ -59,6 +69,10 @@ class Inputs:
             self._wheel_speed = smoothed_series(speed)
         elif self._wheel_torque is not None:
             self._wheel_speed = self._unmeasured(self._wheel_torque, recording)
+        self._dipole = self._stream(recording, "command_dipole", 3 * bool(platform.magnetorquers))
+        self._thrust = self._stream(recording, "command_thruster", len(platform.thrusters))
+        self.field_world = field_world(recording, platform)
+        """(3,) the field that the coils feel [T]."""
         self._stage: tuple[Series, Series] | None = None
         for name in ("stage_position", "command_stage_position"):
             stage = self._stream(recording, name, len(platform.stages))
@@ -77,9 +91,14 @@ class Inputs:
         return self._wheel_torque is None and self._wheel_speed is not None
 
     def prepare(self, model: mujoco.MjModel) -> None:
-        """Leave all torque on undriven wheels to what their speed shows."""
+        """Leave all torque on undriven wheels to what their speed shows; let coils feel the log's
+        field."""
+        machine = self.machine
         if self.wheels_undriven:
-            model.dof_damping[self.machine.wheel_dof] = 0.0
+            model.dof_damping[machine.wheel_dof] = 0.0
+        if self._dipole is not None:
+            platform = replace(machine.platform, magnetic_field=self.field_world)
+            apply_field(platform, model, machine.magnetorquer_actuator.tolist())
 
     def drive(self, segment: Segment) -> Drive:
         """Forces and joint states of a segment."""
@@ -105,23 +124,40 @@ class Inputs:
             position[machine.stage_qpos] = place[0]
             velocity[machine.stage_dof] = rate[0]
             force[:, machine.stage_dof] += machine.stage_inertia * np.diff(rate, axis=0) / step
-        return Drive(force, position, velocity)
+        control = np.zeros((steps, machine.model.nu))
+        if self._dipole is not None:
+            moments = Limits(machine.platform).coils(held_mean(self._dipole, edges))
+            control[:, machine.magnetorquer_actuator] = moments
+        if self._thrust is not None:
+            thrust = self.thrust(edges)
+            if machine.thruster_actuator.size:
+                control[:, machine.thruster_actuator] = thrust
+            else:
+                force[:, machine.base_dof] += thrust @ thruster_arms(machine)
+        return Drive(force, control, position, velocity)
 
-    def commanded(self, edges: Array) -> Array:
-        """(m, nv) mean of the commanded torques between m + 1 edges in time [N m]."""
-        force = np.zeros((len(edges) - 1, self.machine.model.nv))
+    def commanded(self, edges: Array, motion: Motion) -> Array:
+        """(m, nv) mean of the commanded torques between m + 1 edges in time [N m], along a motion:
+        it says where coils stand in the field."""
+        machine = self.machine
+        force = np.zeros((len(edges) - 1, machine.model.nv))
         if self._joint is not None:
-            force[:, self.machine.base_dof] = held_mean(self._joint, edges)
+            force[:, machine.base_dof] = held_mean(self._joint, edges)
         if self._wheel_torque is not None:
-            force[:, self.machine.wheel_dof] = held_mean(self._wheel_torque, edges)
+            force[:, machine.wheel_dof] = held_mean(self._wheel_torque, edges)
+        if self._dipole is not None:
+            attitude = motion.at(0.5 * (edges[:-1] + edges[1:])).position
+            field_body = rotation.rotate(rotation.conjugate(attitude), self.field_world)
+            force[:, machine.base_dof] += rotation.cross(held_mean(self._dipole, edges), field_body)
+        if self._thrust is not None:
+            force[:, machine.base_dof] += self.thrust(edges) @ thruster_arms(machine)
         return force
 
-    def torque_on_joint(self, edges: Array) -> Array:
-        """(m, k) mean torque of a hinge's motor between m + 1 edges in time [N m]; else 0."""
-        if self._joint is not None:
-            return held_mean(self._joint, edges)
-        dof = self.machine.base_dof
-        return np.zeros((len(edges) - 1, dof.stop - dof.start))
+    def thrust(self, edges: Array) -> Array:
+        """(m, thrusters) mean commanded force between m + 1 edges in time [N]."""
+        if self._thrust is None:
+            return np.zeros((len(edges) - 1, len(self.machine.platform.thrusters)))
+        return held_mean(self._thrust, edges)
 
     def joint_states(self, times: Array) -> tuple[Array, Array, Array]:
         """qpos (m, nq), qvel and qacc (m, nv) of the joints that are not the base, as measured."""
@@ -175,6 +211,15 @@ class Inputs:
         return series
 
 
+def field_world(recording: Recording, platform: Platform) -> Array:
+    """(3,) the field that a log states, or the platform [T]."""
+    environment = cast(Mapping[str, Any], recording.provenance.get("environment") or {})
+    stated = environment.get("magnetic_field")
+    if stated is None:
+        return platform.magnetic_field
+    return np.asarray(stated, dtype=np.float64)
+
+
 def _filled(x: Array) -> Array:
     """(1 - exp(-x)) / x."""
     return np.where(x > 1e-9, -np.expm1(-x) / np.maximum(x, 1e-9), 1.0)
@@ -186,11 +231,7 @@ def _refuse_what_is_not_predicted(machine: Machine, recording: Recording) -> Non
         UsageError: the machine moves by means that a prediction does not know.
     """
     platform = machine.platform
-    driven = [
-        name
-        for name in ("command_dipole", "command_thruster")
-        if name in recording and recording[name].value.any()
-    ]
+    driven: list[str] = []
     if platform.gimbals or platform.rotors:
         driven.insert(0, "gimbals")
     if set(platform.base.planar) - set(platform.base.locked):

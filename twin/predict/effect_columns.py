@@ -158,7 +158,9 @@ def _input_force(effect: Effect, body: Body) -> Array:
 def _commanded(inputs: Inputs, body: Body) -> Array:
     grid = body.grid
     edges = grid.step * np.arange(grid.steps + 1)
-    return np.stack([inputs.commanded(start + edges) for start in grid.starts.tolist()])
+    return np.stack(
+        [inputs.commanded(start + edges, body.motion) for start in grid.starts.tolist()]
+    )
 
 
 def _late(effect: Effect, output: Output, platform: Platform) -> Array:

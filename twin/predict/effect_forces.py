@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.effects import BodyEffect, State, able, with_effects
 from twin.model import Machine, compile_model
+from twin.plant.gas import thruster_arms
 from twin.predict.body import Body
 from twin.predict.drive import Inputs
 from twin.predict.states import States
@@ -60,6 +61,8 @@ def force_of(effect: BodyEffect, body: Body) -> Array:
         base = State(here.position[:, plain.base_qpos], here.velocity[:, plain.base_dof])
         needed[:, plain.base_dof] += law(base)
     needed += _pushes(effect, machine, along, middles(body))[:, shared.dof]
+    if plain.platform.thrusters:
+        needed[:, plain.base_dof] += thrust(body) @ (thruster_arms(machine) - thruster_arms(plain))
     return on_grid(needed, body)
 
 
@@ -67,6 +70,13 @@ def middles(body: Body) -> Array:
     """(S steps,) middle of each physics step [s]."""
     grid = body.grid
     return (grid.starts[:, None] + grid.step * (np.arange(grid.steps) + 0.5)).ravel()
+
+
+def thrust(body: Body) -> Array:
+    """(S steps, thrusters) commanded in each physics step [N]."""
+    grid = body.grid
+    edges = grid.step * np.arange(grid.steps + 1)
+    return np.concatenate([body.inputs.thrust(start + edges) for start in grid.starts.tolist()])
 
 
 def on_grid(force: Array, body: Body) -> Array:
