@@ -44,7 +44,7 @@ TUMBLE = InitialState(
         ("tas2", 0.05, 0.008),
         ("astros", 0.05, 0.04),
         ("astros:mode_c", 0.05, 0.04),
-        ("dfki_pendulum", 0.004, 0.1),
+        ("dfki_pendulum", 0.002, 0.3),
     ],
 )
 def test_a_machine_left_alone_is_integrated_to_the_fourth_order(name, step, tolerance, agrees):
