@@ -30,9 +30,13 @@ def floating(model: mujoco.MjModel, base_body: int) -> Index:
 
 
 def take_out_thrusters(spec: mujoco.MjSpec, *, platform: Platform) -> None:
-    """A bearing that stands takes their force: a torque says the same, and a step is cheaper."""
+    """A bearing that stands takes their force: a torque says the same, and a step is cheaper.
+
+    Each of their sites would be moved at every stage of RK4: sixteen are a twentieth of a step.
+    """
     for thruster in platform.thrusters:
         spec.delete(spec.actuator(thruster.name))
+        spec.delete(spec.site(thruster.name))
 
 
 def weigh_stages(platform: Platform, model: mujoco.MjModel) -> None:

@@ -37,8 +37,12 @@ def test_the_fixed_numbers_are_those_of_the_machine():
 
 
 def test_variants_carry_the_papers_offsets_and_hang_below_the_centre_of_rotation():
-    assert variants_of(SADS) == ("table1", "table3")
+    assert variants_of(SADS) == ("table1", "table1_noise", "table3")
     first, third = load_platform("sads:table1"), load_platform("sads:table3")
+    noisy = load_platform("sads:table1_noise")
+    np.testing.assert_array_equal(noisy.center_of_mass_offset, first.center_of_mass_offset)
+    np.testing.assert_allclose(np.rad2deg(noisy.sensors["attitude"].noise), 2.0, rtol=1e-3)
+    np.testing.assert_allclose(np.rad2deg(noisy.sensors["gyro"].noise), 0.25, rtol=1e-3)
     np.testing.assert_allclose(first.center_of_mass_offset / 95.0, [1e-4, -1e-4, -3e-4])
     np.testing.assert_allclose(
         third.center_of_mass_offset / 95.0, [-1.30e-4, 1.424e-4, -1.102e-4], rtol=1e-12
@@ -54,7 +58,7 @@ def test_gravity_asks_at_level_for_the_torques_that_the_readme_tells():
 
 def test_every_body_is_one_that_could_be_built(shipped: mujoco.MjModel):
     """Before MuJoCo rounds: each principal moment at most the sum of the other two."""
-    for name in ("sads", "sads:table1", "sads:table3"):
+    for name in ("sads", *(f"sads:{variant}" for variant in variants_of(SADS))):
         model = compile_model(load_platform(name)).model
         moments = np.sort(model.body_inertia[1:], axis=1)
         assert np.all(moments[:, 0] > 0.0)
@@ -82,7 +86,7 @@ def test_the_file_as_shipped_is_the_machine_that_a_simulation_compiles(shipped: 
 def test_the_viewers_sliders_move_the_stages_and_nothing_drifts(shipped: mujoco.MjModel):
     data = mujoco.MjData(shipped)
     wanted = np.array([0.05, -0.1, 0.15])
-    data.ctrl[3:] = wanted
+    data.ctrl[[shipped.actuator(name).id for name in ("s1", "s2", "s3")]] = wanted
     mujoco.mj_step(shipped, data, 500)
     stages = [shipped.jnt_qposadr[shipped.joint(name).id] for name in ("s1", "s2", "s3")]
     np.testing.assert_allclose(data.qpos[stages], wanted, atol=1e-6)

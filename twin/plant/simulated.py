@@ -196,9 +196,8 @@ class SimulatedPlant(Plant):
     def truth(self) -> dict[str, Samples]:
         streams = self._truth.at(self.time, self._qpos, self._qvel, self._alive)
         if self._tanks is not None:
-            stamp = np.full((self.n, 1), self.time)
-            mass = self._tanks.mass[:, None, None].copy()
-            streams["truth_gas_mass"] = Samples(mass, stamp, self._alive[:, None].copy())
+            mass, now = self._tanks.mass[:, None, None].copy(), streams["truth_inertia"]
+            streams["truth_gas_mass"] = Samples(mass, now.time, now.valid)
         return streams
 
     def _wheel_torque(self, wish: Array) -> Array:

@@ -37,7 +37,9 @@ class ThrusterMisalignment(BodyEffect):
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         for name in self.of_parts([thruster.name for thruster in platform.thrusters]):
-            site = model.site(name).id
+            site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name)
+            if site < 0:  # on a bearing that stands it is a torque, which `edit_thruster` turns
+                continue
             carrier = data.xquat[model.site_bodyid[site]]
             local = multiply(conjugate(carrier), multiply(self._turn, carrier))
             model.site_quat[site] = multiply(local, model.site_quat[site])
