@@ -51,10 +51,6 @@ HIDDEN = {
         ("platform.xml", 'gravity="0 0 -9.81"', 'gravity="0.1 0 -9.81"'),
         ("gravity", "straight down"),
     ),
-    "the base joint has another name": (
-        ("platform.toml", 'joint = "bearing"', 'joint = "ball"'),
-        ("joint ball", "no joint 'ball'"),
-    ),
     "the base joint is a hinge": (
         ("platform.xml", '<joint name="bearing" type="ball"/>', '<joint name="bearing"/>'),
         ("joint bearing", "is a hinge joint; it must be a ball joint"),

@@ -41,7 +41,11 @@ WRONG = {
     "mass is text": ("mass = 95.0", 'mass = "95 kg"', "give a number in kg"),
     "mass is true": ("mass = 95.0", "mass = true", "give a number in kg"),
     "inertia has five entries": ("12.0, 0.0, 0.0, 0.0]", "12.0, 0.0, 0.0]", "give 6 numbers"),
-    "inertia is not positive": ("12.0, 0.0, 0.0, 0.0]", "12.0, 9.0, 0.0, 0.0]", "not positive"),
+    "inertia is not positive": (
+        "12.0, 0.0, 0.0, 0.0]",
+        "12.0, 9.0, 0.0, 0.0]",
+        "not all of them positive",
+    ),
     "inertia is of no rigid body": ("[3.0, 12.0, 12.0", "[3.0, 12.0, 18.0", "no rigid body"),
     "offset is not a number": ("[9.5e-4, -9.5e-4", "[nan, -9.5e-4", "give 3 numbers in kg m"),
     "key is misspelt": ("momentum_limit = 5.0", "momentum_limt = 5.0", "'momentum_limit'"),
@@ -53,6 +57,7 @@ WRONG = {
     "travel is reversed": ("[-0.10, 0.10]", "[0.10, -0.10]", "give the lower end first"),
     "speed is zero": ("speed = 0.01", "speed = 0.0", "speed is 0 m/s"),
     "base is a slide": ('kind = "ball"', 'kind = "slide"', "use one of 'ball', 'hinge'"),
+    "base is no joint": ('joint = "bearing"', 'joint = "ball"', "no joint of the MJCF"),
     "ball has a motor": ('body = "bus"', 'body = "bus"\nactuator = "w1"', "only a hinge"),
     "step does not fit": ("step = 0.01 ", "step = 0.03 ", "does not divide the control period"),
     "gravity points up": ("gravity = 9.81", "gravity = -9.81", "at least 0 m/s^2"),
@@ -67,7 +72,7 @@ WRONG = {
     "model is elsewhere": ('"platform.xml"', '"../platform.xml"', "keep the MJCF beside it"),
     "model is missing": ('"platform.xml"', '"machine.xml"', "machine.xml, which is missing"),
     "file is not TOML": ("mass = 95.0", "mass = = 95.0", "mend the TOML"),
-    "array is no table": ("[tilt_stop]", "tilt_stop2 = 1\n[tilt_stop]", "is no key we know"),
+    "key is nobody's": ("[tilt_stop]", "tilt_stop2 = 1\n[tilt_stop]", "is no key we know"),
 }
 
 

@@ -120,8 +120,12 @@ def _effect(stated: StatedEffect, platform: Platform) -> Effect:
     except TwinError as problem:
         if stated.line is None:
             raise
+        said, _, remedy = str(problem).rpartition("; ")
         raise PlatformError(
-            platform.folder / "platform.toml", str(problem), "mend it", line=stated.line
+            platform.folder / "platform.toml",
+            said or str(problem),
+            remedy if said else "mend or remove the effect",
+            line=stated.line,
         ) from None
     return effect
 

@@ -41,12 +41,16 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
     title = table.text("title")
     model_path = folder / table.text("model", "platform.xml")
     if not model_path.resolve().is_relative_to(folder.resolve()):
-        raise table.fail("model", "lies outside the platform's folder", "keep the MJCF beside it")
+        raise table.fail(
+            "model",
+            f"is {table.text('model')!r}, outside the platform's folder",
+            "keep the MJCF beside it",
+        )
     if not model_path.exists():
         raise table.fail("model", f"names {model_path.name}, which is missing", "add the MJCF")
 
     layout = read_layout(model_path)
-    base = read_base(table.table("base"))
+    base = read_base(table.table("base"), layout)
     parts = read_parts(table, layout, base)
     mass, inertia, offset = _mass_properties(mass_properties)
     step, control_rate = _timing(table)
@@ -57,7 +61,11 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
     frames = table.table("frames", required=False)
     paper_from_body = frames.numbers("paper_from_body", 4, np.array([1.0, 0.0, 0.0, 0.0]))
     if abs(np.linalg.norm(paper_from_body) - 1.0) > 1e-9:
-        raise frames.fail("paper_from_body", "is no unit quaternion", "scale it to length 1")
+        raise frames.fail(
+            "paper_from_body",
+            f"is {paper_from_body.tolist()}, no unit quaternion",
+            "scale it to length 1",
+        )
     frames.close()
     tilt_stop = table.table("tilt_stop", required=False)
     tilt_limit = tilt_stop.number("angle", np.inf, low=0.0, unit="rad")
@@ -68,7 +76,11 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
     tilt_stop.close()
     pitch_stop = _pitch_stop(table.table("pitch_stop")) if "pitch_stop" in table else None
     if pitch_stop is not None and np.isfinite(tilt_limit):
-        raise table.fail("pitch_stop", "stands beside tilt_stop", "keep the one the machine has")
+        raise table.fail(
+            "pitch_stop",
+            f"stands beside tilt_stop.angle of {tilt_limit:g} rad",
+            "keep the one the machine has",
+        )
 
     sensor_table = table.table("sensors", required=False)
     sensors = {
@@ -175,8 +187,8 @@ def _mass_properties(table: Table) -> tuple[float, Array, Array]:
     if principal[0] <= 0.0:
         raise table.fail(
             "inertia",
-            "has a principal moment that is not positive",
-            "check the products' signs",
+            f"has principal moments {principal.round(4).tolist()}, not all of them positive",
+            "check its entries, xx yy zz xy xz yz",
         )
     if principal[0] + principal[1] < principal[2] * (1.0 - 1e-9):
         raise table.fail(

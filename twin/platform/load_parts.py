@@ -39,7 +39,7 @@ class Parts:
     gas: Gas | None
 
 
-def read_base(table: Table) -> Base:
+def read_base(table: Table, layout: Layout) -> Base:
     """The table [base]."""
     kind = table.text("kind", among=("ball", "hinge", "free"))
     base = Base(
@@ -51,8 +51,14 @@ def read_base(table: Table) -> Base:
         planar=table.texts("planar", ()),
         locked=table.texts("locked", ()),
     )
+    if base.joint not in layout.axes:
+        raise _missing(table, "joint", base.joint, list(layout.axes), key="joint")
     if base.kind != "hinge" and base.actuator is not None:
-        raise table.fail("actuator", f"is given on a {kind} joint", "only a hinge has a motor")
+        raise table.fail(
+            "actuator",
+            f"is {base.actuator!r} on a {kind} joint",
+            "only a hinge has a motor: remove it",
+        )
     if base.planar and (base.kind != "ball" or len(base.planar) != 3):
         raise table.fail(
             "planar",
@@ -194,7 +200,7 @@ def _thruster(table: Table, layout: Layout, base: Base) -> Thruster:
     if abs(np.linalg.norm(push) - 1.0) > 1e-9:
         raise table.fail(
             "name",
-            f"has gear {push.tolist()} in the MJCF",
+            f"is {table.text('name')!r}, with gear {push.round(6).tolist()} in the MJCF",
             "make it a unit vector along the force on the body, so that its control is in N",
         )
     thruster = Thruster(
@@ -241,11 +247,9 @@ def _pushed_site(table: Table, layout: Layout, base: Base) -> Array:
             f"is {name!r}, on whose site no actuator {name!r} of the MJCF acts",
             f'add <general name="{name}" site="{name}" .../>',
         )
-    if base.joint not in layout.anchors:
-        raise _missing(table, "base joint", base.joint, list(layout.anchors))
     return layout.sites[name] - layout.anchors[base.joint]
 
 
-def _missing(table: Table, noun: str, name: str, known: list[str]) -> Exception:
+def _missing(table: Table, noun: str, name: str, known: list[str], key: str = "name") -> Exception:
     hint = str(UnknownName(noun, name, known)).partition("(")[2].rstrip(")")
-    return table.fail("name", f"is {name!r}, which is no {noun} of the MJCF", hint)
+    return table.fail(key, f"is {name!r}, which is no {noun} of the MJCF", hint)
