@@ -74,7 +74,7 @@ def test_what_a_machine_shows_can_be_undone(kind, equipped, agrees):
         again, true = effect.apply(again, equipped), shown
     left = apart(effect.stream, again.value, true.value)
     left = max(left, float(np.abs(again.time - true.time).max()))
-    agrees(f"{kind.name}: undone after it was applied", left, 1e-12)
+    agrees(kind.name, left, 1e-12)
     changed = apart(effect.stream, shown.value, smooth(effect.stream, equipped).value) > 1e-9
     assert changed or np.any(shown.time != true.time), "at its typical size it does nothing"
 
