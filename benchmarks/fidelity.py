@@ -8,6 +8,7 @@ import json
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
@@ -35,7 +36,7 @@ CHAPTERS = {
 
 
 def main() -> int:
-    """Run the tests and write the page; 1 if one fails or a tolerance is loose."""
+    """Run the tests and write the page; 1 if one fails, or a claim is loose or made twice."""
     files = sorted((REPOSITORY / "tests").glob("*/test_*.py"))
     claiming = [str(file) for file in files if "agrees(" in file.read_text(encoding="utf-8")]
     with tempfile.TemporaryDirectory() as folder:
@@ -55,7 +56,11 @@ def main() -> int:
     print(f"{len(claims)} claims in {PAGE.relative_to(REPOSITORY)}")
     for one in loose:
         print(f"loose: {one['what']}: {one['deviation']:.1e}, claimed {one['tolerance']:.0e}")
-    return int(bool(failed or loose))
+    counts = Counter((chapter_of(one), one["what"]) for one in claims)
+    twice = [what for (_, what), count in counts.items() if count > 1]
+    for what in twice:
+        print(f"claimed twice: {what}")
+    return int(bool(failed or loose or twice))
 
 
 def claims_of(case: ElementTree.Element) -> list[dict]:
