@@ -49,8 +49,8 @@ def main() -> int:
     loose = [one for one in claims if is_loose(one)]
     skipped = [case.attrib["name"] for case in cases if case.find("skipped") is not None]
     if skipped:
-        print(f"{PAGE.relative_to(REPOSITORY)} is left as it is: {', '.join(skipped)} was skipped")
-        print("install the extra `peers`")
+        print(f"{PAGE.relative_to(REPOSITORY)} is left as it is, for these were skipped:")
+        print("\n".join([*skipped, "Basilisk comes with the extra `peers`"]))
         return 1
     PAGE.write_text(page(claims), encoding="utf-8")
     print(f"{len(claims)} claims in {PAGE.relative_to(REPOSITORY)}")
