@@ -14,7 +14,6 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-import mujoco
 from mujoco.batch import Batch
 
 from benchmarks.measure import median, seconds, spread, table
@@ -23,7 +22,7 @@ from twin.clock import PHASES, SimulatedClock
 from twin.controller import load_controller
 from twin.estimators import Estimator, load_estimator
 from twin.loop import Observer, Outcome, fly
-from twin.model import compile_model
+from twin.model import compile_model, untouched
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.reference import Multisine
@@ -112,10 +111,11 @@ def bare_batch(
     platform: Platform, runs: int, threads: int, *, contacts: bool = False
 ) -> Callable[[int], None]:
     """What advances a bare batch by a number of ticks."""
-    batch = Batch(compile_model(platform).model, runs, 1 if runs == 1 else threads)
+    model = compile_model(platform).model
+    batch = Batch(model, runs, 1 if runs == 1 else threads)
     if not contacts:
         flags = batch.expand("opt.disableflags")
-        flags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        flags |= untouched(model)
 
     def advance(ticks: int) -> None:
         for _ in range(ticks):

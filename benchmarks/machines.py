@@ -1,7 +1,8 @@
 """Steps a second of every shipped machine, bare and in the closed loop, one run and 256.
 
-Bare: `Batch.step` of the compiled model, contacts off. Loop: the shipped sensors passed through, a
-law of the machine, nothing recorded. Both take turns; what is printed is the median of five.
+Bare: `Batch.step` of the compiled model, as the plant steps it far from the stop; and near it, with
+contacts. Loop: the shipped sensors passed through, a law of the machine, nothing recorded. They
+take turns; what is printed is the median of five.
 """
 
 from functools import partial
@@ -25,6 +26,7 @@ LAWS = {
     "whorl1": "quaternion_pd",
     "whorl2": "quaternion_pd",
 }
+KINDS = ("bare", "near the stop", "loop")
 ROUNDS = 5
 TICKS = {1: 400, 256: 10}
 """Of one measurement, by the number of runs."""
@@ -38,13 +40,16 @@ def run() -> None:
         row = [name, law, f"{platform.step * 1e3:g}"]
         for runs, ticks in TICKS.items():
             steps = ticks * platform.steps_per_tick * runs
-            step = partial(bare_batch(platform, runs, 0), ticks)
+            bare = [
+                partial(seconds, partial(bare_batch(platform, runs, 0, contacts=contacts), ticks))
+                for contacts in (False, True)
+            ]
             loop = partial(_fly, platform, law, runs, ticks)
-            pairs = [(seconds(step), loop()) for _ in range(ROUNDS + 1)][1:]
-            row += [f"{steps / median(side) / 1e3:.1f}" for side in zip(*pairs, strict=True)]
+            turns = [[work() for work in (*bare, loop)] for _ in range(ROUNDS + 1)][1:]
+            row += [f"{steps / median(side) / 1e3:.1f}" for side in zip(*turns, strict=True)]
         rows.append(row)
     print("Thousand steps a second:\n")
-    head = ("machine", "law", "step [ms]", "bare, n = 1", "loop", "bare, n = 256", "loop")
+    head = ("machine", "law", "step [ms]", *(f"{one}, n = {n}" for n in TICKS for one in KINDS))
     table(head, rows)
 
 

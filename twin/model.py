@@ -133,9 +133,8 @@ def compile_model(platform: Platform) -> Machine:
     model.opt.gravity[:] = (0.0, 0.0, -platform.gravity)
     model.opt.magnetic[:] = platform.magnetic_field
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)  # streams come of the state
     model.opt.disableactuator |= 1 << STAGE_GROUP
-    if platform.base.kind == "ball" and np.isinf(platform.stop_angle):
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 
     joint, actuator = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_ACTUATOR
     base_joint = _named(platform, model, joint, base.joint)
@@ -159,6 +158,9 @@ def compile_model(platform: Platform) -> Machine:
     apply_field(platform, model, torquers)
     prescribed = model.jnt_dofadr[[*stages, *gimbals, *rotors]]
     model.dof_armature[prescribed] = PRESCRIBED_ARMATURE
+    model.jnt_limited[[*stages, *gimbals, *rotors]] = False  # their drives keep to the travel
+    if platform.base.kind == "ball" and np.isinf(platform.stop_angle):
+        model.opt.disableflags |= untouched(model)
     if base.locked:
         lock_joints(platform, model)
 
@@ -195,6 +197,16 @@ def compile_model(platform: Platform) -> Machine:
         joint_actuator=motor,
         effects=effects,
     )
+
+
+def untouched(model: mujoco.MjModel) -> int:
+    """Flags for a step in which no stop is near: what contacts cost is saved.
+
+    So is what constraints cost, where contacts are the only ones.
+    """
+    flags = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    others = model.neq + model.ntendon + model.jnt_limited.sum() + model.dof_frictionloss.any()
+    return flags if others else flags | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
 def mass_properties(model: mujoco.MjModel, base_body: int) -> MassProperties:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from twin.effects import ScatterEffect, series_effects
 from twin.errors import UsageError
-from twin.model import compile_model
+from twin.model import compile_model, untouched
 from twin.plant.forces import Forces
 from twin.plant.gas import Tanks, thruster_arms
 from twin.plant.limits import Limits
@@ -31,14 +31,13 @@ Array = NDArray[np.float64]
 
 _STATE = int(mujoco.mjtState.mjSTATE_QPOS | mujoco.mjtState.mjSTATE_QVEL)
 _FORCE = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
-_NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 
 _ABSURD_RATE = 1e3
 """[rad/s]: a base that turns faster has diverged; no such machine survives a hundredth of it."""
 
 _GUARD = np.radians(5.0)
-"""Contacts are computed only within this of the tilt stop (and whenever a tick could cross it);
-they cost as much as the rest of the step."""
+"""Contacts are computed only within this of the tilt stop, or within half of a stop that is nearer
+than twice this (and whenever a tick could cross it)."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,10 @@ class SimulatedPlant(Plant):
         self._force = self._batch.bind("qfrc_applied")
         self._flags = self._batch.expand("opt.disableflags")
         self._model_flags = int(model.opt.disableflags)
-        within = min(platform.stop_angle, np.pi) - _GUARD
+        self._untouched = self._model_flags | untouched(model)
+        stop = min(platform.stop_angle, np.pi)
+        self._near = min(_GUARD, 0.5 * stop)
+        within = stop - self._near
         self._guard = np.sin(within if platform.pitch_stop else 0.5 * within)
 
         self._start(initial or InitialState())
@@ -322,14 +324,14 @@ class SimulatedPlant(Plant):
             return
         attitude = self._qpos[:, self.machine.base_qpos]
         rate = self._qvel[:, self.machine.base_dof]
-        reach = 0.5 * _GUARD / (steps * platform.step)
+        reach = 0.5 * self._near / (steps * platform.step)
         if platform.pitch_stop is None:
             lean = np.einsum("ni,ni->n", attitude[:, 1:3], attitude[:, 1:3])
         else:
             lean = np.einsum("ni,i->n", vertical_body(attitude), platform.pitch_stop.axis) ** 2
         speed = np.einsum("ni,ni->n", rate, rate)
         near = (lean > self._guard**2) | (speed > reach**2)
-        self._flags[:] = np.where(near, self._model_flags, self._model_flags | _NO_CONTACT)
+        self._flags[:] = np.where(near, self._model_flags, self._untouched)
 
     def _sample(self, states: Array) -> None:
         """Let every sensor see the states after the last steps, (n, steps, nq + nv)."""
