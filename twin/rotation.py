@@ -52,10 +52,11 @@ def rotate(q: Array, v: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """a x b; ten times quicker than numpy.cross on small batches."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    out[..., 0] = ay * bz - az * by
+    x = ay * bz - az * by
+    out = np.empty((*x.shape, 3))
+    out[..., 0] = x
     out[..., 1] = az * bx - ax * bz
     out[..., 2] = ax * by - ay * bx
     return out

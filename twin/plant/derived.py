@@ -60,9 +60,8 @@ class _Derived:
         if self._speed.size:
             gained = states[..., self._speed] - earlier[..., self._speed]
             push[..., : self._speed.size] += gained / self._step
-        arm = np.broadcast_to(site, rate.shape)
         felt = rotate(conjugate(states[..., self._attitude]), push)
-        return felt + cross(turning, arm) + cross(rate, cross(rate, arm))
+        return felt + cross(turning, site) + cross(rate, cross(rate, site))
 
     def inclinometer(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
         """Elevations roll and pitch that specific force makes believe [rad]."""
@@ -73,8 +72,7 @@ class _Derived:
     def magnetometer(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
         """The field in body axes [T]."""
         del sensor, before
-        attitude = states[..., self._attitude]
-        return rotate(conjugate(attitude), np.broadcast_to(self._field, (*attitude.shape[:-1], 3)))
+        return rotate(conjugate(states[..., self._attitude]), self._field)
 
     def position(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
         """Of the CR in the room [m]."""
