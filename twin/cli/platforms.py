@@ -4,6 +4,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from twin.model import Named
     from twin.platform import Platform
 
 
@@ -40,12 +43,31 @@ def _facts(platform: "Platform") -> dict[str, Any]:
         "inertia": platform.inertia,
         "center_of_mass_offset": platform.center_of_mass_offset,
         "base": platform.base.kind,
-        "wheels": [wheel.name for wheel in platform.wheels],
-        "stages": [stage.name for stage in platform.stages],
+        "locked": platform.base.locked,
+        **{kind: [part.name for part in parts] for kind, parts in _parts(platform).items()},
         "sensors": {name: sensor.rate for name, sensor in platform.sensors.items()},
         "commands": platform.commands,
         "control_rate": platform.control_rate,
     }
+
+
+def _parts(platform: "Platform") -> "dict[str, Sequence[Named]]":
+    return {
+        "wheels": platform.wheels,
+        "rotors": platform.rotors,
+        "gimbals": platform.gimbals,
+        "stages": platform.stages,
+        "magnetorquers": platform.magnetorquers,
+        "thrusters": platform.thrusters,
+    }
+
+
+def _bearing(platform: "Platform") -> str:
+    base = platform.base
+    if not base.planar:
+        return f"a {base.kind} joint"
+    locked = f" ({', '.join(base.locked)} locked)" if base.locked else ""
+    return f"a ball on a planar stage{locked}"
 
 
 def _text(platform: "Platform") -> str:
@@ -54,12 +76,16 @@ def _text(platform: "Platform") -> str:
     xx, yy, zz = platform.inertia.diagonal()
     xy, xz, yz = platform.inertia[[0, 0, 1], [1, 2, 2]]
     x, y, z = platform.center_of_mass_offset
+    parts = [f"{len(parts)} {kind}" for kind, parts in _parts(platform).items() if parts]
+    if platform.base.actuator is not None:
+        parts.append("a motor at the joint")
     commands = [f"{name} ({width})" for name, width in platform.commands.items()]
     sensors = [f"{name} {sensor.rate:g} Hz" for name, sensor in platform.sensors.items()]
     rows = (
-        ("mass", f"{platform.mass:g} kg on a {platform.base.kind} joint"),
+        ("mass", f"{platform.mass:g} kg on {_bearing(platform)}"),
         ("J", f"xx {xx:g}, yy {yy:g}, zz {zz:g}, xy {xy:g}, xz {xz:g}, yz {yz:g} kg m^2"),
         ("m r", f"x {x:g}, y {y:g}, z {z:g} kg m"),
+        ("actuators", ", ".join(parts) or "none"),
         ("commands", f"{', '.join(commands) or 'none'} at {platform.control_rate:g} Hz"),
         ("sensors", ", ".join(sensors) or "none"),
         ("variants", ", ".join(variants_of(platform.folder)) or "none"),
