@@ -176,7 +176,7 @@ def true_states(log: Recording, times: np.ndarray) -> States:
     attitude, rate, wheel_speed = (
         log[f"truth_{name}"].interpolated_at(times) for name in ("attitude", "rate", "wheel_speed")
     )
-    return States(rotation.normalized(attitude), rate, wheel_speed)
+    return States(rotation.normalized(attitude), rate, wheel_speed, np.zeros((len(times), 0)))
 
 
 def row(name: str, results: list[dict]) -> str:

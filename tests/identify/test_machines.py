@@ -13,6 +13,7 @@ SEED = 20261121
 SECONDS = 40.0
 
 MACHINES = {
+    "tas2": "control moment gyros, masses",
     "cubesat": "coils in the field, masses on stepper motors",
     "whorl1": "thrusters, wheels, masses",
 }

@@ -1,6 +1,7 @@
 """A filter beside each segment says the same as the whole covariance of the samples at once."""
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from twin.predict.kalman import Local, whitened
 from twin.predict.linearised import Linearised
@@ -15,8 +16,8 @@ def test_whitening_agrees_with_the_dense_covariance():
     carried = rng.normal(size=(segments, instants - 1, x, x)) * 0.6
     pushed = rng.normal(size=(segments, x, c))
     intensity = np.array([0.7, 0.2])
-    half = rng.normal(size=(segments, x, 1))
-    wander = 0.1 * half @ half.transpose(0, 2, 1)
+    half = rng.normal(size=(segments, instants - 1, x, 1))
+    wander = 0.1 * half @ half.swapaxes(-1, -2)
     drift = rng.normal(size=(segments, instants - 1, x))
     step = 0.5
     rows = instants * width
@@ -34,14 +35,14 @@ def test_whitening_agrees_with_the_dense_covariance():
 
     total = 0.0
     for s in range(segments):
-        noise = pushed[s] @ np.diag(intensity * step) @ pushed[s].T + wander[s]
+        noise = pushed[s] @ np.diag(intensity * step) @ pushed[s].T
         # the deviation at each instant as a linear map of the pushes before it
         maps = [np.zeros((x, (instants - 1) * x))]
         for k in range(1, instants):
             now = carried[s, k - 1] @ maps[-1]
             now[:, (k - 1) * x : k * x] += np.eye(x)
             maps.append(now)
-        pushes = np.kron(np.eye(instants - 1), noise)
+        pushes = np.kron(np.eye(instants - 1), noise) + block_diag(*wander[s])
         seen = np.concatenate([measured[s, k] @ maps[k] for k in range(instants)])
         covariance = seen @ pushes @ seen.T + np.eye(rows)
         total += np.linalg.slogdet(covariance)[1]

@@ -40,7 +40,7 @@ def passive(pendulum: Platform) -> tuple[Body, States]:
     """14 periods from the exact first state, segment after segment."""
     log = passive_log(pendulum, 20.0)
     body = body_of(compile_model(pendulum), log, motion_of(log, pendulum))
-    start = States(np.array([[AMPLITUDE]]), np.zeros((1, 1)), np.zeros((1, 0)))
+    start = States(np.array([[AMPLITUDE]]), np.zeros((1, 1)), np.zeros((1, 0)), np.zeros((1, 0)))
     return body, start
 
 

@@ -98,9 +98,7 @@ def _filtered(account: Account, chosen: NDArray[np.intp]) -> tuple[States, Array
         spread = inverse @ inverse.transpose(0, 2, 1) / weights[before, None, None]
     carry = linear.transition[before]
     path = exact.path
-    end = States(
-        path.position[0, before, -1], path.rate[0, before, -1], path.wheel_speed[0, before, -1]
-    )
+    end = path[0, before, -1]
     return end.moved(np.einsum("rxy,ry->rx", carry, mean)), carry @ spread @ carry.transpose(
         0, 2, 1
     )
@@ -119,12 +117,8 @@ def _positions(
     problem = account.problem
     model: mujoco.MjModel = problem.base.model(account.theta)
     push = problem.push(0, account.strengths)
-    together = States(
-        np.concatenate([s.position for s in starts]),
-        np.concatenate([s.rate for s in starts]),
-        np.concatenate([s.wheel_speed for s in starts]),
-    )
-    path = body.rollouts.onward(model, np.tile(chosen, len(starts)), together, count, push)
+    rows = np.tile(chosen, len(starts))
+    path = body.rollouts.onward(model, rows, States.joined(starts), count, push)
     return np.split(path, len(starts))
 
 

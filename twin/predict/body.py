@@ -26,7 +26,7 @@ from twin.predict.rollouts import Rollouts
 from twin.predict.segments import command_step, grid_of
 from twin.predict.states import States
 from twin.predict.tangent import carried_forces
-from twin.predict.wander import torque_intensity, wander
+from twin.predict.wander import random_walk, wander
 from twin.recording import Recording
 
 Array = NDArray[np.float64]
@@ -47,7 +47,8 @@ class Exact:
     path: States
     """(1, S, steps + 1, .)."""
     answer: Array
-    """(S, x, nv) change of a state by a unit impulse on each degree of freedom."""
+    """(S, steps or 1, x, nv) change of a state by a unit impulse on each degree of freedom, a unit
+    turn of each gimbal."""
 
 
 class Body:
@@ -72,16 +73,14 @@ class Body:
                 f"the log has none of the streams that {machine.platform.name} predicts: "
                 + ", ".join(self._predicted())
             )
+        self._wanderers = np.concatenate([machine.wheel_dof, machine.gimbal_dof])
         self.rollouts = Rollouts(self.machine, self.inputs, motion, grid)
         self.start = self.rollouts.start
         # Of the machine as stated: if its answer to noise were fitted too, a base ten times as
         # heavy, pushed ten times as hard, would explain what a model lacks just as well.
         stated = copy.copy(machine.model)
-        self._pushed = self.rollouts.answer(stated)[..., machine.base_dof]
-        self._wander = np.zeros(len(machine.wheel_dof))
-        if self.inputs.wheels_undriven:
-            (speed,) = (o for o in self.outputs if o.stream == "wheel_speed")
-            self._wander = torque_intensity(machine.platform, recording[speed.stream], speed.noise)
+        self._pushed = self.rollouts.answer(stated)[:, 0][..., machine.base_dof]
+        self._wander = np.concatenate(self._walks())
 
     def following(self, path: States) -> "Body":
         """The same log; what acts along its motion does so along a prediction (1, S, steps + 1, .).
@@ -181,7 +180,10 @@ class Body:
         return replace(exact, linear=linear.with_columns(self.bias_columns()))
 
     def force_columns(self, exact: Exact, forces: Array) -> tuple[Array, Array]:
-        """What forces (S, steps, nv, a) do: d residual (S, N, a), d segment's end (S - 1, x, a)."""
+        """What forces (S, steps, nv, a) do: d residual (S, N, a), d segment's end (S - 1, x, a).
+
+        On a gimbal's joint stands its rate beside the one that it was driven with [rad/s].
+        """
         change = carried_forces(exact.local.carried, exact.answer, forces, self.grid.step)
         parts = [
             np.moveaxis(o.moved_by(change, self._first(o.stream)), -1, 0) for o in self.outputs
@@ -225,10 +227,8 @@ class Body:
     def _local(self, path: States, answer: Array) -> Local:
         """From paths whose first is nominal, each other with one number of its start shifted."""
         grid = self.grid
-        shifted = States(path.position[1:], path.rate[1:], path.wheel_speed[1:])
-        nominal = States(path.position[:1], path.rate[:1], path.wheel_speed[:1])
         # (S, K, x of the instant, x of the start)
-        reach = np.moveaxis(shifted.less(nominal), 0, -1) / STEP
+        reach = np.moveaxis(path[1:].less(path[:1]), 0, -1) / STEP
         carried = np.linalg.solve(
             reach[:, :-1].transpose(0, 1, 3, 2), reach[:, 1:].transpose(0, 1, 3, 2)
         ).transpose(0, 1, 3, 2)
@@ -242,29 +242,42 @@ class Body:
                 if output.stream in ("attitude", "joint_angle"):
                     k = path.rate.shape[-1]
                     measured[(*at, k + column)] = late / noise
-        wheels = self.machine.wheel_dof
         wandered = wander(
-            answer[..., wheels], self.rollouts.force[..., wheels], self._wander, grid.step
+            answer[..., self._wanderers], self.rollouts.unexplained, self._wander, grid.step
         )
         carried = np.asarray(carried, dtype=np.float64)
         return Local(measured, carried, self._pushed, grid.step, *wandered)
 
+    def _walks(self) -> tuple[Array, Array]:
+        """Intensities of what nobody recorded: (wheels,) of torques on them [(N m)^2 s], (gimbals,)
+        of rates beside the commanded ones [rad^2/s]."""
+        machine = self.machine
+        wheels, gimbals = np.zeros(len(machine.wheel_dof)), np.zeros(len(machine.gimbal_dof))
+        for output in self.outputs:
+            if output.stream == "wheel_speed" and self.inputs.wheels_undriven:
+                rotor = np.array([wheel.inertia for wheel in machine.platform.wheels])
+                walk = random_walk(self.recording[output.stream], output.noise)
+                wheels = np.square(rotor) * walk
+            if output.stream == "gimbal_angle" and self.inputs.gimbal_error is not None:
+                gimbals = random_walk(self.inputs.gimbal_error, output.noise)
+        return wheels, gimbals
+
     def _first(self, stream: str) -> int:
         """Where the numbers that a stream measures stand in a state."""
         k = self.start.rate.shape[-1]
-        return {"attitude": 0, "joint_angle": 0, "wheel_speed": 2 * k}.get(stream, k)
+        gimbals = 2 * k + self.start.wheel_speed.shape[-1]
+        places = {"attitude": 0, "joint_angle": 0, "wheel_speed": 2 * k, "gimbal_angle": gimbals}
+        return places.get(stream, k)
 
     def _ends(self, path: States, start: States) -> Array:
         """(v, S - 1, x) where segments end, seen from the starts of the next."""
-        last = States(
-            path.position[:, :-1, -1], path.rate[:, :-1, -1], path.wheel_speed[:, :-1, -1]
-        )
-        return last.less(start[1:])
+        return path[:, :-1, -1].less(start[1:])
 
     def _predicted(self) -> tuple[str, ...]:
         hinge = self.machine.platform.base.kind == "hinge"
         wheels = ("wheel_speed",) if self.inputs.wheels_predicted else ()
-        return (*(("joint_angle", "joint_rate") if hinge else ("attitude", "gyro")), *wheels)
+        base = ("joint_angle", "joint_rate") if hinge else ("attitude", "gyro")
+        return (*base, *wheels, "gimbal_angle")
 
 
 def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:

@@ -18,6 +18,7 @@ from twin.plant.gas import thruster_arms
 from twin.plant.limits import Limits
 from twin.platform import Platform, Sensor
 from twin.predict.motion import Motion, smoothed_series
+from twin.predict.profiles import profile
 from twin.predict.segments import Segment
 from twin.recording import Recording, Series
 
@@ -77,7 +78,14 @@ class Inputs:
         for name in ("stage_position", "command_stage_position"):
             stage = self._stream(recording, name, len(platform.stages))
             if stage is not None and self._stage is None:
-                self._stage = _travelled(stage, platform.sensors.get(name))
+                self._stage = (
+                    _travelled(stage, platform.sensors.get(name))
+                    if name == "stage_position"
+                    else profile(machine, name, stage)
+                )
+        self.gimbal_error: Series | None = None
+        """The gimbals' measured angle beside the one that they were told to have."""
+        self._gimbal = self._gimbals(recording)
 
     @property
     def wheels_predicted(self) -> bool:
@@ -89,6 +97,12 @@ class Inputs:
         """Whether nobody recorded what drove the wheels: their speed is measured, their torque is
         white noise of the intensity that the speed shows."""
         return self._wheel_torque is None and self._wheel_speed is not None
+
+    @property
+    def gimbals_undriven(self) -> bool:
+        """Whether nobody recorded what drove the gimbals: their rate is white noise of the
+        intensity that their angle shows."""
+        return "command_gimbal_rate" not in self.used
 
     def prepare(self, model: mujoco.MjModel) -> None:
         """Leave all torque on undriven wheels to what their speed shows; let coils feel the log's
@@ -124,6 +138,12 @@ class Inputs:
             position[machine.stage_qpos] = place[0]
             velocity[machine.stage_dof] = rate[0]
             force[:, machine.stage_dof] += machine.stage_inertia * np.diff(rate, axis=0) / step
+        if self._gimbal is not None:
+            angle, rate = (series.interpolated_at(edges) for series in self._gimbal)
+            position[machine.gimbal_qpos] = angle[0]
+            velocity[machine.gimbal_dof] = rate[0]
+            force[:, machine.gimbal_dof] += machine.gimbal_inertia * np.diff(rate, axis=0) / step
+        velocity[machine.rotor_dof] = [rotor.speed for rotor in machine.platform.rotors]
         control = np.zeros((steps, machine.model.nu))
         if self._dipole is not None:
             moments = Limits(machine.platform).coils(held_mean(self._dipole, edges))
@@ -138,13 +158,14 @@ class Inputs:
 
     def commanded(self, edges: Array, motion: Motion) -> Array:
         """(m, nv) mean of the commanded torques between m + 1 edges in time [N m], along a motion:
-        it says where coils stand in the field."""
+        it says where coils stand in the field. Of gimbals, the commanded rates [rad/s]."""
         machine = self.machine
         force = np.zeros((len(edges) - 1, machine.model.nv))
         if self._joint is not None:
             force[:, machine.base_dof] = held_mean(self._joint, edges)
         if self._wheel_torque is not None:
             force[:, machine.wheel_dof] = held_mean(self._wheel_torque, edges)
+        force[:, machine.gimbal_dof] = self.gimbal_rate(edges) * (not self.gimbals_undriven)
         if self._dipole is not None:
             attitude = motion.at(0.5 * (edges[:-1] + edges[1:])).position
             field_body = rotation.rotate(rotation.conjugate(attitude), self.field_world)
@@ -152,6 +173,13 @@ class Inputs:
         if self._thrust is not None:
             force[:, machine.base_dof] += self.thrust(edges) @ thruster_arms(machine)
         return force
+
+    def gimbal_rate(self, edges: Array) -> Array:
+        """(m, gimbals) mean between m + 1 edges in time [rad/s]."""
+        if self._gimbal is None:
+            return np.zeros((len(edges) - 1, 0))
+        rate = self._gimbal[1].interpolated_at(edges)
+        return 0.5 * (rate[1:] + rate[:-1])
 
     def thrust(self, edges: Array) -> Array:
         """(m, thrusters) mean commanded force between m + 1 edges in time [N]."""
@@ -172,7 +200,37 @@ class Inputs:
             place, rate = self._stage
             position[:, machine.stage_qpos] = place.interpolated_at(times)
             velocity[:, machine.stage_dof] = rate.interpolated_at(times)
+        if self._gimbal is not None:
+            angle, turning = self._gimbal
+            position[:, machine.gimbal_qpos] = angle.interpolated_at(times)
+            velocity[:, machine.gimbal_dof] = turning.interpolated_at(times)
+        velocity[:, machine.rotor_dof] = [rotor.speed for rotor in machine.platform.rotors]
         return position, velocity, acceleration
+
+    def _gimbals(self, recording: Recording) -> tuple[Series, Series] | None:
+        """Angle and rate: as told, moved to where they were measured; else as measured.
+
+        Raises:
+            UsageError: the log says neither.
+        """
+        width = len(self.machine.platform.gimbals)
+        told = self._stream(recording, "command_gimbal_rate", width)
+        seen = self._stream(recording, "gimbal_angle", width)
+        self.gimbal_error = seen
+        if told is None:
+            if width and seen is None:
+                raise UsageError(
+                    "the log has neither gimbal_angle nor command_gimbal_rate, without which the "
+                    f"motion of {self.machine.platform.name} cannot be predicted"
+                )
+            return None if seen is None else smoothed_series(seen)
+        angle, rate = profile(self.machine, "command_gimbal_rate", told)
+        if seen is not None:
+            error = replace(seen, value=seen.value - angle.interpolated_at(seen.time))
+            self.gimbal_error = error
+            left = smoothed_series(error)[0].interpolated_at(angle.time)
+            angle = replace(angle, value=angle.value + left)
+        return angle, rate
 
     def _torque_at_rest(self, duty: Series) -> Series:
         """Of the wheels' motors [N m], from their duty."""
@@ -232,8 +290,6 @@ def _refuse_what_is_not_predicted(machine: Machine, recording: Recording) -> Non
     """
     platform = machine.platform
     driven: list[str] = []
-    if platform.gimbals or platform.rotors:
-        driven.insert(0, "gimbals")
     if set(platform.base.planar) - set(platform.base.locked):
         driven.insert(0, "a stage that floats on the floor")
     if platform.base.kind == "free":

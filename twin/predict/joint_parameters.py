@@ -89,11 +89,7 @@ def joint_parameters(machine: Machine, wheels: bool) -> tuple[JointParameter, ..
 
 def joint_forces(joints: tuple[JointParameter, ...], machine: Machine, path: States) -> Array:
     """(S, steps, nv, p) generalised force by each at value 1, along a path (1, S, steps + 1, .)."""
-    ends = (
-        States(path.position[0, :, part], path.rate[0, :, part], path.wheel_speed[0, :, part])
-        for part in (slice(None, -1), slice(1, None))
-    )
-    first, last = ends
+    first, last = path[0, :, :-1], path[0, :, 1:]
     force = np.zeros((*first.rate.shape[:2], machine.model.nv, len(joints)))
     for place, joint in enumerate(joints):
         mean = 0.5 * (joint.torque(first) + joint.torque(last))

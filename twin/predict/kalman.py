@@ -29,8 +29,8 @@ class Local:
     step: float
     """[s]."""
     wander: Array
-    """(S, x, x) covariance that a state gains in a step whatever else is at work: wheels' unknown
-    torques."""
+    """(S, K - 1, x, x) covariance that a state gains in each step whatever else is at work: wheels'
+    unknown torques, gimbals' unknown rates."""
     drift: Array
     """(S, K - 1, x) by how much the expected motion leaves the nominal path in each step."""
 
@@ -50,7 +50,7 @@ def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linear
     stack = np.concatenate([linear.state, linear.residual[..., None], linear.shared], axis=-1)
     stack = stack.reshape(segments, instants, width, -1)
     force = local.pushed * (intensity * local.step)
-    noise = force @ local.pushed.transpose(0, 2, 1) + local.wander
+    noise = force @ local.pushed.transpose(0, 2, 1)
     mean = np.zeros((segments, x, stack.shape[-1]))
     spread = np.zeros((segments, x, x))
     white = np.empty_like(stack)
@@ -61,7 +61,7 @@ def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linear
             carry = local.carried[:, k - 1]
             mean = carry @ mean
             mean[..., x] += local.drift[:, k - 1]
-            spread = carry @ spread @ carry.transpose(0, 2, 1) + noise
+            spread = carry @ spread @ carry.transpose(0, 2, 1) + noise + local.wander[:, k - 1]
         h = local.measured[:, k]
         across = h @ spread
         covariance = across @ h.transpose(0, 2, 1) + eye

@@ -104,8 +104,9 @@ class Output:
         def ends(values: Array) -> tuple[Array, Array]:
             return values[:, self.segment, before], values[:, self.segment, before + 1]
 
-        if self.stream in ("gyro", "joint_rate", "wheel_speed"):
-            first, last = ends(path.wheel_speed if self.stream == "wheel_speed" else path.rate)
+        straight = {"wheel_speed": path.wheel_speed, "gimbal_angle": path.gimbal_angle}
+        if self.stream in ("gyro", "joint_rate", *straight):
+            first, last = ends(straight.get(self.stream, path.rate))
             return first + part * (last - first)
         first, last = ends(path.position)
         rate_first, rate_last = ends(path.rate)

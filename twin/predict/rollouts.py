@@ -9,6 +9,7 @@ from twin.model import Machine
 from twin.predict.drive import Inputs
 from twin.predict.motion import Motion
 from twin.predict.outputs import Grid
+from twin.predict.response import Response
 from twin.predict.segments import Segment
 from twin.predict.states import States
 
@@ -36,8 +37,14 @@ class Rollouts:
         self._velocity = np.stack([drive.joint_velocity for drive in drives])
         there = motion.at(grid.starts)
         wheels = machine.wheel_dof if inputs.wheels_predicted else slice(0, 0)
-        self.start = States(there.position, there.rate, self._velocity[:, wheels])
+        self.start = States(
+            there.position,
+            there.rate,
+            self._velocity[:, wheels],
+            self._position[:, machine.gimbal_qpos],
+        )
         """(S, .) as smoothed."""
+        self._response = Response(machine, *self._along(motion), inputs.wheels_predicted)
 
     def paths(self, model: mujoco.MjModel, start: States, push: Array | None = None) -> States:
         """States along each prediction, (v, S, steps + 1, .), from starts (v, S, .).
@@ -59,7 +66,11 @@ class Rollouts:
         velocity[:, machine.base_dof] = start.rate.reshape(rows, -1)
         if self.inputs.wheels_predicted:
             velocity[:, machine.wheel_dof] = start.wheel_speed.reshape(rows, -1)
-        force = self.force if push is None else self.force + push
+        position[:, machine.gimbal_qpos] = start.gimbal_angle.reshape(rows, -1)
+        force, turning = self.force, np.zeros((grid.segments, model.nv))
+        if push is not None:
+            force, turning = self._driven(push)
+        velocity += np.tile(turning, (variants, 1))
         batch = Batch(model, rows)
         batch.bind("qpos")[:] = position
         batch.bind("qvel")[:] = velocity
@@ -79,6 +90,7 @@ class Rollouts:
             along(position, run["qpos"], machine.base_qpos),
             along(velocity, run["qvel"], machine.base_dof),
             along(velocity, run["qvel"], wheels),
+            along(position, run["qpos"], machine.gimbal_qpos),
         )
 
     def onward(
@@ -105,7 +117,10 @@ class Rollouts:
         velocity[:, machine.base_dof] = start.rate
         if self.inputs.wheels_predicted:
             velocity[:, machine.wheel_dof] = start.wheel_speed
-        driven = np.concatenate([self._control, self.force + push], axis=-1)
+        position[:, machine.gimbal_qpos] = start.gimbal_angle
+        force, turning = self._driven(push)
+        velocity += turning[segments]
+        driven = np.concatenate([self._control, force], axis=-1)
         driven = driven.reshape(-1, model.nu + model.nv)
         place = segments[:, None] * grid.steps + np.arange(steps)
         batch = Batch(model, len(segments))
@@ -120,22 +135,51 @@ class Rollouts:
         first = position[:, None, machine.base_qpos]
         return np.concatenate([first, run["qpos"][:, :, machine.base_qpos]], axis=1)
 
+    @property
+    def unexplained(self) -> Array:
+        """(S, steps, d) torques on wheels and rates of gimbals that no command says."""
+        machine, inputs = self.machine, self.inputs
+        edges = self.grid.step * np.arange(self.grid.steps + 1)
+        rates = [inputs.gimbal_rate(start + edges) for start in self.grid.starts.tolist()]
+        return np.concatenate(
+            [
+                self.force[..., machine.wheel_dof] * inputs.wheels_undriven,
+                np.stack(rates) * inputs.gimbals_undriven,
+            ],
+            axis=-1,
+        )
+
     def answer(self, model: mujoco.MjModel) -> Array:
-        """(S, x, nv) change of the state by a unit impulse on each degree of freedom."""
-        machine, k = self.machine, self.start.rate.shape[-1]
-        self.prepare(model)
-        data = mujoco.MjData(model)
-        answer = np.zeros((self.grid.segments, self.start.width, model.nv))
-        change = np.zeros((model.nv, model.nv))
-        for s in range(self.grid.segments):
-            data.qpos[:] = self._position[s]
-            data.qpos[machine.base_qpos] = self.start.position[s]
-            mujoco.mj_forward(model, data)
-            mujoco.mj_solveM(model, data, change, np.eye(model.nv))
-            answer[s, k : 2 * k] = change.T[machine.base_dof]
-            if self.inputs.wheels_predicted:
-                answer[s, 2 * k :] = change.T[machine.wheel_dof]
-        return answer
+        """(S, steps or 1, x, nv) change of the state by a unit impulse on each degree of freedom, a
+        unit turn of each gimbal; where gimbals turn it differs from step to step."""
+        return self._response.of(model)
+
+    def _along(self, motion: Motion) -> tuple[Array, Array]:
+        """(S, steps or 1, nq) and (S, steps or 1, nv) of the log's motion."""
+        grid, machine = self.grid, self.machine
+        if not machine.gimbal_dof.size:
+            position, velocity = self._position.copy(), self._velocity.copy()
+            position[:, machine.base_qpos] = self.start.position
+            return position[:, None], velocity[:, None]
+        times = (grid.starts[:, None] + grid.step * (np.arange(grid.steps) + 0.5)).ravel()
+        position, velocity, _ = self.inputs.joint_states(times)
+        there = motion.at(times)
+        position[:, machine.base_qpos], velocity[:, machine.base_dof] = there.position, there.rate
+        shape = (grid.segments, grid.steps, -1)
+        return position.reshape(shape), velocity.reshape(shape)
+
+    def _driven(self, push: Array) -> tuple[Array, Array]:
+        """Forces (S, steps, nv) with a push; and what it adds to the velocities (S, nv) at the
+        starts, where it turns gimbals at a rate."""
+        dof = self.machine.gimbal_dof
+        force, turning = self.force + push, np.zeros_like(self._velocity)
+        rate = push[..., dof]
+        middle = 0.5 * (rate[:, 1:] + rate[:, :-1])
+        edges = np.concatenate([rate[:, :1], middle, rate[:, -1:]], axis=1)
+        pull = self.machine.gimbal_inertia * np.diff(edges, axis=1) / self.grid.step
+        force[..., dof] = self.force[..., dof] + pull
+        turning[:, dof] = edges[:, 0]
+        return force, turning
 
     def prepare(self, model: mujoco.MjModel) -> None:
         self.inputs.prepare(model)

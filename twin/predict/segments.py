@@ -51,7 +51,13 @@ def growth_rate(machine: Machine) -> float:
 
 
 def command_step(machine: Machine, recording: Recording) -> float:
-    """The longest step up to COARSE of which a whole number fits between two commands [s]."""
+    """The longest step up to COARSE of which a whole number fits between two commands [s].
+
+    The platform's, where drives are told where to go: their moves are ramps of a few such steps.
+    """
+    told = "command_stage_position" in recording and "stage_position" not in recording
+    if machine.platform.gimbals or (machine.platform.stages and told):
+        return machine.platform.step
     periods = [
         float(np.median(np.diff(recording[name].time)))
         for name in machine.platform.commands

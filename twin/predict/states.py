@@ -1,6 +1,8 @@
 """States of a machine at the starts of segments: how they are moved and told apart."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ class States:
     """One state a row, any leading axes.
 
     A change of one is (turn about body axes or change of the angle, change of the rate, change of
-    the wheels' speeds), `width` numbers.
+    the wheels' speeds, change of the gimbals' angles), `width` numbers.
     """
 
     position: Array
@@ -24,22 +26,25 @@ class States:
     """(..., k) [rad/s], body axes."""
     wheel_speed: Array
     """(..., w) [rad/s]; width 0 where the wheels are not predicted."""
+    gimbal_angle: Array
+    """(..., g) [rad]."""
 
     @property
     def width(self) -> int:
         """Numbers of a change."""
-        return 2 * self.rate.shape[-1] + self.wheel_speed.shape[-1]
+        return 2 * self.rate.shape[-1] + self.wheel_speed.shape[-1] + self.gimbal_angle.shape[-1]
 
-    def __getitem__(self, rows: slice) -> "States":
-        return States(self.position[rows], self.rate[rows], self.wheel_speed[rows])
+    def __getitem__(self, rows: Any) -> "States":
+        """Those at an index of leading axes."""
+        return States(*(part[rows] for part in self._parts))
 
     def one(self) -> "States":
         """With a leading axis of length 1."""
-        return States(self.position[None], self.rate[None], self.wheel_speed[None])
+        return self[None]
 
     def moved(self, change: Array) -> "States":
         """After a change (..., width); leading axes broadcast."""
-        k = self.rate.shape[-1]
+        k, w = self.rate.shape[-1], self.wheel_speed.shape[-1]
         turn = change[..., :k]
         if self.position.shape[-1] == 4:
             position = rotation.multiply(self.position, rotation.from_rotation_vector(turn))
@@ -48,7 +53,8 @@ class States:
         return States(
             position,
             self.rate + change[..., k : 2 * k],
-            self.wheel_speed + change[..., 2 * k :],
+            self.wheel_speed + change[..., 2 * k : 2 * k + w],
+            self.gimbal_angle + change[..., 2 * k + w :],
         )
 
     def less(self, other: "States") -> Array:
@@ -58,6 +64,14 @@ class States:
             turn = rotation.to_rotation_vector(between)
         else:
             turn = self.position - other.position
-        return np.concatenate(
-            [turn, self.rate - other.rate, self.wheel_speed - other.wheel_speed], axis=-1
-        )
+        rest = zip(self._parts[1:], other._parts[1:], strict=True)
+        return np.concatenate([turn, *(mine - others for mine, others in rest)], axis=-1)
+
+    @staticmethod
+    def joined(several: Sequence["States"]) -> "States":
+        """Those of the first axis in a row."""
+        return States(*map(np.concatenate, zip(*(one._parts for one in several), strict=True)))
+
+    @property
+    def _parts(self) -> tuple[Array, Array, Array, Array]:
+        return self.position, self.rate, self.wheel_speed, self.gimbal_angle

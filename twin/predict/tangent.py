@@ -13,12 +13,13 @@ def carried_forces(carried: Array, answer: Array, forces: Array, step: float) ->
 
     Args:
         carried: (S, steps, x, x) change of the state from one instant to the next.
-        answer: (S, x, nv) change of the state by a unit impulse on each degree of freedom.
+        answer: (S, steps or 1, x, nv) change of the state by a unit impulse on each degree of
+            freedom.
         forces: (S, steps, nv, a), constant over each step.
         step: [s].
     """
     segments, steps, x, _ = carried.shape
-    half = 0.5 * step * np.einsum("sxv,skva->skxa", answer, forces, optimize=True)
+    half = 0.5 * step * (answer @ forces)
     change = np.zeros((segments, steps + 1, x, forces.shape[-1]))
     for k in range(steps):
         change[:, k + 1] = carried[:, k] @ (change[:, k] + half[:, k]) + half[:, k]

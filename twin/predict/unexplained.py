@@ -52,7 +52,6 @@ def _smoothed(body: Body, now: Innovations, chain: Chain, log: int) -> Array:
     residual = linear.residual + np.einsum("snx,sx->sn", linear.state, starts)
     residual = residual.reshape(segments, instants, width)
     noise = now.intensity * local.step * local.pushed @ local.pushed.transpose(0, 2, 1)
-    noise = noise + local.wander
     mean = np.zeros((segments, x))
     spread = np.zeros((segments, x, x))
     eye = np.eye(width)
@@ -62,7 +61,7 @@ def _smoothed(body: Body, now: Innovations, chain: Chain, log: int) -> Array:
         if k:
             carry = local.carried[:, k - 1]
             mean = np.einsum("sxy,sy->sx", carry, mean) + local.drift[:, k - 1]
-            spread = carry @ spread @ carry.transpose(0, 2, 1) + noise
+            spread = carry @ spread @ carry.transpose(0, 2, 1) + noise + local.wander[:, k - 1]
         h = local.measured[:, k]
         across = h @ spread
         lower = np.linalg.cholesky(across @ h.transpose(0, 2, 1) + eye)

@@ -2,7 +2,8 @@
 
 What such a torque takes from a wheel it gives the body, so the log still tells the momentum that
 both hold together. The path to linearise along follows the smoothed speed; that it does is taken
-back in the filter, which expects no torque at all.
+back in the filter, which expects no torque at all. So do gimbals go at rates that nobody recorded,
+beside their commanded ones or in place of them.
 """
 
 import numpy as np
@@ -10,46 +11,47 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from twin.platform import Platform
 from twin.recording import Series
 
 Array = NDArray[np.float64]
 
+WORTHWHILE = 10.0
+"""By how much a walk must lower twice the negative log-likelihood of the readings to be believed.
+"""
 
-def torque_intensity(platform: Platform, speed: Series, noise: Array) -> Array:
-    """(wheels,) intensity of the white torque on each wheel [(N m)^2 s].
 
-    The most likely one for a wheel whose speed walks at random and is read with white noise: a
-    Kalman filter at rest, its gain sought.
+def random_walk(series: Series, noise: Array) -> Array:
+    """(k,) variance a second of what walks at random and is read with white noise.
+
+    The most likely one: a Kalman filter at rest, its gain sought. 0 where the readings do not ask
+    for any.
 
     Args:
-        platform: the wheels.
-        speed: as measured.
-        noise: (wheels,) 1 sigma of a reading [rad/s].
+        series: as measured.
+        noise: (k,) 1 sigma of a reading.
     """
-    period = float(np.median(np.diff(speed.time)))
-    rotor = np.array([wheel.inertia for wheel in platform.wheels])
+    period = float(np.median(np.diff(series.time)))
     walk = [
         _random_walk(column, float(sigma))
-        for column, sigma in zip(speed.value.T, noise, strict=True)
+        for column, sigma in zip(series.value.T, noise, strict=True)
     ]
-    return np.square(rotor) * np.array(walk) / period
+    return np.array(walk) / period
 
 
-def wander(wheels: Array, force: Array, intensity: Array, step: float) -> tuple[Array, Array]:
-    """Covariance (S, x, x) that a state gains in a step, and its expected drift (S, K, x) from the
-    path.
+def wander(answer: Array, force: Array, intensity: Array, step: float) -> tuple[Array, Array]:
+    """Covariance (S, K, x, x) that a state gains in each step, and its expected drift (S, K, x)
+    from the path.
 
     Args:
-        wheels: (S, x, w) change of the state by a unit impulse on each wheel, of the machine as it
-            is fitted.
-        force: (S, K, w) that the path was predicted with [N m].
-        intensity: (w,) of the torques; 0 where the force is a recorded command's [(N m)^2 s].
+        answer: (S, K or 1, x, d) change of the state by a unit impulse on each wheel, a unit turn
+            of each gimbal, of the machine as it is fitted.
+        force: (S, K, d) that the path was predicted with and no command explains [N m, rad/s].
+        intensity: (d,) of the torques, of the rates; 0 where a command explains all.
         step: [s].
     """
-    unknown = force * (intensity > 0.0)
-    drift = -step * np.einsum("sxw,skw->skx", wheels, unknown)
-    return (wheels * (intensity * step)) @ wheels.transpose(0, 2, 1), drift
+    drift = -step * (answer @ (force * (intensity > 0.0))[..., None])[..., 0]
+    noise = (answer * (intensity * step)) @ answer.swapaxes(-1, -2)
+    return np.broadcast_to(noise, (*drift.shape, drift.shape[-1])), drift
 
 
 def _random_walk(values: Array, noise: float) -> float:
@@ -62,5 +64,7 @@ def _random_walk(values: Array, noise: float) -> float:
         return float(np.mean(np.square(error)) / variance + np.log(variance))
 
     best = minimize_scalar(cost, bounds=(-12.0, 12.0), method="bounded")
+    if len(values) * (cost(-12.0) - float(best.fun)) < WORTHWHILE:
+        return 0.0
     gain = 1.0 / (1.0 + np.exp(-float(best.x)))
     return float(np.square(noise * gain) / (1.0 - gain))

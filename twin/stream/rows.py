@@ -102,7 +102,7 @@ class Rows:
             arrays = [array[self._run] for array in arrays]
         try:
             return b"".join(arrays)  # pyright: ignore[reportArgumentType] - NumPy has buffers
-        except BufferError:
+        except (BufferError, TypeError):
             # some are views with gaps
             return b"".join([array.tobytes() for array in arrays])
 

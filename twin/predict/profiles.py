@@ -1,0 +1,61 @@
+"""How stages and gimbals go where they are told: the drives' own profiles, which nothing resists.
+
+On the physics grid that starts with the first command. A mass starts where that sends it, a gimbal
+at home; effects that the platform states of the drives are at work.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.effects import series_effects
+from twin.model import Machine
+from twin.plant.prescribed import PrescribedJoints
+from twin.recording import Series
+from twin.signals import Samples
+
+Array = NDArray[np.float64]
+
+
+def profile(machine: Machine, name: str, command: Series) -> tuple[Series, Series]:
+    """Positions and rates of all stages or gimbals.
+
+    Args:
+        machine: compiled.
+        name: `command_stage_position` or `command_gimbal_rate`.
+        command: as applied.
+    """
+    platform, model = machine.platform, machine.model
+    step, steps = platform.step, platform.steps_per_tick
+    samples = Samples(command.value[None], command.time[None], np.ones((1, len(command)), bool))
+    for effect in series_effects(machine.effects, name):
+        samples = effect.apply(samples, platform)
+    ticks = round(float(command.time[-1] - command.time[0]) / platform.tick) + 1
+    time = command.time[0] + step * np.arange(ticks * steps + 1)
+    # half a step of grace: stamps are rounded
+    last = np.searchsorted(command.time, time[:-1:steps] + 0.5 * step, side="right") - 1
+    held = samples.value[0][last]
+    position, velocity = model.qpos0[None].copy(), np.zeros((1, model.nv))
+    gimbals = name == "command_gimbal_rate"
+    if gimbals:
+        position[:, machine.gimbal_qpos] = [gimbal.home for gimbal in platform.gimbals]
+        places, dof, inertia = machine.gimbal_qpos, machine.gimbal_dof, machine.gimbal_inertia
+    else:
+        position[:, machine.stage_qpos] = held[0]
+        places, dof, inertia = machine.stage_qpos, machine.stage_dof, machine.stage_inertia
+    start = position[0, places]
+    joints = PrescribedJoints(machine, position, velocity)
+    send = joints.send_gimbals if gimbals else joints.send_stages
+    change = np.zeros((ticks, steps, len(dof)))
+    for tick in range(ticks):
+        send(held[tick][None])
+        force = joints.forces(steps)
+        if force is not None:
+            change[tick] = force[0][:, dof] / inertia
+    none = np.zeros((1, len(dof)))
+    rate = np.concatenate([none, np.cumsum(step * change.reshape(-1, len(dof)), axis=0)])
+    moved = np.concatenate([none, np.cumsum(0.5 * step * (rate[1:] + rate[:-1]), axis=0)])
+    unit = "rad" if gimbals else "m"
+    return (
+        Series(time, start + moved, command.columns, unit),
+        Series(time, rate, command.columns, f"{unit}/s"),
+    )
