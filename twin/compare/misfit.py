@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
+from twin.noise.quantisation import resolution_of
 from twin.predict.innovations import Innovations, Problem
 
 Array = NDArray[np.float64]
@@ -18,6 +19,9 @@ LAGS = 20
 """Of the autocorrelations that a whiteness test takes together."""
 FALSE_ALARM = 0.01
 """Chance of calling a true model wrong, over all its columns and by each kind of test."""
+ROUNDED = 0.9
+"""Share of a column's noise that its own steps make: what rounding leaves of a slow motion is no
+white noise, and nothing is missing."""
 BLOCKS = 20
 """Of time, that a log is cut into."""
 
@@ -39,7 +43,7 @@ class Misfit:
     correlation: Array
     """(LAGS,) autocorrelation at lags of 1, 2, ... samples."""
     whiteness: float
-    """Chance that white noise is as correlated (Ljung and Box 1978)."""
+    """Chance that white noise is as correlated (Ljung and Box 1978); 1 of rounding."""
     block_time: Array
     """(b,) middle of each block [s]."""
     block_chi2: Array
@@ -72,6 +76,7 @@ def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[
     for index, output in enumerate(problem.bodies[0].outputs):
         values = np.concatenate([log[index] for log in left if index < len(log)])
         for k, column in enumerate(output.columns):
+            steps = resolution_of(output.value[:, k]) / np.sqrt(12.0)
             found.append(
                 _misfit(
                     output.stream,
@@ -80,6 +85,7 @@ def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[
                     values[:, k],
                     values.shape[0] - fitted * values.shape[0] / total,
                     1.0 if output.stated else 1.0 / float(output.worth[k]) - 1.0,
+                    rounded=steps > ROUNDED * output.noise[k],
                 )
             )
     return tuple(found)
@@ -97,7 +103,14 @@ def coloured(found: Sequence[Misfit]) -> list[Misfit]:
 
 
 def _misfit(
-    stream: str, column: str, time: Array, values: Array, freedom: float, unsure: float
+    stream: str,
+    column: str,
+    time: Array,
+    values: Array,
+    freedom: float,
+    unsure: float,
+    *,
+    rounded: bool,
 ) -> Misfit:
     """Of one column.
 
@@ -109,6 +122,7 @@ def _misfit(
         freedom: degrees of freedom of them.
         unsure: variance of their mean square, in units of that of as many independent samples: 1
             where the noise is stated, less where it was estimated from the same samples.
+        rounded: whether the noise is that of rounding.
     """
     count = len(values)
     freedom = max(freedom, 1.0)
@@ -137,7 +151,7 @@ def _misfit(
         1.0 + half,
         (mean - 1.0) / sigma,
         correlation,
-        float(chi2.sf(portmanteau, len(correlation))),
+        1.0 if rounded else float(chi2.sf(portmanteau, len(correlation))),
         own[0] + length * (np.arange(BLOCKS) + 0.5),
         squares / counts,
         band,

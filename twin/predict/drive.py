@@ -58,7 +58,7 @@ class Inputs:
         self.model = machine.model
         self.used: tuple[str, ...] = ()
         platform = machine.platform
-        _refuse_what_is_not_predicted(machine, recording)
+        _refuse_what_is_not_predicted(platform)
         self._joint = self._stream(recording, "command_joint_torque", 1)
         self._wheel_torque = self._stream(recording, "command_wheel_torque", len(platform.wheels))
         if self._wheel_torque is None:
@@ -283,21 +283,17 @@ def _filled(x: Array) -> Array:
     return np.where(x > 1e-9, -np.expm1(-x) / np.maximum(x, 1e-9), 1.0)
 
 
-def _refuse_what_is_not_predicted(machine: Machine, recording: Recording) -> None:
+def _refuse_what_is_not_predicted(platform: Platform) -> None:
     """
     Raises:
         UsageError: the machine moves by means that a prediction does not know.
     """
-    platform = machine.platform
-    driven: list[str] = []
-    if set(platform.base.planar) - set(platform.base.locked):
-        driven.insert(0, "a stage that floats on the floor")
-    if platform.base.kind == "free":
-        driven.insert(0, "falling free")
-    if driven:
+    base = platform.base
+    if base.kind == "free" or base.joint in base.locked:
+        why = "falls free" if base.kind == "free" else f"has its joint {base.joint!r} locked"
         raise UsageError(
-            f"{platform.name} moves by {', '.join(driven)}, which cannot be predicted from a log "
-            "yet; use a log (or a variant) without"
+            f"{platform.name} {why}, which cannot be predicted from a log yet; use a log (or a "
+            "variant) of a body that turns in its bearing"
         )
 
 

@@ -71,6 +71,8 @@ class Output:
     """(k,) the share of the samples that would tell as much of the noise as is known of it."""
     bias: Array
     """(k,) 1 sigma of the sensor's constant error, as platform.toml states it; 0: none."""
+    delay: float
+    """By which the low-pass that platform.toml states passes slow signals late [s]."""
     time: Array
     """(m,) [s]."""
     value: Array
@@ -97,7 +99,7 @@ class Output:
                 [s].
         """
         steps = path.rate.shape[2] - 1
-        place = self.place - late / step
+        place = self.place - (late + self.delay) / step
         before = np.clip(np.floor(place + 1e-9).astype(np.intp), 0, steps - 1)
         part = (place - before)[:, None]
 
@@ -179,6 +181,7 @@ def outputs_of(
                 stated,
                 worth,
                 _bias(machine.platform, name, k),
+                _delay(machine.platform, name),
                 series.time[inside],
                 series.value[inside],
                 segment,
@@ -197,6 +200,14 @@ def _noise(recording: Recording, name: str, k: int) -> tuple[Array, bool, Array]
         noise, worth = noise_and_worth(recording[name])
         return noise, False, worth
     return np.broadcast_to(np.asarray(stated, dtype=np.float64), (k,)).copy(), True, np.full(k, inf)
+
+
+def _delay(platform: Platform, name: str) -> float:
+    """The group delay at rest of a Butterworth filter."""
+    sensor = platform.sensors.get(name)
+    if sensor is None or not np.isfinite(sensor.cutoff):
+        return 0.0
+    return float(1.0 / (2.0 * np.pi * sensor.cutoff * np.sin(0.5 * np.pi / sensor.order)))
 
 
 def _bias(platform: Platform, name: str, k: int) -> Array:
