@@ -12,13 +12,13 @@ export UV_SYSTEM_CERTS := 1
 
 demo: $(READY)
 	$(BIN)/twin run sads --controller quaternion_pd --duration 60 --rrd runs/demo/sads.rrd
-	$(BIN)/twin compare models/dfki_pendulum/logs/energy_shaping models/dfki_pendulum/logs/energy_shaping_1kg --report runs/demo/pendulum.html
+	$(BIN)/twin diagnose models/dfki_pendulum/logs/energy_shaping --report runs/demo/pendulum.html
 
 test: $(READY)
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2 --dist loadfile
 
 test-slow: $(READY)
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -n 2 --dist loadfile -m slow
 
 lint: $(READY)
 	$(BIN)/ruff check
