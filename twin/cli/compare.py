@@ -25,6 +25,8 @@ class Compare:
 
     logs: tyro.conf.Positional[tuple[Path, ...]]
     """Folders with a log.toml, or .rrd recordings."""
+    platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """The machine, by name or folder; default: the one that each log names."""
     as_built: bool = False
     """Leave the base as platform.toml states it."""
     report: Annotated[Path | None, tyro.conf.arg(metavar="OUT.html")] = None
@@ -40,7 +42,7 @@ class Compare:
         from twin.compare import compare, transfer
         from twin.errors import UsageError
         from twin.identify import calibrated
-        from twin.platform import platform_of
+        from twin.platform import load_platform, platform_of
         from twin.recording import open_log
         from twin.report import (
             document,
@@ -53,8 +55,9 @@ class Compare:
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
         logs = [open_log(path) for path in self.logs]
-        if all(log.provenance.get("platform") is None for log in logs):
+        if self.platform is None and all(log.provenance.get("platform") is None for log in logs):
             return self._sensors(logs)
+        named = None if self.platform is None else load_platform(self.platform)
         with progress() as say:
             comparisons = [
                 compare(
@@ -64,7 +67,7 @@ class Compare:
                     say=lambda doing, name=path.name: say(f"{name}: {doing}"),
                 )
                 for path, log in zip(self.logs, logs, strict=True)
-                for platform in [platform_of(log)]
+                for platform in [named or platform_of(log)]
             ]
             first, *others = comparisons
             transfers = [transfer(first, other) for other in others]

@@ -102,6 +102,11 @@ class Apart:
         """Where the unknowns stand."""
         return self._cost(self.residual)
 
+    @property
+    def weights(self) -> Array:
+        """(segments,) where the unknowns stand."""
+        return self._weights(self.residual)
+
     def normal(self, weights: Array) -> Array:
         """A^T A at some weights."""
         weighed = self.columns * np.sqrt(self._of_rows(weights))[:, None]

@@ -122,11 +122,12 @@ def _along(body: Body, path: States, joints: Along) -> Along:
         middle = 0.5 * (begin + end)
     else:
         middle = rotation.normalized(begin + end)
-    joints.position[:, machine.base_qpos] = middle.reshape(-1, middle.shape[-1])
+    count = len(joints.position)
+    joints.position[:, machine.base_qpos] = middle.reshape(count, middle.shape[-1])
     for dof, rates in ((machine.base_dof, path.rate[0]), (wheels, path.wheel_speed[0])):
         size = rates.shape[-1]
-        joints.velocity[:, dof] = (0.5 * (rates[:, 1:] + rates[:, :-1])).reshape(-1, size)
-        joints.acceleration[:, dof] = (np.diff(rates, axis=1) / step).reshape(-1, size)
+        joints.velocity[:, dof] = (0.5 * (rates[:, 1:] + rates[:, :-1])).reshape(count, size)
+        joints.acceleration[:, dof] = (np.diff(rates, axis=1) / step).reshape(count, size)
     return joints
 
 

@@ -16,7 +16,7 @@ from twin.report.figures import (
     symptom_figure,
     torque_figure,
 )
-from twin.report.style import page
+from twin.report.style import bullets, framed, page, table, typeset
 from twin.report.words import (
     base_rows,
     headline,
@@ -50,16 +50,16 @@ def _section(comparison: Comparison) -> str:
     parts = [
         f"<h1>{escape(name_of(comparison))} on {escape(comparison.platform.name)}</h1>",
         f"<p class='under'>{escape(under)}</p>",
-        f"<p class='verdict'>{escape(_typeset(verdict))}</p>",
-        _list(rest),
+        f"<p class='verdict'>{escape(typeset(verdict))}</p>",
+        bullets(rest),
         "<h2>Measured and predicted</h2>",
-        _figure(motion_figure(comparison), _run_caption(comparison)),
+        framed(motion_figure(comparison), _run_caption(comparison)),
         "<h2>What is left</h2>",
-        _figure(
+        framed(
             residual_figure(comparison),
             "Measured less predicted. What lies outside the frame belongs to the worst stretches.",
         ),
-        _figure(
+        framed(
             misfit_figure(comparison),
             "Of the best model: mean squared residual in units of the noise, over blocks of time, "
             "and how it goes with itself some samples later. A true model stays inside the bands "
@@ -67,7 +67,7 @@ def _section(comparison: Comparison) -> str:
         ),
         _streams_table(comparison),
         "<h2>Symptoms</h2>",
-        _figure(
+        framed(
             symptom_figure(comparison),
             "Each departure asked on its own, beside base and states. What stands beyond its mark "
             "stands out; what stands out together may be one cause seen twice.",
@@ -77,7 +77,7 @@ def _section(comparison: Comparison) -> str:
     if not comparison.healthy:
         parts += [
             "<h2>The torque that nobody accounts for</h2>",
-            _figure(
+            framed(
                 torque_figure(comparison),
                 "A white torque beside the model, smoothed by a Kalman filter and averaged over "
                 "0.25 s, with the base of the best model. A friction falls from upper left to "
@@ -98,7 +98,7 @@ def _balance(comparison: Comparison) -> list[str]:
         "an external torque only, whatever the parts exchange; energy less the work of the motors "
         "falls where something brakes."
     )
-    return ["<h2>Two balances</h2>", _figure(drawn, caption)]
+    return ["<h2>Two balances</h2>", framed(drawn, caption)]
 
 
 def _run_caption(comparison: Comparison) -> str:
@@ -114,7 +114,7 @@ def _run_caption(comparison: Comparison) -> str:
 def _transfer(transfer: Transfer, source: Comparison) -> str:
     other = transfer.comparison
     title = f"Fitted on {name_of(source)}, held against {name_of(other)}"
-    return f"<h2>{escape(title)}</h2>\n{_list(transfer_sentences(transfer, source))}"
+    return f"<h2>{escape(title)}</h2>\n{bullets(transfer_sentences(transfer, source))}"
 
 
 def _streams_table(comparison: Comparison) -> str:
@@ -134,7 +134,7 @@ def _streams_table(comparison: Comparison) -> str:
                 ]
             )
     head = ["model", "stream", "rms", "typical", "noise", "typical / noise", "worst"]
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def _laws_table(comparison: Comparison) -> str:
@@ -155,7 +155,7 @@ def _laws_table(comparison: Comparison) -> str:
     ]
     if not rows:
         return "<p>No law was asked for.</p>"
-    return _table(["base", "law", "strength (95 %)", "could be the base", "could be instead"], rows)
+    return table(["base", "law", "strength (95 %)", "could be the base", "could be instead"], rows)
 
 
 def _base_table(comparison: Comparison) -> str:
@@ -173,7 +173,7 @@ def _base_table(comparison: Comparison) -> str:
         head += ["refitted", "refitted with the laws"]
     hidden = comparison.base.not_excited
     note = f"<p class='under'>Not seen by this joint: {escape(', '.join(hidden))}.</p>"
-    return _table(head, rows) + (note if hidden else "")
+    return table(head, rows) + (note if hidden else "")
 
 
 def _accounts(comparison: Comparison) -> list[tuple[str, Account]]:
@@ -183,24 +183,3 @@ def _accounts(comparison: Comparison) -> list[tuple[str, Account]]:
     if comparison.best.strengths:
         accounts.append(("with the laws", comparison.best.explained))
     return accounts
-
-
-def _figure(svg: str, caption: str) -> str:
-    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
-
-
-def _list(items: Sequence[str]) -> str:
-    return "<ul>" + "".join(f"<li>{escape(_typeset(item))}</li>" for item in items) + "</ul>"
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{escape(_typeset(cell))}</td>" for cell in row) + "</tr>"
-        for row in rows
-    )
-    return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
-
-
-def _typeset(text: str) -> str:
-    return text.replace("+-", "±").replace("^2", "²").replace("^3", "³").replace(" -", " −")

@@ -1,5 +1,6 @@
 """How pages and figures look."""
 
+from collections.abc import Sequence
 from html import escape
 from io import StringIO
 from typing import Any
@@ -72,3 +73,28 @@ def svg(figure: Figure) -> str:
     text = StringIO()
     figure.savefig(text, format="svg", metadata={"Date": None})
     return text.getvalue().split("\n", 3)[-1]
+
+
+def framed(svg: str, caption: str) -> str:
+    """A figure with its caption."""
+    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def bullets(items: Sequence[str]) -> str:
+    """Sentences, each a point."""
+    return "<ul>" + "".join(f"<li>{escape(typeset(item))}</li>" for item in items) + "</ul>"
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Cells as text."""
+    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(typeset(cell))}</td>" for cell in row) + "</tr>"
+        for row in rows
+    )
+    return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def typeset(text: str) -> str:
+    """Plain signs as print has them."""
+    return text.replace("+-", "±").replace("^2", "²").replace("^3", "³").replace(" -", " −")

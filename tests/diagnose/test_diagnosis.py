@@ -1,0 +1,99 @@
+"""A cable hidden in a run is named, sized, written into a platform and worth what it should."""
+
+import json
+
+import numpy as np
+import pytest
+
+from twin.cli.main import main
+from twin.diagnose import diagnose, extend, validate
+from twin.effects import effects_of
+from twin.errors import UsageError
+from twin.platform import load_platform
+from twin.recording import open_log
+from twin.report import diagnosed, diagnosis_document, write_diagnosis
+
+STIFFNESS = 0.05
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    fly = ["run", "sads", "--controller", "quaternion_pd", "--duration", "40"]
+    hidden = ["--effects", f"harness_stiffness={STIFFNESS}"]
+    for name, seed in (("first.rrd", "1"), ("second.rrd", "2")):
+        assert main([*fly, *hidden, "--seed", seed, "--rrd", str(folder / name)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(logs):
+    return diagnose([open_log(logs / "first.rrd")], load_platform("sads"))
+
+
+def test_the_cause_is_named_and_sized(found):
+    assert [cause.effect.name for cause in found.causes] == ["harness_stiffness"]
+    (cause,) = found.causes
+    assert abs(cause.effect.values[0] - STIFFNESS) < 1.5 * cause.half_widths[0]
+    assert cause.evidence > 500.0
+    assert found.remainder.chance > 1e-4
+
+
+def test_a_cause_that_nothing_else_looks_like_explains_the_log(found):
+    assert found.verdict == "explained"
+    assert found.causes[0].confidence > 0.99
+
+
+def test_the_gain_is_measured_on_time_that_was_not_fitted(found):
+    gain = found.held_out
+    assert gain.log_likelihood > 200.0
+    assert gain.low < gain.after < gain.high + 0.02 < gain.before
+
+
+def test_the_document_keeps_its_contract(found):
+    document = json.loads(json.dumps(diagnosis_document(found, None), default=float))
+    assert document["verdict"] in ("healthy", "explained", "ambiguous", "unexplained")
+    (cause,) = document["causes"]
+    assert cause["name"] == "harness_stiffness"
+    stiffness = cause["parameters"]["stiffness"]
+    assert stiffness["low"] < stiffness["value"] < stiffness["high"]
+    assert stiffness["unit"] == "N m/rad"
+    assert 0.0 < cause["confidence"] <= 1.0
+    assert np.shape(document["base"]["inertia"]["value"]) == (3, 3)
+    held_out = document["gain"]["held_out"]
+    assert set(held_out["chi2_per_sample"]) == {"before", "after", "band"}
+    assert set(held_out["free_run"]["10"]) == {"before", "after", "perfect"}
+    assert document["equation"] is None
+
+
+def test_the_extended_platform_flies_with_the_cause_in_it(found, tmp_path, capsys):
+    platform = extend(found, tmp_path / "extended")
+    (effect,) = effects_of(platform)
+    assert effect.values[0] == pytest.approx(found.causes[0].effect.values[0], rel=1e-6)
+    assert platform.inertia == pytest.approx(load_platform("sads").inertia, abs=0.2)
+    assert main(["check", str(tmp_path / "extended")]) == 0
+    fly = ["run", str(tmp_path / "extended"), "--controller", "quaternion_pd", "--duration", "1"]
+    assert main(fly) == 0
+    assert "harness_stiffness" in capsys.readouterr().err
+
+
+def test_an_extension_overwrites_nothing(found, tmp_path):
+    (tmp_path / "mine.txt").write_text("precious")
+    with pytest.raises(UsageError, match="not empty"):
+        extend(found, tmp_path)
+
+
+def test_another_log_gains_too(found, logs):
+    gain = validate(found, open_log(logs / "second.rrd"))
+    assert gain.log_likelihood > 200.0
+    assert gain.after < gain.before
+
+
+def test_the_page_says_what_the_terminal_says(found, tmp_path):
+    path = tmp_path / "page.html"
+    write_diagnosis(path, found, None)
+    page = path.read_text(encoding="utf-8")
+    assert "harness_stiffness" in page
+    assert page.count("<svg") == 2
+    assert "src=" not in page, "it stands alone"
+    assert diagnosed(found)[0].split(":")[0] in ("Explained", "Ambiguous")

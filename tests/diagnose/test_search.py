@@ -1,0 +1,85 @@
+"""Causes are chosen by what they explain beside the base, and by no more than that."""
+
+import numpy as np
+import pytest
+
+from twin.diagnose.search import Search, price
+from twin.diagnose.weighing import Trace, Weighing
+
+FREE = np.full(1, np.inf)
+SEED = 20261121
+
+
+def weighing(rng: np.random.Generator, truth: np.ndarray, traces: list[Trace], columns: np.ndarray):
+    base = rng.normal(size=(len(columns), 4))
+    noise = rng.normal(size=len(columns))
+    return Weighing(noise + base @ rng.normal(size=4) - columns @ truth, base, columns, traces)
+
+
+def trace(name: str, numbers: int = 1, low: float = -np.inf) -> Trace:
+    return Trace(name, np.full(numbers, low), np.full(numbers, np.inf), numbers)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    print(f"seed {SEED}")
+    return np.random.default_rng(SEED)
+
+
+def test_a_hidden_cause_is_named_alone_and_sized(rng):
+    columns = rng.normal(size=(500, 6))
+    truth = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    found = weighing(rng, truth, [trace(n) for n in "abcdef"], columns)
+    search = Search(found, range(6))
+    assert search.best() == (1,)
+    (strength,) = found.weigh((1,)).strengths
+    assert strength == pytest.approx(1.0, abs=4.0 / np.sqrt(500))
+
+
+def test_two_hidden_causes_are_both_named(rng):
+    columns = rng.normal(size=(500, 6))
+    truth = np.array([0.0, 1.0, 0.0, 0.0, -0.6, 0.0])
+    search = Search(weighing(rng, truth, [trace(n) for n in "abcdef"], columns), range(6))
+    assert sorted(search.best()) == [1, 4]
+
+
+def test_nothing_is_named_in_noise_more_often_than_is_allowed():
+    logs, named = 300, 0
+    for seed in range(logs):
+        rng = np.random.default_rng(seed)
+        columns = rng.normal(size=(60, 8))
+        found = weighing(rng, np.zeros(8), [trace(n) for n in "abcdefgh"], columns)
+        named += bool(Search(found, range(8)).best())
+    print(f"named in {named} of {logs}")
+    assert named <= 4, "0.3 % were promised; more than 4 of 300 has a chance of 0.2 %"
+
+
+def test_what_the_base_does_as_well_is_not_asked(rng):
+    base = rng.normal(size=(200, 2))
+    columns = np.column_stack([base[:, 0] + base[:, 1], rng.normal(size=200)])
+    found = Weighing(rng.normal(size=200), base, columns, [trace("base's"), trace("own")])
+    assert Search(found, range(2)).asked == (1,)
+
+
+def test_a_friction_that_drives_is_no_friction(rng):
+    columns = rng.normal(size=(300, 1))
+    found = weighing(rng, np.array([-1.0]), [trace("friction", low=0.0)], columns)
+    assert Search(found, range(1)).best() == ()
+    (strength,) = found.weigh((0,)).strengths
+    assert strength == 0.0
+
+
+def test_of_two_that_look_alike_both_are_told(rng):
+    one = rng.normal(size=400)
+    columns = np.column_stack([one, one + 0.02 * rng.normal(size=400), rng.normal(size=400)])
+    found = weighing(rng, np.array([1.0, 0.0, 0.0]), [trace(n) for n in "abc"], columns)
+    search = Search(found, range(3))
+    (chosen,) = search.best()
+    other, behind, _ = search.instead((chosen,), chosen)[0]
+    assert {chosen, other} == {0, 1}
+    assert abs(behind) < 6.0
+
+
+def test_a_vector_explains_no_more_than_its_numbers_are_worth():
+    assert price(60.0, 3) == pytest.approx(3.0 * (1.0 + np.log(20.0)))
+    assert price(0.5, 1) == 1.0

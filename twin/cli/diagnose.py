@@ -1,0 +1,66 @@
+"""`twin diagnose LOG...`: why a model is wrong about measured logs, and what that is worth."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Diagnose:
+    """Name the causes of what the model gets wrong, with their sizes and how sure they are.
+
+    Inertia, mass moment, initial states and the sensors' stated biases are refitted throughout, so
+    none of them is a cause. Of several logs causes and base are shared. Intervals are 95 %;
+    evidence is the fall of -2 log likelihood less the price of the numbers that were set.
+    """
+
+    logs: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders with a log.toml, or .rrd recordings."""
+    platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """The machine, by name or folder; default: the one that the first log names."""
+    extend: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Write the platform with what was found into a new folder."""
+    validate: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None
+    """Measure the gain on a log that takes no part."""
+    report: Annotated[Path | None, tyro.conf.arg(metavar="OUT.html")] = None
+    """Write a page with figures."""
+    json: bool = False
+    """Print one JSON document instead of sentences."""
+
+    def run(self) -> int:
+        """Diagnose, print, write what was asked for."""
+        from twin.cli.output import print_json, progress
+        from twin.diagnose import diagnose, extend, validate
+        from twin.errors import UsageError
+        from twin.platform import load_platform, platform_of
+        from twin.recording import open_log
+        from twin.report import diagnosed, diagnosis_document, validated, write_diagnosis
+
+        if not self.logs:
+            raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
+        if self.extend is not None and self.extend.exists() and any(self.extend.iterdir()):
+            raise UsageError(f"{self.extend} exists and is not empty; name a new folder")
+        logs = [open_log(path) for path in self.logs]
+        other = None if self.validate is None else open_log(self.validate)
+        machine = platform_of(logs[0]) if self.platform is None else load_platform(self.platform)
+        with progress() as say:
+            found = diagnose(logs, machine, say=say)
+            if other is not None:
+                say("the log that took no part")
+            gain = None if other is None else validate(found, other)
+            if self.report is not None:
+                say("the page")
+                write_diagnosis(self.report, found, gain)
+        if self.extend is not None:
+            extend(found, self.extend)
+        if self.json:
+            print_json(diagnosis_document(found, gain))
+        else:
+            print("\n".join([*diagnosed(found), *([] if gain is None else [validated(gain)])]))
+        for written in (self.report, self.extend):
+            if written is not None:
+                print(f"wrote {written}", file=sys.stderr if self.json else sys.stdout)
+        return 0

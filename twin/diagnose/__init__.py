@@ -1,0 +1,8 @@
+"""What a model gets wrong about measured logs: named causes, their evidence, size and worth."""
+
+from twin.diagnose.cause import Cause as Cause
+from twin.diagnose.diagnosis import Diagnosis as Diagnosis
+from twin.diagnose.diagnosis import diagnose as diagnose
+from twin.diagnose.extension import extend as extend
+from twin.diagnose.validation import Validation as Validation
+from twin.diagnose.validation import validate as validate

@@ -1,0 +1,110 @@
+"""The causes that logs can be asked for: effects of the catalogue that would leave a trace."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.effects import BodyEffect, Effect, able, catalogue, with_effects
+from twin.effects.effect import targets
+from twin.errors import TwinError
+from twin.model import compile_model
+from twin.platform import Platform
+from twin.predict.body import Body
+from twin.predict.effect_columns import SMALL, amplitudes, perturbations_of
+from twin.predict.perturbation import Perturbation
+
+Array = NDArray[np.float64]
+
+_FILTERED = ("sensor_lag",)
+"""Asked for only of sensors that have a filter: on slow signals one is as good as a late clock."""
+
+_HINGE = {"gyro": "joint_angle", "attitude": "joint_angle"}
+"""What tells the motion of a hinge."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One cause, as it enters the linearised prediction: an effect by its amplitudes."""
+
+    effect: Effect
+    """Where it is linearised: at a typical shape, its amplitudes 0."""
+    perturbations: tuple[Perturbation, ...]
+    """One an amplitude."""
+    low: Array
+    """(k,) of the amplitudes."""
+    high: Array
+
+    @property
+    def label(self) -> str:
+        """Of its effect."""
+        return self.effect.label
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """What can be asked, and what cannot."""
+
+    asked: tuple[Candidate, ...]
+    """A cause of which several shapes are tried is there once for each."""
+    not_asked: Mapping[str, str]
+    """Why, by label."""
+
+
+def candidates_of(bodies: Sequence[Body]) -> Candidates:
+    """Everything in the catalogue, held against what these logs hold."""
+    platform = bodies[0].machine.platform
+    asked: list[Candidate] = []
+    not_asked: dict[str, str] = {}
+    for kind in catalogue():
+        for target in targets(kind.takes, platform) if kind.takes else ("",):
+            label = f"{kind.name}:{target}" if target else kind.name
+            why = _why_not(kind, target, bodies)
+            if why:
+                not_asked[label] = why
+                continue
+            found = candidate(kind.typical(target).absent(), platform)
+            if found.perturbations:
+                asked.append(found)
+            else:
+                not_asked[label] = "not observable: the prediction does not depend on it"
+    return Candidates(tuple(asked), not_asked)
+
+
+def candidate(effect: Effect, platform: Platform) -> Candidate:
+    """An effect of some shape as a candidate; without perturbations where it has no trace."""
+    size = amplitudes(effect)
+    low, high = effect.bounds()
+    parts = perturbations_of(effect, platform)
+    own = tuple(one for one, free in zip(parts, size, strict=True) if free) if parts else ()
+    return Candidate(effect, own, low[size], high[size])
+
+
+def _why_not(kind: type[Effect], target: str, bodies: Sequence[Body]) -> str:
+    """Why logs cannot be asked for a cause; empty where they can."""
+    platform = bodies[0].machine.platform
+    try:
+        effect = kind.typical(target).absent()
+        finer = able(platform, effect)
+        if isinstance(effect, BodyEffect):
+            first = np.where(amplitudes(effect), SMALL * effect.scale(), effect.values)
+            compile_model(with_effects(finer, (effect.with_values(first),)))
+    except TwinError as problem:
+        return f"not possible here: {problem}"
+    if effect.label in [f"{s.name}:{s.target}" if s.target else s.name for s in platform.effects]:
+        return "part of the model already"
+    if kind.name in _FILTERED and np.isinf(platform.sensors[target].cutoff):
+        return "not asked: the platform states no filter there, and without one it is a clock_lag"
+    needed = list(kind.streams)
+    if platform.base.kind == "hinge":
+        needed = [_HINGE.get(name, name) for name in needed]
+    for name in needed:
+        if not any(name in body.recording for body in bodies):
+            return f"not observable: needs stream {name}"
+    seen = {output.stream for body in bodies for output in body.outputs}
+    seen |= {name for body in bodies for name in body.inputs.used}
+    for name in needed:
+        if name not in seen:
+            return f"not observable: {name} has no part in the prediction"
+    return ""

@@ -1,0 +1,140 @@
+"""What a diagnosis names: causes with sizes and rivals, what was tried, laws without a name."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from twin.diagnose.candidates import Candidate
+from twin.diagnose.explanation import Explanation
+from twin.diagnose.laws import Law
+from twin.diagnose.search import TIED, Search
+from twin.effects import Effect
+from twin.identify.prediction_error import NORMAL
+from twin.predict.effect_columns import amplitudes
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A cause that would explain the logs about as well in another's place."""
+
+    label: str
+    behind: float
+    """Evidence by which it is behind."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One thing that the model lacks."""
+
+    effect: Effect
+    """As fitted."""
+    free: NDArray[np.bool_]
+    """(p,) which components were fitted; the others cannot be told and keep typical values."""
+    half_widths: Array
+    """(p,) of the 95 % intervals; NaN where not fitted."""
+    evidence: float
+    """Against the best model without it."""
+    alone: float
+    """Evidence on its own, against no cause at all."""
+    confidence: float
+    ties: tuple[Tie, ...]
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A cause that was asked for, beside the final ones."""
+
+    label: str
+    evidence: float
+    """What it would add now; below 0: its numbers cost more than they gain."""
+    alone: float
+    """What it would have explained on its own."""
+    detectable: Array
+    """(k,) size of each amplitude that would have been found, alone."""
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Equation:
+    """A sum of products that explains what no cause of the catalogue does."""
+
+    laws: tuple[Law, ...]
+    coefficients: Array
+    half_widths: Array
+    evidence: float
+    """Against the best that the catalogue offers."""
+
+
+def causes_of(now: Explanation, search: Search, nameless: float) -> tuple[Cause, ...]:
+    """The effects of an explanation, the surest first.
+
+    Args:
+        now: the explanation.
+        search: where it stands.
+        nameless: evidence that laws without a name have brought beyond the catalogue's.
+    """
+    found: list[Cause] = []
+    for index, (effect, free, spread) in enumerate(
+        zip(now.effects, now.free, now.covariances, strict=True)
+    ):
+        rest = tuple(other for other in now.own if other != index)
+        evidence = search.evidence(now.own) - search.evidence(rest)
+        instead = search.instead(now.own, index)
+        ties = tuple(
+            Tie(search.weighing.traces[other].label, behind)
+            for other, behind, less_likely in instead
+            if min(behind, less_likely) < TIED
+        )
+        rivals = [behind for _, behind, _ in instead] + [max(evidence, 0.0)]
+        half = np.full(len(free), np.nan)
+        half[free] = NORMAL * np.sqrt(np.maximum(np.diag(spread), 0.0))
+        share = _share(rivals) * (0.5 if nameless else 1.0)
+        alone = search.evidence((index,))
+        found.append(Cause(effect, free, half, evidence, alone, share, ties))
+    return tuple(sorted(found, key=lambda cause: -cause.evidence))
+
+
+def _share(behind: Sequence[float]) -> float:
+    """Probability of an explanation beside rivals that are so much behind in evidence."""
+    return float(1.0 / (1.0 + np.sum(np.exp(-0.5 * np.clip(behind, -1400.0, 1400.0)))))
+
+
+def tried_of(search: Search, own: tuple[int, ...], asked: Sequence[Candidate]) -> tuple[Tried, ...]:
+    """Every cause that is not among the final ones."""
+    first = len(own)
+    needed = float(np.exp(search.limit))
+    best: dict[str, Tried] = {}
+    for score in search.scores(own):
+        if score.index < first:
+            continue
+        one = asked[score.index - first]
+        size = amplitudes(one.effect)
+        names = [name for name, free in zip(one.effect.names, size, strict=True) if free]
+        units = [k.unit for k in one.effect.parameters() for _ in range(k.size)]
+        weighing = search.weighing
+        seen = weighing.seen(score.index) * weighing.size_of(score.index)
+        gain = float(chi2.isf(needed, len(names)))
+        tried = Tried(
+            one.label,
+            score.evidence,
+            search.evidence((score.index,)),
+            np.sqrt(gain) / np.maximum(seen, 1e-300),
+            tuple(names),
+            tuple(unit for unit, free in zip(units, size, strict=True) if free),
+        )
+        best.setdefault(one.label, tried)
+    return tuple(best.values())
+
+
+def equation_of(now: Explanation, evidence: float) -> Equation | None:
+    if not now.laws:
+        return None
+    count = len(now.laws)
+    spread = np.sqrt(np.diag(now.covariance))[-count:]
+    return Equation(now.laws, now.at.strengths[-count:], NORMAL * spread, evidence)

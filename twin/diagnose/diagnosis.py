@@ -1,0 +1,135 @@
+"""Logs and a platform in; what its model gets wrong, why, how sure that is, what it is worth."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compare.free_run import HORIZONS, FreeRun, free_run
+from twin.conventions import ConventionFinding, check_conventions, corrected
+from twin.diagnose.candidates import candidates_of
+from twin.diagnose.cause import Cause, Equation, Tried, causes_of, equation_of, tried_of
+from twin.diagnose.explanation import Explanation, explain
+from twin.diagnose.held_out import HeldOut, held_out
+from twin.diagnose.reasoning import reason
+from twin.diagnose.remainder import Remainder
+from twin.errors import UsageError
+from twin.identify.calibrate import calibrated
+from twin.identify.momentum import momentum_fit
+from twin.identify.start import base_of, first_biases, first_theta
+from twin.model import compile_model
+from twin.noise import NoiseFinding, noise_findings
+from twin.platform import Platform
+from twin.predict.body import body_of
+from twin.predict.innovations import Problem
+from twin.predict.motion import motion_of
+from twin.recording import Recording
+
+Array = NDArray[np.float64]
+Say = Callable[[str], None]
+
+UNEXPLAINED = 1e-4
+"""Chance below which what is left is no noise."""
+ROUGH = 1.5
+"""Chi-square a sample beyond which no cause has made the motion follow the model. The logs are then
+predicted in segments apart, and what they say counts for less."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What logs say of a platform's model."""
+
+    platform: Platform
+    recordings: tuple[Recording, ...]
+    """Read rightly."""
+    conventions: tuple[ConventionFinding, ...]
+    noise: tuple[NoiseFinding, ...]
+    plain: Explanation
+    """Without any cause."""
+    explained: Explanation
+    """With all causes."""
+    causes: tuple[Cause, ...]
+    tried: tuple[Tried, ...]
+    """The best first."""
+    not_asked: Mapping[str, str]
+    """Why, by label."""
+    equation: Equation | None
+    remainder: Remainder
+    held_out: HeldOut
+    free_runs: Mapping[float, FreeRun | None]
+
+    next_experiment: str | None
+    """A command that would split the ties, if there are any and one is known."""
+
+    @property
+    def verdict(self) -> str:
+        """healthy, explained, ambiguous or unexplained."""
+        rough = not self.explained.follows
+        if self.equation is not None or rough or self.remainder.chance < UNEXPLAINED:
+            return "unexplained"
+        if not self.causes:
+            return "healthy"
+        return "ambiguous" if any(cause.ties for cause in self.causes) else "explained"
+
+
+def diagnose(
+    recordings: Sequence[Recording], platform: Platform, *, say: Say = lambda _: None
+) -> Diagnosis:
+    """Name what a platform's model gets wrong about logs, all together.
+
+    Args:
+        recordings: at least one; a simulation's true states are not looked at.
+        platform: the machine, as stated.
+        say: told what is being done.
+
+    Raises:
+        UsageError: no logs, or one without the streams that the prediction needs.
+    """
+    if not recordings:
+        raise UsageError("no log is given")
+    say("conventions and noise")
+    logs = [calibrated(recording.without_truth(), platform) for recording in recordings]
+    conventions = [tuple(check_conventions(log, platform)) for log in logs]
+    # a late clock is a cause, and is fitted beside the others
+    conventions = [tuple(one for one in found if one.kind != "clock_lag") for found in conventions]
+    logs = [corrected(log, list(found)) for log, found in zip(logs, conventions, strict=True)]
+    noise = tuple(finding for log in logs for finding in noise_findings(log, platform))
+    say("the base")
+    plain = plain_of(logs, platform)
+    candidates = candidates_of(plain.bodies)
+    line = reason(plain, candidates.asked, say)
+    if line.left.chi2 > ROUGH:
+        say("the base, by segments")
+        plain = plain_of(logs, platform, follows=False)
+        line = reason(plain, candidates.asked, say)
+    now = line.now
+    say("free runs")
+    return Diagnosis(
+        platform,
+        tuple(logs),
+        tuple(finding for found in conventions for finding in found),
+        noise,
+        plain,
+        now,
+        causes_of(now, line.search, line.nameless),
+        tried_of(line.search, now.own, line.asked),
+        candidates.not_asked,
+        equation_of(now, line.nameless),
+        line.left,
+        held_out(now),
+        {horizon: free_run(horizon, plain.account, now.account) for horizon in HORIZONS},
+        None,
+    )
+
+
+def plain_of(logs: Sequence[Recording], platform: Platform, *, follows: bool = True) -> Explanation:
+    """The base fitted, and nothing else."""
+    machine = compile_model(platform)
+    bodies = [body_of(machine, log, motion_of(log, platform)) for log in logs]
+    plain, base = base_of(machine, logs)
+    pairs = [(log, body.motion) for log, body in zip(logs, bodies, strict=True)]
+    first = first_theta(plain, momentum_fit(pairs, plain))
+    theta = np.concatenate([first, base.as_stated[len(first) :]])
+    start = Problem(bodies, base).start(theta, [first_biases(body) for body in bodies])
+    return explain(bodies, base, (), start, follows=follows)

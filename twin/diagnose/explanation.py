@@ -1,0 +1,306 @@
+"""A model with some effects in it, fitted to the logs: base, biases, initial states and effects."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compare.account import Account
+from twin.compare.misfit import misfits, misfits_of
+from twin.diagnose.candidates import Candidate
+from twin.diagnose.laws import Law
+from twin.diagnose.weighing import Trace, Weighing
+from twin.effects import Effect
+from twin.identify.prediction_error import fit
+from twin.predict.apart import Apart, apart, fit_apart
+from twin.predict.base import BaseParameters
+from twin.predict.body import Body
+from twin.predict.effect_columns import (
+    amplitudes,
+    perturbations_of,
+    strengths_of,
+    with_strengths,
+)
+from twin.predict.innovations import Innovations, Problem, Unknowns
+from twin.predict.perturbation import Perturbation
+
+Array = NDArray[np.float64]
+
+ROUNDS = 5
+"""Times that the effects' columns are formed anew where the last fit found them."""
+SETTLED = 0.1
+"""Move of an effect, in standard deviations, at which they need not be."""
+BLURRED = 1e-2
+"""A component of which less than this share is left beside base and the others stays as it is."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """residual + columns u is white, variance 1, for changes u of base, biases and strengths."""
+
+    residual: Array
+    columns: Array
+    cluster: NDArray[np.intp]
+    """Which segment of which log each comes from; -1: what was known beforehand."""
+
+    @property
+    def covariance(self) -> Array:
+        """Of all that has a column."""
+        size = 1.0 / np.maximum(np.linalg.norm(self.columns, axis=0), 1e-300)
+        triangle = np.asarray(np.linalg.qr(self.columns * size, mode="r"))
+        inverse = np.linalg.pinv(triangle, rcond=1e-12)
+        return inverse @ inverse.T * np.outer(size, size)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Effects as the logs would have them."""
+
+    bodies: tuple[Body, ...]
+    base: BaseParameters
+    effects: tuple[Effect, ...]
+    """As fitted."""
+    free: tuple[NDArray[np.bool_], ...]
+    """Of each effect, which components were fitted."""
+    laws: tuple[Law, ...]
+    """Without a name, fitted beside the effects."""
+    problem: Problem
+    now: Innovations | Apart
+    """Where it was fitted: a motion that follows the model, or segments apart where none does. Its
+    strengths are those of the free components, then the laws' coefficients."""
+    converged: bool
+
+    @property
+    def at(self) -> Unknowns:
+        """Where base, biases, states and strengths stand."""
+        return self.now.at
+
+    @property
+    def follows(self) -> bool:
+        """Whether the motion follows the model."""
+        return isinstance(self.now, Innovations)
+
+    @cached_property
+    def account(self) -> Account:
+        """The same as a comparison has it: what each stream leaves, and how that is correlated."""
+        bare = Account(self.problem, (), self.now, (), follows=self.follows)
+        if isinstance(self.now, Innovations):
+            return replace(bare, misfits=misfits(self.problem, self.now))
+        fitted = self.now.columns.shape[1]
+        return replace(bare, misfits=misfits_of(self.problem, bare.left, fitted))
+
+    @cached_property
+    def rows(self) -> Rows:
+        """Whitened."""
+        return self._rows(self.now)
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of base, biases and strengths."""
+        return self.rows.covariance
+
+    def _rows(self, now: Innovations | Apart) -> Rows:
+        if isinstance(now, Innovations):
+            return Rows(now.residual, now.columns, now.cluster)
+        # a segment counts as much as its own scatter lets it, and a coloured one for less
+        weights = now.weights / self.account.inflation
+        root = np.sqrt(np.where(now.cluster >= 0, weights[now.cluster], 1.0))
+        return Rows(now.residual * root, now.columns * root[:, None], now.cluster)
+
+    @property
+    def covariances(self) -> tuple[Array, ...]:
+        """(p, p) of the free components of each effect."""
+        whole, counts = self.covariance, [int(free.sum()) for free in self.free]
+        first = len(whole) - sum(counts) - len(self.laws)
+        edges = first + np.cumsum([0, *counts])
+        return tuple(whole[i:j, i:j] for i, j in zip(edges, edges[1:], strict=False))
+
+    def instead(self, effects: Sequence[Effect], laws: Sequence[Law] = ()) -> "Explanation":
+        """Other effects and laws, fitted from where this one stands."""
+        return explain(self.following, self.base, effects, self.at, laws, follows=self.follows)
+
+    @property
+    def following(self) -> tuple[Body, ...]:
+        """The logs, along the motion that it predicts, if that follows them."""
+        if not self.follows:
+            return self.bodies
+        return tuple(
+            body.following(exact.path)
+            for body, exact in zip(self.bodies, self.now.exact, strict=True)
+        )
+
+    @property
+    def cost(self) -> float:
+        """-2 log L up to a constant."""
+        return self.now.cost / self.account.inflation
+
+    def weighing(self, candidates: Sequence[Candidate]) -> Weighing:
+        """Its own effects and laws, then candidates, weighed where it stands."""
+        return self.weigh(
+            [one.perturbations for one in candidates],
+            [Trace(one.label, one.low, one.high, len(one.effect.values)) for one in candidates],
+        )
+
+    def weigh(self, more: Sequence[Sequence[Perturbation]], traces: Sequence[Trace]) -> Weighing:
+        """Its own effects and laws, then others by their perturbations."""
+        perturbations = [part for parts in more for part in parts]
+        along = Problem(self.following, self.base)
+        exact = along.with_perturbations(self.now.exact, perturbations)
+        if isinstance(self.now, Innovations):
+            now = self._rows(self.problem.whiten(self.at, exact, self.now.intensity))
+        else:
+            now = self._rows(apart(self.problem, self.at, exact))
+        own = len(self.at.strengths)
+        kept = now.columns.shape[1] - own - len(perturbations)
+        without = now.residual - now.columns[:, kept : kept + own] @ self.amplitudes
+        mine = [self._trace(i) for i in range(len(self.effects))]
+        mine += [law.trace(0.0) for law in self.laws]
+        return Weighing(without, now.columns[:, :kept], now.columns[:, kept:], [*mine, *traces])
+
+    @property
+    def amplitudes(self) -> Array:
+        """(a,) strengths by which the model differs from one without effects and laws."""
+        size = [
+            amplitudes(effect)[free] for effect, free in zip(self.effects, self.free, strict=True)
+        ]
+        every = np.concatenate(
+            [np.zeros(0, dtype=bool), *size, np.ones(len(self.laws), dtype=bool)]
+        )
+        return np.where(every, self.at.strengths, 0.0)
+
+    @property
+    def own(self) -> tuple[int, ...]:
+        """Its effects and laws among what it weighs."""
+        return tuple(range(len(self.effects) + len(self.laws)))
+
+    def _trace(self, index: int) -> Trace:
+        effect, free = self.effects[index], self.free[index]
+        low, high = effect.bounds()
+        shape = ~amplitudes(effect)
+        low = np.where(shape, low - effect.values, low)[free]
+        high = np.where(shape, high - effect.values, high)[free]
+        return Trace(effect.label, low, high, int(free.sum()))
+
+
+def explain(
+    bodies: Sequence[Body],
+    base: BaseParameters,
+    effects: Sequence[Effect],
+    start: Unknowns,
+    laws: Sequence[Law] = (),
+    *,
+    follows: bool = True,
+) -> Explanation:
+    """Fit a model with these effects.
+
+    Args:
+        bodies: the logs.
+        base: what is fitted of the machine.
+        effects: at their first guesses.
+        start: where the base, the biases and the states start; its strengths are not used.
+        laws: without a name, fitted besides.
+        follows: whether the motion is to follow the model; else segments are fitted apart.
+
+    Raises:
+        TwinError: no rigid body has the base that the iteration starts from.
+    """
+    bodies = tuple(bodies)
+    now = _fitted(bodies, base, tuple(effects), tuple(laws), start, follows=follows)
+    before = tuple(effects)
+    for _ in range(ROUNDS if effects else 0):
+        far = [
+            _distance((after.values - first.values)[free], spread)
+            for after, first, free, spread in zip(
+                now.effects, before, now.free, now.covariances, strict=True
+            )
+        ]
+        if max(far) < SETTLED:
+            break
+        before = now.effects
+        now = _fitted(now.following, base, before, now.laws, now.at, follows=follows)
+    return now
+
+
+def _fitted(
+    bodies: Sequence[Body],
+    base: BaseParameters,
+    effects: tuple[Effect, ...],
+    laws: tuple[Law, ...],
+    start: Unknowns,
+    *,
+    follows: bool,
+) -> Explanation:
+    """With the columns of the effects as they are where they are now."""
+    platform = bodies[0].machine.platform
+    every = [perturbations_of(effect, platform) for effect in effects]
+    free = _determined(bodies, base, effects, every, start)
+    own = [
+        part
+        for parts, ones in zip(every, free, strict=True)
+        for part, one in zip(parts, ones.tolist(), strict=True)
+        if one
+    ]
+    problem = Problem(bodies, base, [*own, *(law.perturbation for law in laws)])
+    first = [strengths_of(effect)[ones] for effect, ones in zip(effects, free, strict=True)]
+    strengths = np.concatenate([np.zeros(0), *first, np.zeros(len(laws))])
+    at = replace(start, strengths=strengths)
+    if follows:
+        found = fit(problem, at)
+        now, converged = found.innovations, found.converged
+    else:
+        now, converged = fit_apart(problem, at), True
+    counts = [int(ones.sum()) for ones in free]
+    parts = np.split(now.at.strengths, np.cumsum(counts)) if counts else []
+    moved = tuple(
+        with_strengths(effect, _all_of(effect, ones, part))
+        for effect, ones, part in zip(effects, free, parts, strict=False)
+    )
+    return Explanation(tuple(bodies), base, moved, free, laws, problem, now, converged)
+
+
+def _distance(step: Array, spread: Array) -> float:
+    """Of a step, in standard deviations."""
+    return float(np.sqrt(max(step @ np.linalg.pinv(spread, hermitian=True) @ step, 0.0)))
+
+
+def _all_of(effect: Effect, free: NDArray[np.bool_], own: Array) -> Array:
+    """Strengths (p,) of an effect of which only some components were fitted."""
+    strengths = strengths_of(effect)
+    strengths[free] = own
+    return strengths
+
+
+def _determined(
+    bodies: Sequence[Body],
+    base: BaseParameters,
+    effects: tuple[Effect, ...],
+    every: Sequence[Sequence[Perturbation]],
+    start: Unknowns,
+) -> tuple[NDArray[np.bool_], ...]:
+    """Which components logs show beside base and the components before them, amplitudes first."""
+    free = [np.ones(len(parts), dtype=bool) for parts in every]
+    doubtful = [i for i, parts in enumerate(every) if len(parts) > 1]
+    if not doubtful:
+        return tuple(free)
+    problem = Problem(bodies, base, [part for parts in every for part in parts])
+    strengths = np.concatenate([np.zeros(0), *(strengths_of(effect) for effect in effects)])
+    now = problem.innovations(replace(start, strengths=strengths))
+    columns = now.columns / np.maximum(np.linalg.norm(now.columns, axis=0), 1e-300)
+    kept = columns.shape[1] - len(strengths)
+    basis = np.linalg.qr(columns[:, :kept])[0]
+    first = kept
+    for i, effect in enumerate(effects):
+        order = np.argsort(~amplitudes(effect), kind="stable")
+        for j in order.tolist():
+            column = columns[:, first + j]
+            for _ in range(2):
+                column = column - basis @ (basis.T @ column)
+            size = float(np.linalg.norm(column))
+            if size < BLURRED:
+                free[i][j] = False
+            else:
+                basis = np.column_stack([basis, column / size])
+        first += len(every[i])
+    return tuple(free)

@@ -1,0 +1,113 @@
+"""The extended platform: a folder like the one diagnosed, with base and effects as found."""
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+
+from twin.diagnose.diagnosis import Diagnosis
+from twin.effects import Effect
+from twin.errors import UsageError
+from twin.model import compile_model
+from twin.platform import Platform, load_platform
+
+
+def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
+    """Write the platform with the base and the causes that a diagnosis found.
+
+    Comments and everything else of platform.toml stay; logs are not copied. Laws without a name
+    are left out: no platform file can state them.
+
+    Returns:
+        The platform, read back from the folder.
+
+    Raises:
+        UsageError: the folder exists and is not empty.
+        PlatformError: the fitted base is no rigid body.
+    """
+    platform, found = diagnosis.platform, diagnosis.explained
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UsageError(f"{folder} exists and is not empty; name a new folder")
+    logs = shutil.ignore_patterns("logs", "*.rrd", "*.png")
+    shutil.copytree(platform.folder, folder, ignore=logs, dirs_exist_ok=True)
+    path = folder / "platform.toml"
+    document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
+    _flatten(document, platform)
+    entries = found.base.entries(found.at.theta).tolist()
+    base = document["mass_properties"]
+    base["inertia"] = [_rounded(value) for value in entries[:6]]
+    base["center_of_mass_offset"] = [_rounded(value) for value in entries[6:9]]
+    for key in ("inertia", "center_of_mass_offset"):
+        base[key].comment("fitted to its logs")
+    document["title"] = f"{platform.title}, as its logs have it"
+    if found.effects:
+        effects = document.setdefault("effects", tomlkit.table())
+        for effect in found.effects:
+            _state(effects, effect)
+    path.write_text(tomlkit.dumps(document), encoding="utf-8")
+    extended = load_platform(str(folder))
+    _weigh(extended)
+    return extended
+
+
+def _weigh(platform: Platform) -> None:
+    """Give the MJCF's bus the inertial that platform.toml now asks for."""
+    machine = compile_model(platform)
+    model, body = machine.model, machine.base_body
+    inertial = "<inertial " + " ".join(
+        f'{name}="{" ".join(f"{value:.17g}" for value in np.atleast_1d(values))}"'
+        for name, values in (
+            ("mass", model.body_mass[body]),
+            ("pos", model.body_ipos[body]),
+            ("quat", model.body_iquat[body]),
+            ("diaginertia", model.body_inertia[body]),
+        )
+    )
+    text = platform.model_path.read_text(encoding="utf-8")
+    name = re.escape(platform.base.body)
+    own = rf'(<body\b[^>]*\bname="{name}"[^>]*>(?:(?!<body\b).)*?)<inertial\b[^>]*?(?=/>)'
+    changed = re.sub(own, lambda found: found[1] + inertial, text, count=1, flags=re.DOTALL)
+    platform.model_path.write_text(changed, encoding="utf-8")
+
+
+def _flatten(document: Any, platform: Platform) -> None:
+    """Make the variant that was diagnosed the platform itself."""
+    _, _, variant = platform.name.partition(":")
+    changes = document.get("variants", {}).get(variant, {}) if variant else {}
+    base = document["mass_properties"]
+    for key, value in changes.items():
+        if key in base:
+            base[key] = value
+        elif isinstance(document.get(key), list):
+            for row in document[key]:
+                row.update(value)
+        else:
+            document.setdefault(key, tomlkit.table()).update(value)
+    document.pop("variants", None)
+
+
+def _state(effects: Any, effect: Effect) -> None:
+    """`[effects.NAME]`, or `[effects.NAME.TARGET]`."""
+    table = tomlkit.table()
+    for known in (*effect.parameters(), *effect.settings()):
+        value = getattr(effect, known.name)
+        if value is not None:
+            table[known.name] = _plain(value)
+    if effect.target:
+        effects.setdefault(effect.name, tomlkit.table())[effect.target] = table
+    else:
+        effects[effect.name] = table
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple | np.ndarray):
+        return [_plain(one) for one in value]
+    return _rounded(value) if isinstance(value, float) else value
+
+
+def _rounded(value: float) -> float:
+    """Nine digits: beyond, a fit says nothing."""
+    return float(np.format_float_positional(value, 9, unique=False, fractional=False))

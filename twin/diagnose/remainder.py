@@ -1,0 +1,90 @@
+"""Whether an explanation leaves anything: torques of no law at all, and the noise it was given.
+
+Pieces of torque, each a few seconds long and free in size, soak up whatever smooth torque a model
+lacks, by whatever law. What they gain beyond chance is unexplained.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, norm
+
+from twin.diagnose.explanation import Explanation
+from twin.diagnose.weighing import Trace
+from twin.predict.body import Body
+from twin.predict.effect_forces import middles, on_grid
+from twin.predict.perturbation import Perturbation
+
+Array = NDArray[np.float64]
+
+PIECE = 2.5
+"""Length of a piece [s]: torques that change as fast as a platform turns are seen."""
+MOST = 60
+"""Pieces of a log; longer logs have longer pieces."""
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What is left when all causes are in."""
+
+    torque_gain: float
+    """Fall of -2 log L by pieces of torque."""
+    freedom: int
+    """Directions in which they do."""
+    torque_chance: float
+    """That noise gains as much."""
+    noise_chance: float
+    """That noise alone leaves as much in the column that leaves most, of all columns together."""
+    where: str
+    """The stream and column that leave most."""
+    chi2: float
+    """Mean squared residual of all columns, in units of the noise."""
+
+    @property
+    def chance(self) -> float:
+        """Of the rarer of both."""
+        return min(1.0, 2.0 * min(self.torque_chance, self.noise_chance))
+
+
+def remainder(found: Explanation) -> Remainder:
+    """Of an explanation, where its fit stands."""
+    pieces = [piece for body in found.bodies for piece in _pieces(body)]
+    free = np.full(1, np.inf)
+    own = len(found.own)
+    weighing = found.weigh(
+        [(piece,) for piece in pieces], [Trace(piece.name, -free, free, 1) for piece in pieces]
+    )
+    gain, freedom = weighing.beyond(found.own, range(own, own + len(pieces)))
+    parts = found.account.misfits
+    worst = max(parts, key=lambda part: part.sigmas)
+    single = float(norm.sf(worst.sigmas))
+    return Remainder(
+        gain,
+        freedom,
+        float(chi2.sf(gain, freedom)),
+        float(-np.expm1(len(parts) * np.log1p(-min(single, 1.0 - 1e-16)))),
+        f"{worst.stream} {worst.column}",
+        float(np.average([part.chi2 for part in parts], weights=[part.samples for part in parts])),
+    )
+
+
+def _pieces(body: Body) -> list[Perturbation]:
+    """Hats about each axis of the base, side by side over one log."""
+    begin, end = float(body.motion.time[0]), float(body.motion.time[-1])
+    count = int(np.clip((end - begin) / PIECE, 2, MOST))
+    knots = np.linspace(begin, end, count)
+    dofs = range(body.machine.base_dof.start, body.machine.base_dof.stop)
+    return [_piece(body, knots, place, dof) for dof in dofs for place in range(count)]
+
+
+def _piece(own: Body, knots: Array, place: int, dof: int) -> Perturbation:
+    def force(body: Body) -> Array:
+        torque = np.zeros((body.grid.segments * body.grid.steps, body.machine.model.nv))
+        if body.recording is own.recording:
+            hat = np.zeros(len(knots))
+            hat[place] = 1.0
+            torque[:, dof] = np.interp(middles(body), knots, hat)
+        return on_grid(torque, body)
+
+    return Perturbation(f"piece {place} of {dof}", "N m", force=force)

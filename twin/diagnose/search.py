@@ -1,0 +1,153 @@
+"""Which few causes explain the logs: forward, exchanged, dropped, as long as evidence pays.
+
+Evidence is -2 log L gained, less what the numbers set would have gained by chance or by their
+freedom: k (1 + log(gain / k)) for k numbers, the price of a normal prior whose width is the one
+that the data make likeliest (George and Foster 2000). The usual k log(samples) asks more of a
+vector than of a number however many samples say little, and gives weak vectors other names.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from twin.diagnose.weighing import Weighing
+
+Array = NDArray[np.float64]
+
+FALSE_ALARM = 0.003
+"""Chance of naming anything in logs that hide nothing, over all that is asked."""
+DRAWS = 20_000
+"""Of noise, from which that chance is found."""
+SEED = 1
+MOST = 6
+"""Causes named together."""
+TIED = 6.0
+"""Evidence by which two explanations must differ for one to be preferred."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a cause promises beside those that are chosen."""
+
+    index: int
+    gain: float
+    """Fall of -2 log L."""
+    evidence: float
+    surprise: float
+    """Logarithm of the chance that noise gains as much for this cause."""
+
+
+def price(gain: float, numbers: int) -> float:
+    """What must be taken off a gain that was had by setting so many numbers."""
+    return numbers * (1.0 + float(np.log(max(gain / numbers, 1.0)))) if numbers else 0.0
+
+
+def critical(weighing: Weighing, asked: Sequence[int], level: float = FALSE_ALARM) -> float:
+    """Surprise that the most surprising of all causes reaches by chance with this probability.
+
+    Parametric bootstrap in the whitened linear model, noise N(0, I), the base projected out.
+    """
+    rng = np.random.default_rng(SEED)
+    bases = [weighing.basis(index) for index in asked]
+    noise = rng.standard_normal((DRAWS, bases[0].shape[0] if bases else 0))
+    least = np.zeros(DRAWS)
+    for index, basis in zip(asked, bases, strict=True):
+        along = noise @ basis
+        if basis.shape[1] == 1 and weighing.traces[index].low[0] == 0.0:
+            along = np.maximum(along, 0.0)
+        gain = np.sum(np.square(along), axis=1)
+        least = np.minimum(least, chi2.logsf(gain, max(basis.shape[1], 1)))
+    return float(np.quantile(least, level))
+
+
+class Search:
+    """Sets of causes, weighed."""
+
+    def __init__(self, weighing: Weighing, asked: Sequence[int]) -> None:
+        self.weighing = weighing
+        self.asked = tuple(index for index in asked if weighing.shown(index))
+        self.limit = critical(weighing, self.asked)
+
+    def scores(self, chosen: tuple[int, ...] = ()) -> list[Score]:
+        """Of all causes beside those chosen, the best first."""
+        found = [self._score(chosen, index) for index in self._others(chosen)]
+        return sorted(found, key=lambda score: -score.evidence)
+
+    def evidence(self, chosen: tuple[int, ...]) -> float:
+        """Of a set against nothing at all."""
+        return self._gain(chosen) - sum(self._price(chosen, index) for index in chosen)
+
+    def best(self) -> tuple[int, ...]:
+        """The set with the most evidence, each of its causes beyond the chance of a false alarm."""
+        chosen: tuple[int, ...] = ()
+        while len(chosen) < MOST:
+            out = [s for s in self.scores(chosen) if s.surprise < self.limit and s.evidence > 0.0]
+            if not out:
+                break
+            chosen = self._exchanged((*chosen, out[0].index))
+        while chosen:
+            weak = [s for s in map(lambda i: self._score(_less(chosen, i), i), chosen)]
+            weak = [s for s in weak if s.surprise >= self.limit or s.evidence <= 0.0]
+            if not weak:
+                break
+            chosen = _less(chosen, min(weak, key=lambda s: s.evidence).index)
+        return chosen
+
+    def instead(self, chosen: tuple[int, ...], index: int) -> list[tuple[int, float, float]]:
+        """Each other cause in one's place: which, evidence that is lost, likelihood that is lost.
+
+        The best first. Evidence prefers the cause with fewer numbers; a likelihood that loses
+        nothing says that the logs themselves do not.
+        """
+        rest = _less(chosen, index)
+        evidence, gain = self.evidence(chosen), self._gain(chosen)
+        found = [
+            (
+                other,
+                evidence - self.evidence((*rest, other)),
+                gain - self._gain((*rest, other)),
+            )
+            for other in self._others(rest)
+            if self.weighing.traces[other].label != self.weighing.traces[index].label
+        ]
+        return sorted(found, key=lambda one: one[1])
+
+    def _others(self, chosen: tuple[int, ...]) -> list[int]:
+        taken = {self.weighing.traces[index].label for index in chosen}
+        return [i for i in self.asked if self.weighing.traces[i].label not in taken]
+
+    def _exchanged(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
+        """After every exchange of one for another that adds evidence."""
+        now = self.evidence(chosen)
+        while True:
+            tries = [
+                (*rest, other)
+                for rest in (_less(chosen, index) for index in chosen)
+                for other in self._others(rest)
+            ]
+            best = max(tries, key=self.evidence, default=chosen)
+            there = self.evidence(best)
+            if there <= now + 1e-6:
+                return chosen
+            chosen, now = best, there
+
+    def _score(self, chosen: tuple[int, ...], index: int) -> Score:
+        gain = max(self._gain((*chosen, index)) - self._gain(chosen), 0.0)
+        trace = self.weighing.traces[index]
+        surprise = float(chi2.logsf(gain, len(trace.low)))
+        return Score(index, gain, gain - price(gain, trace.searched) - trace.unlikely, surprise)
+
+    def _gain(self, chosen: tuple[int, ...]) -> float:
+        return self.weighing.weigh(chosen).gain
+
+    def _price(self, chosen: tuple[int, ...], index: int) -> float:
+        gain = self._gain(chosen) - self._gain(_less(chosen, index))
+        trace = self.weighing.traces[index]
+        return price(max(gain, 0.0), trace.searched) + trace.unlikely
+
+
+def _less(chosen: tuple[int, ...], index: int) -> tuple[int, ...]:
+    return tuple(one for one in chosen if one != index)

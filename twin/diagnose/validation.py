@@ -1,0 +1,105 @@
+"""The gain of a diagnosis on a log that took no part in it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from twin.compare.free_run import HORIZONS, FreeRun, free_run
+from twin.diagnose.diagnosis import Diagnosis
+from twin.diagnose.explanation import Explanation
+from twin.identify.calibrate import calibrated
+from twin.identify.prediction_error import fit
+from twin.identify.start import first_biases
+from twin.model import compile_model
+from twin.platform import Platform
+from twin.predict.apart import fit_apart
+from twin.predict.body import body_of
+from twin.predict.effect_columns import perturbations_of, strengths_of
+from twin.predict.innovations import Problem
+from twin.predict.motion import motion_of
+from twin.recording import Recording
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Base, effects and laws as they were found; only biases and initial states are this log's."""
+
+    log_likelihood: float
+    """Gained by causes and laws [nats]."""
+    before: float
+    """Chi-square of the innovations a sample, with the base that was found without any cause."""
+    after: float
+    free_runs: Mapping[float, FreeRun | None]
+
+    def document(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {
+            "log_likelihood": self.log_likelihood,
+            "chi2_per_sample": {"before": self.before, "after": self.after},
+            "free_run": {
+                f"{horizon:g}": None
+                if run is None
+                else dict(zip(("before", "after", "perfect"), run.errors, strict=True))
+                for horizon, run in self.free_runs.items()
+            },
+        }
+
+
+def validate(diagnosis: Diagnosis, recording: Recording) -> Validation:
+    """Predict another log of the same machine with what was found.
+
+    Raises:
+        UsageError: the log lacks the streams that the prediction needs.
+    """
+    log = calibrated(recording.without_truth(), diagnosis.platform)
+    before, after = (
+        _held(one, log, diagnosis.platform) for one in (diagnosis.plain, diagnosis.explained)
+    )
+    samples = before.bodies[0].samples
+    return Validation(
+        0.5 * (before.cost - after.cost),
+        _chi2(before) / samples,
+        _chi2(after) / samples,
+        {horizon: free_run(horizon, before.account, after.account) for horizon in HORIZONS},
+    )
+
+
+def _chi2(found: Explanation) -> float:
+    """Of what is left, in units of the noise."""
+    left = [values for log in found.account.left for values in log]
+    return sum(float(np.sum(np.square(values))) for values in left)
+
+
+def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation:
+    """An explanation on another log."""
+    body = body_of(compile_model(platform), log, motion_of(log, platform))
+    parts = [perturbations_of(effect, platform) for effect in found.effects]
+    more = [part for effect in parts for part in effect]
+    more += [law.perturbation for law in found.laws]
+    strengths = [strengths_of(effect) for effect in found.effects]
+    laws = found.at.strengths[len(found.at.strengths) - len(found.laws) :]
+    problem = Problem([body], found.base, more, held=True, strengths_held=True)
+    start = problem.start(found.at.theta, [first_biases(body)], np.concatenate([*strengths, laws]))
+    free = tuple(np.ones(len(effect), dtype=bool) for effect in parts)
+    if not found.follows:
+        segments = fit_apart(problem, start)
+        return Explanation(
+            (body,), found.base, found.effects, free, found.laws, problem, segments, converged=True
+        )
+    first = fit(problem, start)
+    # once more along the motion that it predicts, free of the sensors' noise
+    along = body.following(first.innovations.exact[0].path)
+    problem = Problem([along], found.base, more, held=True, strengths_held=True)
+    now = fit(problem, first.at)
+    return Explanation(
+        (along,),
+        found.base,
+        found.effects,
+        free,
+        found.laws,
+        problem,
+        now.innovations,
+        now.converged,
+    )

@@ -1,0 +1,159 @@
+"""What any set of causes would gain, where a fit stands: the linearised problem in small.
+
+All rows of the logs are squeezed into a triangle of as many rows as there are unknowns, once. In it
+the base, free in every set, is projected out, and a set of causes is weighed in microseconds.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+HIDDEN = 1e-2
+"""A direction of which less than this share is left when the base is free cannot be told from it:
+what is left may be the error of a linearised base."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What one cause does to the whitened innovations, the base projected out."""
+
+    label: str
+    low: Array
+    """(k,) bounds of the strengths."""
+    high: Array
+    searched: int
+    """Numbers that a fit of it would set."""
+    unlikely: float = 0.0
+    """-2 log of how probable it is beforehand beside a cause of the catalogue."""
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """The best that a set of causes can do."""
+
+    gain: float
+    """Fall of -2 log L."""
+    strengths: tuple[Array, ...]
+    """Of each, within its bounds."""
+
+
+class Weighing:
+    """residual + columns s, for the strengths s of all causes; white, variance 1."""
+
+    def __init__(
+        self, residual: Array, base: Array, columns: Array, traces: Sequence[Trace]
+    ) -> None:
+        """Squeeze.
+
+        Args:
+            residual: (m,) of a model without any of the causes.
+            base: (m, p) what is free in every set.
+            columns: (m, sum of k) of the causes in their order.
+            traces: of the causes.
+        """
+        self.traces = tuple(traces)
+        edges = np.cumsum([0, *(len(trace.low) for trace in traces)])
+        self._own = [np.arange(i, j) for i, j in zip(edges, edges[1:], strict=False)]
+        whole = np.linalg.norm(columns, axis=0)
+        self.size = np.where(whole > 0.0, whole, 1.0)
+        """(sum of k,) of each column before the base was projected out."""
+        scaled = np.column_stack([base / _norms(base), columns / self.size, residual])
+        triangle = np.asarray(np.linalg.qr(scaled, mode="r"), dtype=np.float64)
+        p = base.shape[1]
+        self._columns = triangle[p:, p:-1]
+        self._residual = triangle[p:, -1]
+        self._known: dict[frozenset[int], Weighed] = {}
+
+    def seen(self, index: int) -> Array:
+        """(k,) share of each column of a cause that no change of the base could take."""
+        return np.linalg.norm(self._columns[:, self._own[index]], axis=0)
+
+    def shown(self, index: int) -> bool:
+        """Whether any of a cause is left beside the base."""
+        return bool(np.any(self.seen(index) > HIDDEN))
+
+    def basis(self, index: int) -> Array:
+        """(r, k) orthonormal directions of a cause."""
+        columns = self._columns[:, self._own[index]]
+        left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+        return left[:, sizes > HIDDEN * max(float(sizes.max(initial=0.0)), HIDDEN)]
+
+    def signature(self, index: int, strengths: Array) -> Array:
+        """(r,) what a cause of these strengths does, the base projected out."""
+        own = self._own[index]
+        return self._columns[:, own] @ (strengths * self.size[own])
+
+    def weigh(self, chosen: Sequence[int]) -> Weighed:
+        """The best that a set can do."""
+        key = frozenset(chosen)
+        if key not in self._known:
+            self._known[key] = self._weigh(sorted(key))
+        found = self._known[key]
+        place = {index: i for i, index in enumerate(sorted(key))}
+        return Weighed(found.gain, tuple(found.strengths[place[index]] for index in chosen))
+
+    def size_of(self, index: int) -> Array:
+        """(k,) length of each column of a cause at strength 1, the base not projected out."""
+        return self.size[self._own[index]]
+
+    def beyond(self, chosen: Sequence[int], others: Sequence[int]) -> tuple[float, int]:
+        """What others gain together beside a set, and in how many directions."""
+        taken = np.concatenate([np.zeros(0, dtype=np.intp), *(self._own[i] for i in chosen)])
+        basis = np.linalg.qr(self._columns[:, taken])[0]
+        columns = self._columns[:, np.concatenate([self._own[i] for i in others])]
+        columns = columns - basis @ (basis.T @ columns)
+        left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+        along = left[:, sizes > HIDDEN * sizes[0]].T @ self.left(chosen)
+        return float(along @ along), len(along)
+
+    def spread(self, chosen: Sequence[int]) -> dict[int, Array]:
+        """Standard deviations (k,) of the strengths of each of a set."""
+        columns = np.concatenate([self._own[index] for index in chosen])
+        inverse = np.linalg.pinv(self._columns[:, columns])
+        sigma = np.linalg.norm(inverse, axis=1) / self.size[columns]
+        edges = np.cumsum([len(self._own[index]) for index in chosen])[:-1]
+        return dict(zip(chosen, np.split(sigma, edges), strict=True))
+
+    def left(self, chosen: Sequence[int]) -> Array:
+        """(r,) what a set leaves."""
+        found = self.weigh(chosen)
+        parts = [self.signature(i, s) for i, s in zip(chosen, found.strengths, strict=True)]
+        return self._residual + sum(parts, start=np.zeros_like(self._residual))
+
+    def _weigh(self, chosen: list[int]) -> Weighed:
+        own = [self._own[index] for index in chosen]
+        columns = np.concatenate([np.zeros(0, dtype=np.intp), *own])
+        low = np.concatenate([np.zeros(0), *(self.traces[i].low for i in chosen)])
+        high = np.concatenate([np.zeros(0), *(self.traces[i].high for i in chosen)])
+        strengths = self._bounded(columns, low, high)
+        left = self._residual + self._columns[:, columns] @ (strengths * self.size[columns])
+        gain = float(self._residual @ self._residual - left @ left)
+        edges = np.cumsum([len(part) for part in own])[:-1]
+        return Weighed(gain, tuple(np.split(strengths, edges)) if own else ())
+
+    def _bounded(self, columns: Index, low: Array, high: Array) -> Array:
+        """Least squares, those that leave their bounds held there one after the other."""
+        strengths = np.zeros(len(columns))
+        free = np.ones(len(columns), dtype=bool)
+        for _ in range(len(columns) + 1):
+            fixed = self._columns[:, columns[~free]] @ (strengths * self.size[columns])[~free]
+            solved = np.linalg.lstsq(
+                self._columns[:, columns[free]], -self._residual - fixed, rcond=1e-9
+            )[0]
+            strengths[free] = solved / self.size[columns[free]]
+            out = np.maximum(low - strengths, strengths - high) * self.size[columns]
+            worst = int(np.argmax(np.where(free, out, -np.inf))) if len(columns) else 0
+            if not len(columns) or not free.any() or out[worst] <= 0.0:
+                break
+            strengths[worst] = np.clip(strengths[worst], low[worst], high[worst])
+            free[worst] = False
+        return strengths
+
+
+def _norms(columns: Array) -> Array:
+    return np.maximum(np.linalg.norm(columns, axis=0), 1e-300)

@@ -1,0 +1,298 @@
+"""What a diagnosis found, in sentences and as one JSON document."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from twin.compare.free_run import FreeRun
+from twin.diagnose import Diagnosis
+from twin.diagnose.cause import Cause, Equation
+from twin.diagnose.remainder import Remainder
+from twin.diagnose.validation import Validation
+from twin.identify.prediction_error import NORMAL
+from twin.units import fitting, printed, three_digits
+
+SHOWN = 5
+"""Causes that were tried and rejected of which the text tells."""
+
+
+def diagnosed(found: Diagnosis) -> list[str]:
+    """All that is to be said, the verdict first."""
+    said = [finding.sentence for finding in found.conventions]
+    said.append(verdict_sentence(found))
+    said += [cause_sentence(cause) for cause in found.causes]
+    if found.equation is not None:
+        said.append(equation_sentence(found.equation))
+    if found.explained.follows:
+        said += _left(found.remainder)
+    said.append(_gain(found))
+    said += _base(found)
+    said += _rejected(found)
+    said += [finding.sentence for finding in found.noise]
+    said += _not_asked(found.not_asked)
+    said += [f"Repaired on reading: {r}." for log in found.recordings for r in log.repairs]
+    return said
+
+
+def verdict_sentence(found: Diagnosis) -> str:
+    """The verdict, as a person says it."""
+    names = " and ".join(cause_name(cause) for cause in found.causes)
+    if found.verdict == "healthy":
+        return (
+            "Healthy: what the model leaves is the sensors' noise, and none of "
+            f"{len(found.tried)} causes explains any of it."
+        )
+    if found.verdict == "explained":
+        return f"Explained: the model lacks {names}, and with that nothing but noise is left."
+    if found.verdict == "ambiguous":
+        return (
+            f"Ambiguous: the model lacks {names}, or what these logs cannot tell from it; with it "
+            "nothing but noise is left."
+        )
+    if not found.explained.follows:
+        size = np.sqrt(found.remainder.chi2)
+        best = f"most is explained by {names}, but " if names else ""
+        return (
+            f"Unexplained: {best}no cause makes the motion follow the model: segments predicted "
+            f"apart still miss by {size:.2g} times the noise."
+        )
+    beside = f" beside {names}" if names else ""
+    return f"Unexplained: the model lacks something{beside} that the catalogue has no name for."
+
+
+def cause_name(cause: Cause) -> str:
+    """`a clock_lag of wheel_speed`."""
+    of = f" of {cause.effect.target}" if cause.effect.target else ""
+    return f"{cause.effect.name}{of}"
+
+
+def cause_sentence(cause: Cause) -> str:
+    """Its numbers, how sure it is, and what could be meant instead."""
+    low, high = cause.effect.values - cause.half_widths, cause.effect.values + cause.half_widths
+    units = [known.unit for known in cause.effect.parameters() for _ in range(known.size)]
+    parts: list[str] = []
+    for i, name in enumerate(cause.effect.names):
+        value = float(cause.effect.values[i])
+        if not cause.free[i]:
+            parts.append(f"{name} not seen")
+            continue
+        factor, unit = fitting(max(abs(value), float(cause.half_widths[i])), units[i])
+        ends = f"{three_digits(float(low[i]) / factor)} to {three_digits(float(high[i]) / factor)}"
+        shown = "" if unit == "1" else f" {unit}"
+        parts.append(f"{name} {three_digits(value / factor)}{shown} ({ends})")
+    ties = ", ".join(f"{tie.label} ({tie.behind:.1f} behind)" for tie in cause.ties)
+    instead = f" These logs cannot tell it from {ties}." if ties else ""
+    return (
+        f"{cause_name(cause)}: {', '.join(parts)}; evidence {cause.evidence:.0f}, "
+        f"confidence {100.0 * cause.confidence:.3g} %.{instead}"
+    )
+
+
+def equation_text(equation: Equation) -> str:
+    """`torque_x = 3.1 rate_x rate_z`, one an axis, SI."""
+    lines: dict[str, list[str]] = {}
+    for law, value in zip(equation.laws, equation.coefficients.tolist(), strict=True):
+        product = " ".join(law.factors)
+        lines.setdefault(law.axis, []).append(f"{value:+.3g} {product}".rstrip())
+    return "; ".join(f"torque_{axis} = {' '.join(terms)}" for axis, terms in lines.items())
+
+
+def equation_sentence(equation: Equation) -> str:
+    """The law without a name, with its intervals."""
+    ends = ", ".join(
+        f"{value - half:.3g} to {value + half:.3g} [{law.unit}]"
+        for law, value, half in zip(
+            equation.laws, equation.coefficients, equation.half_widths, strict=True
+        )
+    )
+    return (
+        f"It looks like {equation_text(equation)} (SI, body axes; coefficients {ends}): "
+        f"evidence {equation.evidence:.0f} beyond the best that the catalogue offers."
+    )
+
+
+def _left(left: Remainder) -> list[str]:
+    """What no cause takes; nothing where the numbers mean nothing."""
+    if left.torque_chance < left.noise_chance:
+        what = f"pieces of torque gain {left.torque_gain:.0f} in {left.freedom} directions"
+        chance = left.torque_chance
+    else:
+        what, chance = f"{left.where} leaves most", left.noise_chance
+    return [f"What is left: {what}; noise alone does so with probability {chance:.2g}."]
+
+
+def _gain(found: Diagnosis) -> str:
+    gain = found.held_out
+    if not found.explained.follows:
+        return (
+            f"On segments that took no part in the fit the logs become likelier by "
+            f"{gain.log_likelihood:.0f} nats, each segment counted by its own scatter."
+            f"{_free_runs(found.free_runs)}"
+        )
+    if not found.causes and found.equation is None:
+        band = f"a true model stays within {gain.low:.3f} to {gain.high:.3f}"
+        return f"Chi-square of the innovations {gain.after:.4f} a sample; {band}."
+    return (
+        f"On time that took no part in the fit the logs become likelier by "
+        f"{gain.log_likelihood:.0f} nats; chi-square {gain.before:.4f} to {gain.after:.4f} a "
+        f"sample, where a true model stays within {gain.low:.3f} to {gain.high:.3f}."
+        f"{_free_runs(found.free_runs)}"
+    )
+
+
+def _free_runs(found: Mapping[float, FreeRun | None]) -> str:
+    runs = [
+        f"{horizon:g} s: {np.degrees(run.errors[0]):.2g} to {np.degrees(run.errors[1]):.2g} deg "
+        f"(perfect {np.degrees(run.errors[2]):.2g})"
+        for horizon, run in found.items()
+        if run is not None
+    ]
+    return f" Free runs, before and after: {'; '.join(runs)}." if runs else ""
+
+
+def _base(found: Diagnosis) -> list[str]:
+    base, theta = found.explained.base, found.explained.at.theta
+    half = NORMAL * np.sqrt(np.diag(found.explained.covariance))[: len(theta)]
+    parts = [
+        f"{name} {three_digits(float(v))} +- {three_digits(float(h))} {unit}"
+        for name, v, h, unit in zip(base.names, theta, half, base.units, strict=True)
+    ]
+    return ["The base, refitted: " + ", ".join(parts) + "."]
+
+
+def _rejected(found: Diagnosis) -> list[str]:
+    if not found.tried:
+        return []
+    if found.verdict == "healthy":
+        sizes = [
+            f"{tried.label} "
+            + " / ".join(
+                printed(float(size), unit)
+                for size, unit in zip(tried.detectable, tried.units, strict=True)
+            )
+            for tried in found.tried
+        ]
+        return ["Would have been found from these sizes on: " + "; ".join(sizes) + "."]
+    alone = sorted(found.tried, key=lambda tried: -tried.alone)[:SHOWN]
+    parts = [
+        f"{one.label} (alone {one.alone:.0f}, beside these {one.evidence:.0f})" for one in alone
+    ]
+    return ["Tried and rejected, evidence in brackets: " + ", ".join(parts) + "."]
+
+
+def _not_asked(why: Mapping[str, str]) -> list[str]:
+    groups: dict[str, list[str]] = {}
+    for label, reason in why.items():
+        if reason.startswith("not observable"):
+            groups.setdefault(reason, []).append(label)
+    return [f"{', '.join(labels)}: {reason}." for reason, labels in groups.items()]
+
+
+def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[str, Any]:
+    """What `twin diagnose --json` prints (docs/design.md 4.5); SI throughout."""
+    explained, gain = found.explained, found.held_out
+    p = len(explained.at.theta)
+    covariance = explained.covariance[:p, :p]
+    return {
+        "verdict": found.verdict,
+        "sentence": verdict_sentence(found),
+        "causes": [_cause(cause) for cause in found.causes],
+        "base": dict(explained.base.table(explained.at.theta, covariance, NORMAL)),
+        "gain": {
+            "held_out": {
+                "log_likelihood": gain.log_likelihood,
+                "chi2_per_sample": {
+                    "before": gain.before,
+                    "after": gain.after,
+                    "band": [gain.low, gain.high],
+                },
+                "free_run": {
+                    f"{horizon:g}": None
+                    if run is None
+                    else dict(zip(("before", "after", "perfect"), run.errors, strict=True))
+                    for horizon, run in found.free_runs.items()
+                },
+            },
+            "validation": None if validation is None else validation.document(),
+        },
+        "equation": None
+        if found.equation is None
+        else {
+            "text": equation_text(found.equation),
+            "evidence": found.equation.evidence,
+            "terms": [
+                {
+                    "axis": law.axis,
+                    "factors": list(law.factors),
+                    "unit": law.unit,
+                    "value": value,
+                    "low": value - half,
+                    "high": value + half,
+                }
+                for law, value, half in zip(
+                    found.equation.laws,
+                    found.equation.coefficients.tolist(),
+                    found.equation.half_widths.tolist(),
+                    strict=True,
+                )
+            ],
+        },
+        "next_experiment": found.next_experiment,
+        "remainder": {
+            "chance": found.remainder.chance,
+            "torque_gain": found.remainder.torque_gain,
+            "directions": found.remainder.freedom,
+        },
+        "tried": [
+            {
+                "label": tried.label,
+                "evidence": tried.evidence,
+                "alone": tried.alone,
+                "detectable": dict(zip(tried.names, tried.detectable.tolist(), strict=True)),
+            }
+            for tried in found.tried
+        ],
+        "not_asked": dict(found.not_asked),
+        "conventions": [finding.sentence for finding in found.conventions],
+        "noise": [finding.sentence for finding in found.noise],
+        "repairs": [repair for log in found.recordings for repair in log.repairs],
+    }
+
+
+def _cause(cause: Cause) -> dict[str, Any]:
+    parameters: dict[str, Any] = {}
+    first = 0
+    for known in cause.effect.parameters():
+        own = slice(first, first + known.size)
+        first += known.size
+        value, half = cause.effect.values[own], cause.half_widths[own]
+        ends = (value, value - half, value + half)
+        scalar = known.size == 1 and not isinstance(known.typical, tuple)
+        parameters[known.name] = {
+            key: float(part[0]) if scalar else part.tolist()
+            for key, part in zip(("value", "low", "high"), ends, strict=True)
+        } | {"unit": known.unit}
+    return {
+        "name": cause.effect.name,
+        "target": cause.effect.target or None,
+        "evidence": cause.evidence,
+        "confidence": cause.confidence,
+        "parameters": parameters,
+        "ties": [
+            {
+                "name": tie.label.partition(":")[0],
+                "target": tie.label.partition(":")[2] or None,
+                "behind": tie.behind,
+            }
+            for tie in cause.ties
+        ],
+    }
+
+
+def validated(gain: Validation) -> str:
+    """What was gained on a log that took no part."""
+    return (
+        f"On the log that took no part: {gain.log_likelihood:.0f} nats gained, chi-square "
+        f"{gain.before:.4f} to {gain.after:.4f} a sample.{_free_runs(gain.free_runs)}"
+    )

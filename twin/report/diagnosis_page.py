@@ -1,0 +1,116 @@
+"""One self-contained HTML page about a diagnosis: verdict, before and after, causes, what next."""
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from twin.diagnose import Diagnosis, Validation
+from twin.identify.prediction_error import NORMAL
+from twin.report.diagnosed import (
+    cause_sentence,
+    diagnosed,
+    equation_sentence,
+    validated,
+    verdict_sentence,
+)
+from twin.report.diagnosis_figures import before_after_figure, evidence_figure
+from twin.report.style import bullets, framed, page, table, typeset
+from twin.units import three_digits
+
+
+def write_diagnosis(path: Path, found: Diagnosis, gain: Validation | None) -> None:
+    """Write the page."""
+    names = [_name(log.provenance.get("source", "the log")) for log in found.recordings]
+    title = f"Diagnosis of {', '.join(names)} on {found.platform.name}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(page(title, "\n".join(_parts(found, gain, title))), encoding="utf-8")
+
+
+def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
+    length = sum(log.stop - log.start for log in found.recordings)
+    verdict = verdict_sentence(found)
+    own = [cause_sentence(cause) for cause in found.causes]
+    if found.equation is not None:
+        own.append(equation_sentence(found.equation))
+    rest = [said for said in diagnosed(found) if said != verdict and said not in own]
+    parts = [
+        f"<h1>{escape(title)}</h1>",
+        f"<p class='under'>{escape(found.platform.title)} · {length:.3g} s · "
+        f"{len(found.tried) + len(found.causes)} causes asked for</p>",
+        f"<p class='verdict'>{escape(typeset(verdict))}</p>",
+        bullets(own),
+        "<h2>Before and after</h2>",
+        framed(
+            before_after_figure(found),
+            "Mean squared innovation of each stream in units of its noise, over blocks of time: "
+            "the machine with its base refitted, without the causes and with them.",
+        ),
+        _gain_table(found),
+    ]
+    if gain is not None:
+        parts.append(f"<p>{escape(typeset(validated(gain)))}</p>")
+    parts += [
+        "<h2>The causes, ranked</h2>",
+        framed(
+            evidence_figure(found),
+            "Causes that look alike are long together on their own; beside the one that is named "
+            "the others have nothing left to explain.",
+        ),
+    ]
+    if any(cause.ties for cause in found.causes):
+        parts += ["<h2>What these logs cannot tell apart</h2>", _ties_table(found)]
+    if found.next_experiment is not None:
+        parts += [
+            "<h2>The experiment that would</h2>",
+            f"<pre>{escape(found.next_experiment)}</pre>",
+        ]
+    parts += ["<h2>The base</h2>", _base_table(found), "<h2>All that is to be said</h2>"]
+    return [*parts, bullets(rest)]
+
+
+def _gain_table(found: Diagnosis) -> str:
+    gain = found.held_out
+    rows = [
+        [
+            "chi-square a sample, held-out blocks",
+            f"{gain.before:.4f}",
+            f"{gain.after:.4f}",
+            f"{gain.low:.4f} to {gain.high:.4f}",
+        ]
+    ]
+    for horizon, run in found.free_runs.items():
+        if run is not None:
+            before, after, perfect = (f"{np.degrees(error):.3g} deg" for error in run.errors)
+            rows.append([f"free run of {horizon:g} s, typical error", before, after, perfect])
+    return table(["", "before", "after", "a true model"], rows)
+
+
+def _ties_table(found: Diagnosis) -> str:
+    rows = [
+        [cause.effect.label, tie.label, f"{tie.behind:.1f}"]
+        for cause in found.causes
+        for tie in cause.ties
+    ]
+    return table(["named", "could be instead", "evidence behind"], rows)
+
+
+def _base_table(found: Diagnosis) -> str:
+    base = found.explained.base
+    rows: list[Sequence[str]] = []
+    sides = [
+        (one.at.theta, NORMAL * np.sqrt(np.diag(one.covariance)))
+        for one in (found.plain, found.explained)
+    ]
+    for i, (name, unit) in enumerate(zip(base.names, base.units, strict=True)):
+        cells = [
+            f"{three_digits(float(theta[i]))} +- {three_digits(float(half[i]))} {unit}"
+            for theta, half in sides
+        ]
+        rows.append([name, f"{three_digits(float(base.as_stated[i]))} {unit}", *cells])
+    return table(["parameter", "as stated", "refitted", "refitted with the causes"], rows)
+
+
+def _name(source: object) -> str:
+    return str(source).replace("\\", "/").rstrip("/").rsplit("/", 1)[-1]
