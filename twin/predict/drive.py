@@ -50,7 +50,9 @@ class Inputs:
     measured or not. Where only its speed was recorded, it is a state all the same, under a torque
     of which nothing is known but its size; the smoothed reading only says along which path to
     linearise. A stage follows its measured position. Coils turn the body in the field as MuJoCo has
-    its attitude, thrusters push at their arms; the gas that they take weighs nothing.
+    its attitude, thrusters push at their arms; the gas that they take weighs nothing. The angle of
+    a gimbal is a state: it goes at the commanded rate, else at one of which nothing is known but
+    its size. Rotors keep their speed.
     """
 
     def __init__(self, machine: Machine, recording: Recording) -> None:
