@@ -98,7 +98,7 @@ def facts(hidden: Hidden, found: Diagnosis) -> dict[str, Any]:
         "remainder": [found.remainder.torque_chance, found.remainder.noise_chance],
         "gain": [found.held_out.log_likelihood, found.held_out.before, found.held_out.after],
         "band": [found.held_out.low, found.held_out.high],
-        "settled": found.explained.fit.converged,
+        "settled": found.explained.converged,
     }
 
 

@@ -52,8 +52,14 @@ class Candidates:
     """Why, by label."""
 
 
-def candidates_of(bodies: Sequence[Body]) -> Candidates:
-    """Everything in the catalogue, held against what these logs hold."""
+def candidates_of(bodies: Sequence[Body], lines: Sequence[float] = ()) -> Candidates:
+    """Everything in the catalogue, held against what these logs hold.
+
+    Args:
+        bodies: the logs.
+        lines: frequencies at which what a model leaves stands out [Hz]; effects that ring or push
+            at one frequency are tried there too.
+    """
     platform = bodies[0].machine.platform
     asked: list[Candidate] = []
     not_asked: dict[str, str] = {}
@@ -64,11 +70,15 @@ def candidates_of(bodies: Sequence[Body]) -> Candidates:
             if why:
                 not_asked[label] = why
                 continue
-            found = candidate(kind.typical(target).absent(), platform)
-            if found.perturbations:
-                asked.append(found)
-            else:
+            usual = kind.typical(target).absent()
+            found = candidate(usual, platform)
+            if not found.perturbations:
                 not_asked[label] = "not observable: the prediction does not depend on it"
+                continue
+            asked.append(found)
+            for hertz in lines:
+                shapes = usual.at_frequency(hertz, platform.gravity)
+                asked += [candidate(s, platform) for s in shapes if not _refused(s, platform)]
     return Candidates(tuple(asked), not_asked)
 
 
@@ -84,14 +94,10 @@ def candidate(effect: Effect, platform: Platform) -> Candidate:
 def _why_not(kind: type[Effect], target: str, bodies: Sequence[Body]) -> str:
     """Why logs cannot be asked for a cause; empty where they can."""
     platform = bodies[0].machine.platform
-    try:
-        effect = kind.typical(target).absent()
-        finer = able(platform, effect)
-        if isinstance(effect, BodyEffect):
-            first = np.where(amplitudes(effect), SMALL * effect.scale(), effect.values)
-            compile_model(with_effects(finer, (effect.with_values(first),)))
-    except TwinError as problem:
-        return f"not possible here: {problem}"
+    effect = kind.typical(target).absent()
+    refused = _refused(effect, platform)
+    if refused:
+        return f"not possible here: {refused}"
     if effect.label in [f"{s.name}:{s.target}" if s.target else s.name for s in platform.effects]:
         return "part of the model already"
     if kind.name in _FILTERED and np.isinf(platform.sensors[target].cutoff):
@@ -107,4 +113,16 @@ def _why_not(kind: type[Effect], target: str, bodies: Sequence[Body]) -> str:
     for name in needed:
         if name not in seen:
             return f"not observable: {name} has no part in the prediction"
+    return ""
+
+
+def _refused(effect: Effect, platform: Platform) -> str:
+    """Why a machine cannot have an effect, be it small; empty where it can."""
+    try:
+        finer = able(platform, effect)
+        if isinstance(effect, BodyEffect):
+            first = np.where(amplitudes(effect), SMALL * effect.scale(), effect.values)
+            compile_model(with_effects(finer, (effect.with_values(first),)))
+    except TwinError as problem:
+        return str(problem)
     return ""

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.diagnose.candidates import Candidate
+from twin.diagnose.candidates import Candidate, candidates_of
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.laws import laws_of
+from twin.diagnose.lines import lines_of
 from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.search import TIED, Search
 from twin.diagnose.weighing import Weighing
@@ -43,6 +44,11 @@ class Line:
 def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     """From a model without causes to one that needs no more of them, and none of them less."""
     now, search, asked = searched(plain, asked, say)
+    lines = lines_of(now) or lines_of(plain) if now.effects else lines_of(now)
+    if lines:
+        say("what rings")
+        more = candidates_of(plain.bodies, lines).asked
+        now, search, asked = searched(plain, more, say)
     say("what is left")
     left, evidence, before = remainder(now), 0.0, now
     # where nothing makes the motion follow a model, a law more would only bend to what is left

@@ -220,6 +220,16 @@ class Effect(abc.ABC):
         }
         return replace(self, **gone)
 
+    def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
+        """Shapes in which it would ring or push at a frequency; none of an effect without one.
+
+        Args:
+            hertz: a line in the spectrum of what a model leaves.
+            gravity: where the machine stands [m/s^2].
+        """
+        del hertz, gravity
+        return ()
+
     def words(self) -> str:
         """The effect with its numbers, as a person reads them."""
         parts = [value_words(known, getattr(self, known.name)) for known in self.parameters()]

@@ -1,6 +1,7 @@
 """A panel or antenna that swings on the platform."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -67,6 +68,11 @@ class FlexibleAppendage(BodyEffect):
         super().__post_init__()
         if not np.any(self.axis):
             raise EffectError(f"{self.name}: axis is {self.axis}; give a direction")
+
+    def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
+        """About each body axis."""
+        axes = [tuple(row) for row in np.eye(3).tolist()]
+        return tuple(replace(self, frequency=hertz, axis=axis) for axis in axes)
 
     def unfit(self, platform: Platform) -> str:
         missing = super().unfit(platform)

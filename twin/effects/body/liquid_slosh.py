@@ -1,6 +1,7 @@
 """Liquid in a tank that is not full."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -68,6 +69,13 @@ class LiquidSlosh(BodyEffect):
         high=10.0,
         amplitude=False,
     )
+
+    def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
+        """A pendulum of that frequency, hung beside the CR, below and above it."""
+        length = float(np.clip(gravity / (2.0 * np.pi * hertz) ** 2, 1e-3, 10.0))
+        arm = float(np.linalg.norm(self.pivot))
+        places = [(arm, 0.0, 0.0), (0.0, arm, 0.0), (0.0, 0.0, -arm), (0.0, 0.0, arm)]
+        return tuple(replace(self, length=length, pivot=place) for place in places)
 
     def unfit(self, platform: Platform) -> str:
         missing = super().unfit(platform) or needs_ball(platform)

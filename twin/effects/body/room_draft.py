@@ -1,6 +1,7 @@
 """Air currents of the room: an air conditioner, a door, a person walking by."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -58,6 +59,11 @@ class RoomDraft(BodyEffect):
         high=2.0 * np.pi,
         amplitude=False,
     )
+
+    def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
+        """At four phases, where it is thought to act."""
+        phases = np.linspace(0.0, np.pi, 4, endpoint=False).tolist()
+        return tuple(replace(self, frequency=hertz, phase=phase) for phase in phases)
 
     def edit_spec(self, spec: mujoco.MjSpec, platform: Platform) -> None:
         add_couple(spec, platform, self.label, np.array(self.point))

@@ -1,0 +1,41 @@
+"""Frequencies at which what a model leaves stands out: where something may ring or push."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import periodogram
+from scipy.stats import gamma
+
+from twin.diagnose.explanation import Explanation
+
+Array = NDArray[np.float64]
+
+MOST = 3
+"""Frequencies that are tried."""
+FALSE_ALARM = 0.01
+"""Chance that noise alone has a line."""
+BROAD = 3.0
+"""Of two frequencies closer than so many bins the weaker is a flank."""
+
+
+def lines_of(found: Explanation) -> tuple[float, ...]:
+    """The strongest lines beyond chance [Hz], of all streams and columns of each log together."""
+    lines: list[tuple[float, float]] = []
+    for body, parts in zip(found.bodies, found.account.left, strict=True):
+        for output, values in zip(body.outputs, parts, strict=True):
+            if len(values) < 8:
+                continue
+            rate = (len(output.time) - 1) / float(output.time[-1] - output.time[0])
+            frequency, power = periodogram(values, rate, detrend="linear", axis=0)
+            heights = power[1:].sum(axis=1) / np.maximum(np.median(power[1:].sum(axis=1)), 1e-300)
+            # of white noise a bin of k columns is gamma with shape k, whose median is about k - 1/3
+            k = values.shape[1]
+            heights = heights * float(gamma.ppf(0.5, k))
+            limit = float(gamma.isf(FALSE_ALARM / (len(heights) * len(parts)), k))
+            out = np.flatnonzero(heights > limit)
+            lines += [(float(heights[i]) / limit, float(frequency[1 + i])) for i in out]
+    span = min(body.grid.length * body.grid.segments for body in found.bodies)
+    chosen: list[float] = []
+    for _, hertz in sorted(lines, reverse=True):
+        if all(abs(hertz - other) > BROAD / span for other in chosen):
+            chosen.append(hertz)
+    return tuple(chosen[:MOST])
