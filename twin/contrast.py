@@ -171,9 +171,13 @@ def undisturbed(platform: Platform) -> Platform:
 
 
 def moved(
-    platform: Platform, effects: Sequence[Effect], seconds: float, seed: int = 0
+    platform: Platform,
+    effects: Sequence[Effect],
+    seconds: float,
+    seed: int = 0,
+    law: Controller[Platform] | None = None,
 ) -> Recording:
-    """A platform's run under the excitation."""
+    """A platform's run under the excitation, or under another law of time."""
     start = InitialState(
         rate_body=np.array([0.004, -0.002, 0.05]),
         joint_angle=0.5,
@@ -184,7 +188,7 @@ def moved(
     fly(
         plant,
         Passthrough(),
-        Excitation(),
+        law or Excitation(),
         Hold(),
         SimulatedClock(),
         duration=seconds,

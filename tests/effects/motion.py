@@ -1,17 +1,39 @@
 """Motion under effects, simulated and by an integrator that knows nothing of MuJoCo."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from twin.controller import Controller
 from twin.effects import Effect, with_effects
 from twin.plant.simulated import InitialState, SimulatedPlant
 from twin.platform import Platform
 from twin.rotation import conjugate, multiply, rotate, tilt, to_rotation_vector
+from twin.signals import Command, Estimate, Target
 
 Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 """From time [s], attitude (4,) and rate (3,) to the torque (3,), body axes [N m]."""
+
+
+@dataclass(frozen=True)
+class Kicks(Controller[Platform]):
+    """Wheels that push to and fro at half their limit: what hangs on the machine rings."""
+
+    periods: tuple[float, ...] = (3.0, 4.2, 5.3)
+    """Of three wheels [s]; forth, back, back, forth, so that none leaves a mean rate or turn."""
+
+    def init(self, platform: Platform, n: int) -> Platform:
+        return platform
+
+    def update(
+        self, state: Platform, estimate: Estimate, target: Target, time: float
+    ) -> tuple[Command, Platform]:
+        quarter = np.floor(4.0 * (time / np.array(self.periods) % 1.0)).astype(int)
+        size = 0.5 * np.array([wheel.torque_limit for wheel in state.wheels])
+        torque = size * np.array([1.0, -1.0, -1.0, 1.0])[quarter]
+        return {"command_wheel_torque": np.tile(torque, (len(estimate.valid), 1))}, state
 
 
 def flown(

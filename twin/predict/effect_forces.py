@@ -3,6 +3,11 @@
 What the machine with the effect needs to move as it did, less what it needs without: two inverse
 dynamics, and the torques and pushes that no model holds. Parts that only the machine with the
 effect has, a panel or a liquid, are carried along first, from rest at the log's first instant.
+
+What rings needs a motion with the kicks that make it ring (`twin.predict.retrace`). And it rings as
+it would on a body that does not give way: true to first order, and good as long as what the body
+gives way, I / 2 J of the frequency, is no more than the width of the resonance, its damping ratio.
+Sharper ones are found by simulating anew.
 """
 
 import copy

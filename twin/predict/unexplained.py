@@ -9,8 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.predict.body import Body
-from twin.predict.chain import Chain
 from twin.predict.innovations import Innovations, Problem
 
 Array = NDArray[np.float64]
@@ -30,12 +28,12 @@ class Unexplained:
 
 def unexplained_torque(problem: Problem, now: Innovations, log: int) -> Unexplained:
     """Smooth the white torque of a fit over one of its logs."""
-    body, chain = problem.bodies[log], now.chains[log]
+    body = problem.bodies[log]
     grid = body.grid
     time = grid.starts[:, None] + grid.step * np.arange(grid.steps)
     torque = np.zeros((*time.shape, now.exact[log].local.pushed.shape[-1]))
     if now.intensity > 0.0:
-        torque = _smoothed(body, now, chain, log)
+        torque = smoothed_torque(now, log)
     inside = time.ravel() <= body.motion.time[-1]
     return Unexplained(
         time.ravel()[inside],
@@ -44,8 +42,9 @@ def unexplained_torque(problem: Problem, now: Innovations, log: int) -> Unexplai
     )
 
 
-def _smoothed(body: Body, now: Innovations, chain: Chain, log: int) -> Array:
-    """(S, steps, k) mean torque over each step."""
+def smoothed_torque(now: Innovations, log: int) -> Array:
+    """(S, steps, k) mean of the white torque over each step, of the machine as stated [N m]."""
+    chain = now.chains[log]
     linear, local = now.exact[log].linear, now.exact[log].local
     segments, instants, width, x = local.measured.shape
     starts, adjoints = chain.backward(np.zeros(linear.shared.shape[-1]))

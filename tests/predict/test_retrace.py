@@ -1,0 +1,78 @@
+"""A fit's motion is nearer to the truth than smoothed data, and keeps what their window loses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.effects.motion import Kicks
+from twin.contrast import moved
+from twin.effects import parse_effects
+from twin.identify.prediction_error import Fit, fit, fit_disturbed
+from twin.model import compile_model
+from twin.platform import Platform, load_platform
+from twin.predict.base import base_parameters
+from twin.predict.body import Body, body_of
+from twin.predict.innovations import Problem
+from twin.predict.motion import motion_of
+from twin.predict.retrace import retraced
+from twin.recording import Recording
+
+SEED = 20261121
+SECONDS = 8.0
+
+
+@pytest.fixture(scope="module")
+def sads() -> Platform:
+    platform = load_platform("sads")
+    sensors = {k: replace(s, bias=0.0 * s.bias) for k, s in platform.sensors.items()}
+    return replace(platform, sensors=sensors, tilt_limit=np.pi)
+
+
+def kicked(platform: Platform, effects: str = "") -> Recording:
+    hidden = parse_effects(effects) if effects else ()
+    print("seed", SEED)
+    return moved(platform, hidden, SECONDS, seed=SEED, law=Kicks())
+
+
+def fitted(log: Recording, platform: Platform) -> tuple[Problem, Fit]:
+    """The machine as stated, under what torque the log asks for."""
+    log = log.without_truth()
+    body = body_of(compile_model(platform), log, motion_of(log, platform))
+    problem = Problem([body], base_parameters(body.machine), held=True)
+    start = problem.start(problem.base.as_stated, [np.zeros(0)])
+    return problem, fit_disturbed(problem, fit(problem, start), start)
+
+
+def error(body: Body, log: Recording) -> float:
+    """Of the rate, root mean square away from the ends [rad/s]."""
+    grid = body.grid
+    time = (grid.starts[:, None] + grid.step * np.arange(grid.steps + 1)).ravel()
+    rate = body.motion.at(time).rate
+    if body.predicted is not None:
+        rate = body.predicted.rate[0].reshape(-1, 3)
+    apart = rate - log["truth_rate"].interpolated_at(time)
+    inside = (time > 1.0) & (time < SECONDS - 1.0)
+    return float(np.sqrt(np.mean(np.square(apart[inside]))))
+
+
+def test_a_motion_that_the_model_explains_is_known_far_better_than_smoothed(sads):
+    log = kicked(sads)
+    problem, found = fitted(log, sads)
+    smoothed, followed = problem.bodies[0], retraced(problem, found.innovations, 0)
+    assert error(followed, log) < 0.1 * error(smoothed, log)
+
+
+def test_a_torque_that_the_model_lacks_is_in_the_motion_all_the_same(sads):
+    log = kicked(sads, "harness_stiffness=0.2")
+    problem, found = fitted(log, sads)
+    assert found.innovations.intensity > 0.0, "the torque is too small to be asked for"
+    smoothed, followed = problem.bodies[0], retraced(problem, found.innovations, 0)
+    assert error(followed, log) < 0.5 * error(smoothed, log)
+
+
+def test_wheels_that_nobody_recorded_a_command_of_leave_a_motion_as_it_was(sads):
+    log = kicked(sads)
+    streams = {k: v for k, v in log.streams.items() if k != "command_wheel_torque"}
+    problem, found = fitted(replace(log, streams=streams), sads)
+    assert retraced(problem, found.innovations, 0) is problem.bodies[0]

@@ -1,0 +1,50 @@
+"""A log's motion as a fit has it: along this, forces are formed that smoothed data would lose.
+
+Smoothed data lack what is faster than their window: the kick of a command, and with it the ringing
+of whatever hangs on the machine. And their noise is in every force along them, and so in the column
+of an effect, which a large effect is multiplied by. A fit's motion has all that the commands do; of
+the data it takes what the model cannot say, as the torque that a Kalman smoother finds.
+"""
+
+import numpy as np
+
+from twin.predict.body import Body
+from twin.predict.innovations import Innovations, Problem
+from twin.predict.states import States
+from twin.predict.unexplained import smoothed_torque
+
+
+def retraced(problem: Problem, now: Innovations, log: int) -> Body:
+    """The predictor of a log, following the motion that a fit gives it, and starting there.
+
+    Where nobody recorded what drove the wheels, a prediction knows no more of their kicks than
+    smoothed data do: there the predictor is returned as it is.
+
+    Args:
+        problem: the logs.
+        now: their fit, exact or disturbed.
+        log: which of them.
+    """
+    body = problem.bodies[log]
+    if body.inputs.wheels_undriven:
+        return body
+    path = _path(problem, now, log)
+    followed = body.following(path)
+    followed.start = States(path.position[0, :, 0], path.rate[0, :, 0], path.wheel_speed[0, :, 0])
+    return followed
+
+
+def _path(problem: Problem, now: Innovations, log: int) -> States:
+    """(1, S, ...) from starts at their best, under the torque that the fit leaves unexplained."""
+    body, exact = problem.bodies[log], now.exact[log]
+    none = np.zeros(exact.linear.shared.shape[-1])
+    start = now.at.starts[log].moved(now.chains[log].states(none))
+    push = problem.push(log, now.at.strengths)
+    if now.intensity > 0.0:
+        base, k = body.machine.base_dof, exact.path.rate.shape[-1]
+        # It is a torque on the machine as stated, and the path is that of the machine as fitted.
+        rate = slice(k, 2 * k)
+        alike = np.linalg.solve(exact.answer[:, rate, base], exact.local.pushed[:, rate])
+        push = push.copy()
+        push[..., base] += np.einsum("sij,stj->sti", alike, smoothed_torque(now, log))
+    return body.rollouts.paths(problem.base.model(now.at.theta), start.one(), push)
