@@ -1,11 +1,18 @@
-"""The catalogue has the effects that the design promises, with their numbers and units."""
+"""The catalogue has the effects that the design promises, with their numbers and units.
+
+Each of them is found again where it is hidden, to within its interval:
+`pytest -m "slow or not slow" -s tests/predict/test_effect_columns.py tests/effects/test_refit.py`
+prints truth, estimate and interval of every component.
+"""
 
 import re
 from pathlib import Path
 
 import pytest
 
-from twin.effects import catalogue
+from tests.effects import test_refit as anew
+from tests.predict import test_effect_columns as columns
+from twin.effects import catalogue, parse_effects
 
 DESIGN = (Path(__file__).parents[2] / "docs" / "design.md").read_text(encoding="utf-8")
 TABLE = DESIGN[DESIGN.index("### 4.4") : DESIGN.index("### 4.5")]
@@ -46,6 +53,13 @@ def test_an_effect_of_the_design_has_its_size_and_units(name):
         named = [part.split(",")[0].strip() for part in [stated[1]]]
         wanted = stated[1].split(", ") if len(units) > 1 else named
         assert units == ["1" if unit == "-" else unit for unit in wanted]
+
+
+def test_every_effect_is_hidden_and_found_in_a_recovery_test():
+    by_columns = [*columns.HIDDEN, *columns.ON_PARTS, *columns.RINGING]
+    hidden = [*by_columns, *anew.HIDDEN, *anew.SCATTERED]
+    found = {effect.name for text in hidden for effect in parse_effects(text)}
+    assert found == set(BUILT)
 
 
 def test_a_lag_is_called_lag():

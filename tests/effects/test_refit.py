@@ -28,7 +28,7 @@ HIDDEN = {
     "stage_scale:s1": "sads",
     "stage_step_loss:s2": "sads",
     "stage_backlash:s3=2e-4": "sads",
-    "wheel_imbalance:w3": "sads",
+    "wheel_imbalance:w3=1e-6/3e-5": "sads",  # at the usual sizes the static part hides the other
     "accelerometer_bias": "tas2",
     "accelerometer_scale": "tas2",
     "inclinometer_bias": "tas2",
@@ -43,6 +43,8 @@ HIDDEN = {
     "thruster_misalignment": "whorl1",
     "gas_consumption": "astros",
 }
+SCATTERED = ("stage_vibration",)
+"""Found by how much more a sensor scatters."""
 QUICK = ("gimbal_offset:g1",)
 
 
@@ -122,7 +124,7 @@ def test_a_hidden_effect_is_found_to_within_its_interval(text):
 @pytest.mark.slow
 def test_shaking_is_found_by_how_much_more_the_gyro_scatters():
     quiet = undisturbed(load_platform("sads"))
-    effect = effect_named("stage_vibration").typical()
+    effect = effect_named(*SCATTERED).typical()
     shaken, still = (moved(quiet, one, SECONDS, seed=SEED) for one in ((effect,), ()))
     gyro = shaken["gyro"]
     speed = np.linalg.norm(still["truth_stage_speed"].interpolated_at(gyro.time), axis=1)
