@@ -208,3 +208,27 @@ def test_a_run_of_many_moves_as_one_alone(sads):
         one, many = (plant.read(k * sads.tick).streams for plant in (alone, among))
         for stream, samples in one.items():
             np.testing.assert_array_equal(samples.value[0], many[stream].value[2])
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (  # the length of the axis
+            "flexible_appendage=2/0.01/0.05/0.3/0.2/0.4",
+            "flexible_appendage=2/0.01/0.05/0.6/0.4/0.8",
+        ),
+        (  # force and arm, their product the same
+            "room_draft=0.1/0.05/0.3/6e-4/2e-4/1e-4/0.05/0.5",
+            "room_draft=0.2/0.1/0.6/3e-4/1e-4/5e-5/0.05/0.5",
+        ),
+        (  # a turn about the wheel's own axis
+            "wheel_misalignment:w2=3e-3/0/5e-3",
+            "wheel_misalignment:w2=3e-3/5e-4/5e-3",
+        ),
+    ],
+)
+def test_what_no_log_can_show_of_an_effect_moves_nothing(sads, one, other):
+    ends = [flown(sads, parse_effects(text), 2.0, TUMBLE) for text in (one, other)]
+    apart_from_none = flown(sads, (), 2.0, TUMBLE)
+    changed = np.abs(ends[0][2] - apart_from_none[2]).max()
+    assert np.abs(ends[0][2] - ends[1][2]).max() < 1e-3 * changed

@@ -21,6 +21,8 @@ class FlexibleAppendage(BodyEffect):
 
     A body on a hinge at the CR, k = I (2 pi f)^2, c = 2 zeta I 2 pi f; the whole keeps the inertia
     that is stated. Free, it rings faster than clamped, by 1 / sqrt(1 - I / J).
+
+    No log shows the length of the axis: a fit leaves one of its components, the largest, as it is.
     """
 
     name = "flexible_appendage"

@@ -27,6 +27,10 @@ class LiquidSlosh(BodyEffect):
 
     A point mass on two crossed hinges, each with its damping. At rest in the body it hangs along
     the body's z axis; there the whole has the mass properties that are stated.
+
+    A body that turns slowly shows m l alone, which takes m l g off its pendulum's stiffness, as a
+    structural sag of m l / g does: it capsizes where its m r is less. Mass, length, damping and
+    pivot show each for itself only where torques that change at once make the liquid ring.
     """
 
     name = "liquid_slosh"

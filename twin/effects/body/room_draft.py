@@ -17,6 +17,9 @@ class RoomDraft(BodyEffect):
 
     A couple of forces, held over each physics step at its middle. A steady draft is the twin of a
     residual dipole.
+
+    No log tells a strong force on a short arm from a weak one on a long arm: a fit leaves one
+    component of the point, the largest, as it is.
     """
 
     name = "room_draft"

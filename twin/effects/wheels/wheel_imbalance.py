@@ -19,6 +19,11 @@ class WheelImbalance(BodyEffect):
 
     Static U_s = m e, dynamic U_d the product of inertia of axis and radius, both along one radius
     of the rotor. The whole has the stated mass properties where the rotor stands at first.
+
+    At a speed W the body is shaken across the axis by (U_d + h U_s) W^2, h being the rotor's height
+    above the CR along the axis, so its rate swings by that over J W: a fast wheel shows more. About
+    the axis it is shaken by a U_s W^2, a being how far the axis passes from the CR: a wheel whose
+    axis passes through it shows the sum U_d + h U_s alone.
     """
 
     name = "wheel_imbalance"
