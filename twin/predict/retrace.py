@@ -17,8 +17,8 @@ from twin.predict.unexplained import smoothed_torque
 def retraced(problem: Problem, now: Innovations, log: int) -> Body:
     """The predictor of a log, following the motion that a fit gives it, and starting there.
 
-    Where nobody recorded what drove the wheels, a prediction knows no more of their kicks than
-    smoothed data do: there the predictor is returned as it is.
+    Where nobody recorded what drove the wheels or the gimbals, a prediction knows no more of their
+    kicks than smoothed data do: there the predictor is returned as it is.
 
     Args:
         problem: the logs.
@@ -26,11 +26,12 @@ def retraced(problem: Problem, now: Innovations, log: int) -> Body:
         log: which of them.
     """
     body = problem.bodies[log]
-    if body.inputs.wheels_undriven:
+    gimbals = body.start.gimbal_angle.shape[-1] > 0
+    if body.inputs.wheels_undriven or (gimbals and body.inputs.gimbals_undriven):
         return body
     path = _path(problem, now, log)
     followed = body.following(path)
-    followed.start = States(path.position[0, :, 0], path.rate[0, :, 0], path.wheel_speed[0, :, 0])
+    followed.start = path[0, :, 0]
     return followed
 
 
@@ -44,7 +45,7 @@ def _path(problem: Problem, now: Innovations, log: int) -> States:
         base, k = body.machine.base_dof, exact.path.rate.shape[-1]
         # It is a torque on the machine as stated, and the path is that of the machine as fitted.
         rate = slice(k, 2 * k)
-        alike = np.linalg.solve(exact.answer[:, rate, base], exact.local.pushed[:, rate])
+        alike = np.linalg.solve(exact.answer[:, 0, rate, base], exact.local.pushed[:, rate])
         push = push.copy()
         push[..., base] += np.einsum("sij,stj->sti", alike, smoothed_torque(now, log))
     return body.rollouts.paths(problem.base.model(now.at.theta), start.one(), push)
