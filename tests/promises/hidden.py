@@ -15,8 +15,17 @@ from twin.controller import load_controller
 from twin.diagnose import diagnosis
 from twin.diagnose.candidates import Candidate, candidates_of
 from twin.diagnose.weighing import Weighing
-from twin.effects import Effect, able, with_effects
+from twin.effects import (
+    BodyEffect,
+    Domain,
+    Effect,
+    State,
+    able,
+    parameter,
+    with_effects,
+)
 from twin.effects.errors import EffectError
+from twin.effects.on_body import TorqueLaw
 from twin.estimators import load_estimator, usual_estimator
 from twin.loop import fly
 from twin.plant.simulated import SimulatedPlant
@@ -30,6 +39,8 @@ GRADES = {"fine": (1e-4, 1e-4), "middle": (1e-3, 1e-3), "coarse": (4.4e-3, 3.5e-
 """1 sigma of gyro [rad/s] and attitude [rad]."""
 FIELD = np.array([2.2e-5, 0.0, -4.2e-5])
 """Of a cage, that a dipole may be felt [T]."""
+SHAPED = ("flexible_appendage", "liquid_slosh", "room_draft")
+"""Effects that have a frequency, which a size alone does not make visible."""
 OFF = 0.05
 """Share by which the believed J and m r may be wrong."""
 
@@ -132,6 +143,41 @@ def drawn(bench: Bench, label: str, evidence: float, rng: np.random.Generator) -
     if np.any(values < low) or np.any(values > high):
         return None
     return effect.with_values(values)
+
+
+@dataclass(frozen=True)
+class Nameless(BodyEffect):
+    """A torque about x in proportion to the rates about x and z: no cause of the catalogue."""
+
+    name = "nameless"
+    domain = Domain.torque
+    observable = "nothing that the catalogue knows"
+    streams = ("gyro", "attitude")
+
+    size: float = parameter("torque per product of rates", "N m s^2", 3.0, source="any")
+
+    def torque(self, platform: Platform) -> TorqueLaw:
+        """See above."""
+
+        def law(state: State) -> np.ndarray:
+            torque = np.zeros_like(state.rate)
+            torque[:, 0] = self.size * state.rate[:, 0] * state.rate[:, 2]
+            return torque
+
+        return law
+
+
+def any_of(bench: Bench, evidence: float, rng: np.random.Generator) -> Effect:
+    """Any effect that this bench shows, of a size with that evidence."""
+    weighing, asked = yardstick(bench)
+    labels = [one.label for index, one in enumerate(asked) if weighing.shown(index)]
+    kinds = sorted({label.partition(":")[0] for label in labels} - set(SHAPED))
+    while True:
+        kind = rng.choice(kinds)
+        label = rng.choice([one for one in labels if one.partition(":")[0] == kind])
+        found = drawn(bench, label, evidence, rng)
+        if found is not None:
+            return found
 
 
 def hide(bench: Bench, effects: tuple[Effect, ...], seed: int) -> Hidden | None:

@@ -16,12 +16,9 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from hidden import Bench, Hidden, drawn, hide, yardstick  # noqa: E402
+from hidden import SHAPED, Bench, Hidden, drawn, hide, yardstick  # noqa: E402
 
 from twin.diagnose import Diagnosis, diagnose  # noqa: E402
-
-SKIPPED = ("flexible_appendage", "liquid_slosh", "room_draft")
-"""Their shape is not searched for yet."""
 
 
 def main() -> int:
@@ -54,7 +51,7 @@ def case(bench: Bench, evidence: int, seed: int) -> dict[str, Any]:
     if evidence:
         weighing, asked = yardstick(bench)
         names = [c.label for i, c in enumerate(asked) if weighing.shown(i)]
-        names = [n for n in names if not n.startswith(SKIPPED)]
+        names = [n for n in names if not n.startswith(SHAPED)]
         kinds = sorted({name.partition(":")[0] for name in names})
         kind = rng.choice(kinds)
         label = rng.choice([name for name in names if name.partition(":")[0] == kind])
