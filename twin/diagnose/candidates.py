@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.diagnose.weighing import Trace
 from twin.effects import BodyEffect, Effect, able, catalogue, with_effects
 from twin.effects.effect import targets
 from twin.errors import TwinError
@@ -40,6 +41,11 @@ class Candidate:
     def label(self) -> str:
         """Of its effect."""
         return self.effect.label
+
+    @property
+    def trace(self) -> Trace:
+        """For weighing; its price is that of all numbers that a fit of it would set."""
+        return Trace(self.label, self.low, self.high, len(self.effect.values))
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,11 @@ from twin.predict.effect_columns import (
 )
 from twin.predict.innovations import Innovations, Problem, Unknowns
 from twin.predict.perturbation import Perturbation
+from twin.predict.retrace import retraced
 
 Array = NDArray[np.float64]
 
-ROUNDS = 5
+ROUNDS = 4
 """Times that the effects' columns are formed anew where the last fit found them."""
 SETTLED = 0.1
 """Move of an effect, in standard deviations, at which they need not be."""
@@ -123,13 +124,11 @@ class Explanation:
 
     @property
     def following(self) -> tuple[Body, ...]:
-        """The logs, along the motion that it predicts, if that follows them."""
-        if not self.follows:
+        """The logs, along the motion that it gives them, if that follows them."""
+        if not isinstance(self.now, Innovations):
             return self.bodies
-        return tuple(
-            body.following(exact.path)
-            for body, exact in zip(self.bodies, self.now.exact, strict=True)
-        )
+        now = self.now
+        return tuple(retraced(self.problem, now, log) for log in range(len(self.bodies)))
 
     @property
     def cost(self) -> float:
@@ -140,7 +139,7 @@ class Explanation:
         """Its own effects and laws, then candidates, weighed where it stands."""
         return self.weigh(
             [one.perturbations for one in candidates],
-            [Trace(one.label, one.low, one.high, len(one.effect.values)) for one in candidates],
+            [one.trace for one in candidates],
         )
 
     def weigh(self, more: Sequence[Sequence[Perturbation]], traces: Sequence[Trace]) -> Weighing:
@@ -219,7 +218,7 @@ def explain(
         if max(far) < SETTLED:
             break
         before = now.effects
-        now = _fitted(now.following, base, before, now.laws, now.at, follows=follows)
+        now = _fitted(now.following, base, before, now.laws, now.at, follows=follows, free=now.free)
     return now
 
 
@@ -231,11 +230,13 @@ def _fitted(
     start: Unknowns,
     *,
     follows: bool,
+    free: tuple[NDArray[np.bool_], ...] | None = None,
 ) -> Explanation:
     """With the columns of the effects as they are where they are now."""
     platform = bodies[0].machine.platform
     every = [perturbations_of(effect, platform) for effect in effects]
-    free = _determined(bodies, base, effects, every, start)
+    if free is None:
+        free = _determined(bodies, base, effects, every, start)
     own = [
         part
         for parts, ones in zip(every, free, strict=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -36,54 +37,61 @@ class Line:
     """Where it stands."""
     asked: tuple[Candidate, ...]
     """What it weighs beside the explanation's own parts."""
-    left: Remainder
-    nameless: float
+    nameless: float = 0.0
     """Evidence that laws without a name brought beyond the catalogue's causes; 0 without any."""
+
+    @cached_property
+    def left(self) -> Remainder:
+        """What it does not explain."""
+        return remainder(self.now)
 
 
 def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     """From a model without causes to one that needs no more of them, and none of them less."""
-    now, search, asked = searched(plain, asked, say)
-    lines = lines_of(now) or lines_of(plain) if now.effects else lines_of(now)
+    line = _searched(plain, tuple(asked), say)
+    lines = () if line.nameless else lines_of(line.now)
     if lines:
         say("what rings")
-        more = candidates_of(plain.bodies, lines).asked
-        now, search, asked = searched(plain, more, say)
+        line = _searched(line.now, candidates_of(plain.bodies, lines).asked, say)
     say("what is left")
-    left, evidence, before = remainder(now), 0.0, now
     # where nothing makes the motion follow a model, a law more would only bend to what is left
-    if now.follows and (len(now.effects) > 1 or left.chance < DOUBTFUL):
+    if line.now.follows and not line.nameless and line.left.chance < DOUBTFUL:
         say("laws without a name")
-        now, evidence = with_nameless(now)
-    now = needed_only(now)
-    if now is not before:
-        left, search = remainder(now), search_from(now, asked)
-    return Line(now, search, tuple(asked), left, evidence if now.laws else 0.0)
+        line = _with_laws(line, line.now.effects, line.now.own) or line
+    needed = needed_only(line.now)
+    if needed is line.now:
+        return line
+    search = search_from(needed, line.asked)
+    nameless = line.nameless if needed.laws else 0.0
+    return Line(needed, search, line.asked, nameless)
 
 
-def searched(
-    plain: Explanation, asked: Sequence[Candidate], say: Say
-) -> tuple[Explanation, Search, Sequence[Candidate]]:
-    """After searches and fits in turn, until the causes stay, or come back; what could be asked."""
-    now = plain
+def _searched(start: Explanation, asked: tuple[Candidate, ...], say: Say) -> Line:
+    """After searches and fits in turn, until the causes stay, or come back."""
+    now = start
     say("causes weighed")
     search = search_from(now, asked)
-    seen = [frozenset[str]()]
+    seen = [frozenset(effect.label for effect in now.effects)]
     for _ in range(ROUNDS):
         chosen = search.best()
         labels = frozenset(search.weighing.traces[index].label for index in chosen)
         if labels in seen:
             break
         seen.append(labels)
-        say("fitting " + ", ".join(sorted(labels)))
         guesses = _guesses(now, asked, search.weighing, chosen)
+        if len(guesses) > 1 and now.follows:
+            say("laws without a name")
+            better = _with_laws(Line(now, search, asked), guesses, chosen)
+            if better is not None:
+                return better
+        say("fitting " + ", ".join(sorted(labels)))
         try:
             now = now.instead(guesses)
         except TwinError:
             asked = _possible(now, asked, guesses)
         say("causes weighed")
         search = search_from(now, asked)
-    return now, search, asked
+    return Line(now, search, asked)
 
 
 def _possible(
@@ -128,25 +136,36 @@ def _guesses(
     return found
 
 
-def with_nameless(now: Explanation) -> tuple[Explanation, float]:
+def _with_laws(line: Line, causes: Sequence[Effect], chosen: Sequence[int]) -> Line | None:
     """With laws without a name, where they explain more than causes: in place of some or beside.
 
+    Args:
+        line: where the reasoning stands.
+        causes: that it would go on with.
+        chosen: the same, and the laws it has, among what it weighs.
+
     Returns:
-        The explanation, and the evidence that the laws bring; as it was and 0 where they do not.
+        None where they do not.
     """
-    laws = laws_of(now.bodies)
+    now, laws = line.now, laws_of(line.now.bodies)
     unlikely = NAMELESS + 2.0 * float(np.log(len(laws)))
+    new = [line.asked[index - len(now.own)] for index in chosen if index >= len(now.own)]
     weighing = now.weigh(
-        [(law.perturbation,) for law in laws], [law.trace(unlikely) for law in laws]
+        [*(one.perturbations for one in new), *((law.perturbation,) for law in laws)],
+        [*(one.trace for one in new), *(law.trace(unlikely) for law in laws)],
     )
     search = Search(weighing, range(len(weighing.traces)))
-    chosen, own = search.best(), now.own
-    found = [laws[index - len(own)] for index in chosen if index >= len(own)]
-    more = search.evidence(chosen) - search.evidence(own)
+    first = len(now.own) + len(new)
+    best = search.best()
+    found = [laws[index - first] for index in best if index >= first]
+    labels = {weighing.traces[index].label for index in best if index < first}
+    without = [i for i in range(first) if weighing.traces[i].label in {c.label for c in causes}]
+    more = search.evidence(best) - search.evidence(tuple(without))
     if not found or more < TIED:
-        return now, 0.0
-    kept = [effect for index, effect in enumerate(now.effects) if index in chosen]
-    return now.instead(kept, found), more
+        return None
+    kept = [effect for effect in causes if effect.label in labels]
+    there = now.instead(kept, found)
+    return Line(there, search_from(there, line.asked), line.asked, more)
 
 
 def needed_only(now: Explanation) -> Explanation:

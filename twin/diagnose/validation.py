@@ -19,6 +19,7 @@ from twin.predict.body import body_of
 from twin.predict.effect_columns import perturbations_of, strengths_of
 from twin.predict.innovations import Problem
 from twin.predict.motion import motion_of
+from twin.predict.retrace import retraced
 from twin.recording import Recording
 
 
@@ -89,8 +90,8 @@ def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation
             (body,), found.base, found.effects, free, found.laws, problem, segments, converged=True
         )
     first = fit(problem, start)
-    # once more along the motion that it predicts, free of the sensors' noise
-    along = body.following(first.innovations.exact[0].path)
+    # once more along the motion that it gives the log, free of the sensors' noise
+    along = retraced(problem, first.innovations, 0)
     problem = Problem([along], found.base, more, held=True, strengths_held=True)
     now = fit(problem, first.at)
     return Explanation(
