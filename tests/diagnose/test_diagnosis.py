@@ -1,12 +1,13 @@
 """A cable hidden in a run is named, sized, written into a platform and worth what it should."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from twin.cli.main import main
-from twin.diagnose import diagnose, extend, validate
+from twin.diagnose import Experiment, diagnose, extend, validate
 from twin.effects import effects_of
 from twin.errors import UsageError
 from twin.platform import load_platform
@@ -64,6 +65,7 @@ def test_the_document_keeps_its_contract(found):
     assert set(held_out["chi2_per_sample"]) == {"before", "after", "band"}
     assert set(held_out["free_run"]["10"]) == {"before", "after", "perfect"}
     assert document["equation"] is None
+    assert document["next_experiment"] is None
 
 
 def test_the_extended_platform_flies_with_the_cause_in_it(found, tmp_path, capsys):
@@ -97,3 +99,16 @@ def test_the_page_says_what_the_terminal_says(found, tmp_path):
     assert page.count("<svg") == 2
     assert "src=" not in page, "it stands alone"
     assert diagnosed(found)[0].split(":")[0] in ("Explained", "Ambiguous")
+
+
+def test_the_page_shows_the_experiment_that_would_split_a_tie(found, tmp_path):
+    line = "twin run sads --controller quaternion_pd --duration 40"
+    best = Experiment(
+        line, 40.0, ("harness_stiffness",), {"clock_lag:gyro": 41.0}, {"clock_lag:gyro": 3.0}
+    )
+    tied = replace(found, next_experiment=best)
+    write_diagnosis(tmp_path / "page.html", tied, None)
+    page = (tmp_path / "page.html").read_text()
+    assert line in page
+    assert "41.0" in page
+    assert any(line in said for said in diagnosed(tied))

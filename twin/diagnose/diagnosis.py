@@ -10,6 +10,7 @@ from twin.compare.free_run import HORIZONS, FreeRun, free_run
 from twin.conventions import ConventionFinding, check_conventions, corrected
 from twin.diagnose.candidates import candidates_of
 from twin.diagnose.cause import Cause, Equation, Tried, causes_of, equation_of, tried_of
+from twin.diagnose.experiment import Experiment, next_experiment
 from twin.diagnose.explanation import Explanation, explain
 from twin.diagnose.held_out import HeldOut, held_out
 from twin.diagnose.reasoning import reason
@@ -59,8 +60,8 @@ class Diagnosis:
     held_out: HeldOut
     free_runs: Mapping[float, FreeRun | None]
 
-    next_experiment: str | None
-    """A command that would split the ties, if there are any and one is known."""
+    next_experiment: Experiment | None
+    """What would split the ties best, if there are any and it can be foretold."""
 
     @property
     def verdict(self) -> str:
@@ -104,6 +105,8 @@ def diagnose(
         plain = plain_of(logs, platform, follows=False)
         line = reason(plain, candidates.asked, say)
     now = line.now
+    causes = causes_of(now, line.search, line.nameless)
+    experiment = next_experiment(platform, now, causes, line.asked, say)
     say("free runs")
     return Diagnosis(
         platform,
@@ -112,14 +115,14 @@ def diagnose(
         noise,
         plain,
         now,
-        causes_of(now, line.search, line.nameless),
+        causes,
         tried_of(line.search, now.own, line.asked),
         candidates.not_asked,
         equation_of(now, line.nameless),
         line.left,
         held_out(now),
         {horizon: free_run(horizon, plain.account, now.account) for horizon in HORIZONS},
-        None,
+        experiment,
     )
 
 

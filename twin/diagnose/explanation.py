@@ -144,19 +144,26 @@ class Explanation:
 
     def weigh(self, more: Sequence[Sequence[Perturbation]], traces: Sequence[Trace]) -> Weighing:
         """Its own effects and laws, then others by their perturbations."""
-        perturbations = [part for parts in more for part in parts]
+        now = self.rows_with([part for parts in more for part in parts])
+        kept, own = now.columns.shape[1] - sum(map(len, more)), len(self.at.strengths)
+        kept -= own
+        without = now.residual - now.columns[:, kept : kept + own] @ self.amplitudes
+        every = [*self.traces, *traces]
+        return Weighing(without, now.columns[:, :kept], now.columns[:, kept:], every)
+
+    @property
+    def traces(self) -> list[Trace]:
+        """Of its effects and laws."""
+        mine = [self._trace(i) for i in range(len(self.effects))]
+        return mine + [law.trace(0.0) for law in self.laws]
+
+    def rows_with(self, perturbations: Sequence[Perturbation]) -> Rows:
+        """Whitened where it stands, with further columns."""
         along = Problem(self.following, self.base)
         exact = along.with_perturbations(self.now.exact, perturbations)
         if isinstance(self.now, Innovations):
-            now = self._rows(self.problem.whiten(self.at, exact, self.now.intensity))
-        else:
-            now = self._rows(apart(self.problem, self.at, exact))
-        own = len(self.at.strengths)
-        kept = now.columns.shape[1] - own - len(perturbations)
-        without = now.residual - now.columns[:, kept : kept + own] @ self.amplitudes
-        mine = [self._trace(i) for i in range(len(self.effects))]
-        mine += [law.trace(0.0) for law in self.laws]
-        return Weighing(without, now.columns[:, :kept], now.columns[:, kept:], [*mine, *traces])
+            return self._rows(self.problem.whiten(self.at, exact, self.now.intensity))
+        return self._rows(apart(self.problem, self.at, exact))
 
     @property
     def amplitudes(self) -> Array:

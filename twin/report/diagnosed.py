@@ -11,6 +11,7 @@ from twin.diagnose.cause import Cause, Equation
 from twin.diagnose.remainder import Remainder
 from twin.diagnose.validation import Validation
 from twin.identify.prediction_error import NORMAL
+from twin.report.next_experiment import experiment_document, experiment_sentence
 from twin.units import fitting, printed, three_digits
 
 SHOWN = 5
@@ -22,6 +23,8 @@ def diagnosed(found: Diagnosis) -> list[str]:
     said = [finding.sentence for finding in found.conventions]
     said.append(verdict_sentence(found))
     said += [cause_sentence(cause) for cause in found.causes]
+    if found.next_experiment is not None:
+        said.append(experiment_sentence(found.next_experiment))
     if found.equation is not None:
         said.append(equation_sentence(found.equation))
     if found.explained.follows:
@@ -238,7 +241,9 @@ def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[
                 )
             ],
         },
-        "next_experiment": found.next_experiment,
+        "next_experiment": None
+        if found.next_experiment is None
+        else experiment_document(found.next_experiment),
         "remainder": {
             "chance": found.remainder.chance,
             "torque_gain": found.remainder.torque_gain,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.diagnose import Diagnosis, Validation
+from twin.diagnose import Diagnosis, Experiment, Validation
 from twin.identify.prediction_error import NORMAL
 from twin.report.diagnosed import (
     cause_sentence,
@@ -16,6 +16,7 @@ from twin.report.diagnosed import (
     verdict_sentence,
 )
 from twin.report.diagnosis_figures import before_after_figure, evidence_figure
+from twin.report.next_experiment import experiment_sentence
 from twin.report.style import bullets, framed, page, table, typeset
 from twin.units import three_digits
 
@@ -34,7 +35,10 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
     own = [cause_sentence(cause) for cause in found.causes]
     if found.equation is not None:
         own.append(equation_sentence(found.equation))
-    rest = [said for said in diagnosed(found) if said != verdict and said not in own]
+    told = list(own)
+    if found.next_experiment is not None:
+        told.append(experiment_sentence(found.next_experiment))
+    rest = [said for said in diagnosed(found) if said != verdict and said not in told]
     parts = [
         f"<h1>{escape(title)}</h1>",
         f"<p class='under'>{escape(found.platform.title)} · {length:.3g} s · "
@@ -62,10 +66,7 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
     if any(cause.ties for cause in found.causes):
         parts += ["<h2>What these logs cannot tell apart</h2>", _ties_table(found)]
     if found.next_experiment is not None:
-        parts += [
-            "<h2>The experiment that would</h2>",
-            f"<pre>{escape(found.next_experiment)}</pre>",
-        ]
+        parts += _experiment(found.next_experiment)
     parts += ["<h2>The base</h2>", _base_table(found), "<h2>All that is to be said</h2>"]
     return [*parts, bullets(rest)]
 
@@ -94,6 +95,20 @@ def _ties_table(found: Diagnosis) -> str:
         for tie in cause.ties
     ]
     return table(["named", "could be instead", "evidence behind"], rows)
+
+
+def _experiment(best: Experiment) -> list[str]:
+    """The command, and what each tied cause would be behind after it."""
+    rows = [
+        [label, f"{split:.1f}", f"{best.repeated[label]:.1f}"]
+        for label, split in best.splits.items()
+    ]
+    return [
+        f"<h2>{'What would tell them apart' if best.enough else 'What could be tried next'}</h2>",
+        f"<pre>{escape(best.command)}</pre>",
+        f"<p>{escape(experiment_sentence(best))}</p>",
+        table(["could be instead", "behind after it", "after the same logs once more"], rows),
+    ]
 
 
 def _base_table(found: Diagnosis) -> str:
