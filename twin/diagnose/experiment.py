@@ -182,7 +182,8 @@ def sensitivity(now: Explanation, rivals: Sequence[Candidate]) -> Sensitivity:
 def _foretold(
     excitation: Excitation, now: Explanation, rivals: Sequence[Candidate]
 ) -> Sensitivity | None:
-    """What an experiment's log would depend on; None where the machine cannot fly it.
+    """What an experiment's log would depend on; None where the machine hits its limits in it, or
+    is one that cannot have all of the causes.
 
     Raises:
         TwinError: no such machine, or its log cannot be predicted.
@@ -204,7 +205,10 @@ def _foretold(
     start = problem.start(now.at.theta, [first_biases(body)], np.concatenate(size))
     intensity = now.now.intensity if isinstance(now.now, Innovations) else 0.0
     there = replace(now, bodies=(body,), problem=problem, now=problem.innovations(start, intensity))
-    return sensitivity(there, [candidate(one.effect, platform) for one in rivals])
+    same = [candidate(one.effect, platform) for one in rivals]
+    if [len(one.perturbations) for one in same] != [len(one.perturbations) for one in rivals]:
+        return None
+    return sensitivity(there, same)
 
 
 def _as_found(platform: Platform, now: Explanation) -> Platform:
