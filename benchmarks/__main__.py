@@ -11,6 +11,7 @@ SUBJECTS = {
     "single": "one run, against Basilisk where it is installed",
     "recording": "what recording costs",
     "identify": "the base from a log of five minutes",
+    "diagnose": "the causes of what a model gets wrong, from a log of five minutes",
     "machines": "steps a second of every machine",
     "batch": "closed loop against bare physics",
 }

@@ -46,7 +46,7 @@ def test_the_document_is_json_and_says_the_same(comparison: Comparison):
 
 
 def test_prediction_plus_residual_is_the_measurement(comparison: Comparison):
-    streams = with_prediction(comparison)
+    streams = with_prediction(comparison.best.explained)
     angle = streams["joint_angle"]
     total = streams["predicted_joint_angle"].value + streams["residual_joint_angle"].value
     assert total == pytest.approx(angle.value, abs=1e-12)

@@ -77,7 +77,7 @@ class Compare:
         if self.rrd is not None:
             from twin.stream.runfile import write_recording
 
-            write_recording(with_prediction(first), self.rrd, first.platform)
+            write_recording(with_prediction(first.best.explained), self.rrd, first.platform)
         if self.json:
             print_json(document(comparisons, transfers))
         else:

@@ -27,6 +27,8 @@ class Diagnose:
     """Measure the gain on a log that takes no part."""
     report: Annotated[Path | None, tyro.conf.arg(metavar="OUT.html")] = None
     """Write a page with figures."""
+    rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
+    """Write the first log, what the explained model predicts and what it leaves, for Rerun."""
     json: bool = False
     """Print one JSON document instead of sentences."""
 
@@ -37,7 +39,13 @@ class Diagnose:
         from twin.errors import UsageError
         from twin.platform import load_platform, platform_of
         from twin.recording import open_log
-        from twin.report import diagnosed, diagnosis_document, validated, write_diagnosis
+        from twin.report import (
+            diagnosed,
+            diagnosis_document,
+            validated,
+            with_prediction,
+            write_diagnosis,
+        )
 
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
@@ -56,11 +64,15 @@ class Diagnose:
                 write_diagnosis(self.report, found, gain)
         if self.extend is not None:
             extend(found, self.extend)
+        if self.rrd is not None:
+            from twin.stream.runfile import write_recording
+
+            write_recording(with_prediction(found.explained.account), self.rrd, machine)
         if self.json:
             print_json(diagnosis_document(found, gain))
         else:
             print("\n".join([*diagnosed(found), *([] if gain is None else [validated(gain)])]))
-        for written in (self.report, self.extend):
+        for written in (self.report, self.extend, self.rrd):
             if written is not None:
                 print(f"wrote {written}", file=sys.stderr if self.json else sys.stdout)
         return 0

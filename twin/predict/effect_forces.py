@@ -12,6 +12,7 @@ Sharper ones are found by simulating anew.
 
 import copy
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -56,11 +57,11 @@ def force_of(effect: BodyEffect, body: Body) -> Array:
     plain = body.machine
     machine = _with(effect, body)
     shared = _Shared.of(plain, machine)
-    here = as_measured(body, body.inputs)
+    here, plainly = _without(body)
     along = shared.along(here)
     if shared.hidden_dof.size:
         _carry(shared, body, along)
-    needed = inverse(plain, here) - inverse(machine, along)[:, shared.dof]
+    needed = plainly - inverse(machine, along)[:, shared.dof]
     law = effect.torque(machine.platform)
     if law is not None:
         base = State(here.position[:, plain.base_qpos], here.velocity[:, plain.base_dof])
@@ -69,6 +70,13 @@ def force_of(effect: BodyEffect, body: Body) -> Array:
     if plain.platform.thrusters:
         needed[:, plain.base_dof] += thrust(body) @ (thruster_arms(machine) - thruster_arms(plain))
     return on_grid(needed, body)
+
+
+@lru_cache(maxsize=2)
+def _without(body: Body) -> tuple[Along, Array]:
+    """A log's motion, and the forces that the machine without any effect needs for it."""
+    here = as_measured(body, body.inputs)
+    return here, inverse(body.machine, here)
 
 
 def middles(body: Body) -> Array:
@@ -190,7 +198,10 @@ def _with(effect: BodyEffect, body: Body) -> Machine:
     platform = able(body.machine.platform, effect)
     machine = compile_model(with_effects(platform, (effect,)))
     if effect.follows_start:
-        machine.model.qpos_spring[machine.base_qpos] = body.motion.position[0]
+        first = (
+            body.motion.position[0] if body.predicted is None else body.predicted.position[0, 0, 0]
+        )
+        machine.model.qpos_spring[machine.base_qpos] = first
     return machine
 
 

@@ -3,20 +3,20 @@
 from dataclasses import replace
 
 from twin import rotation
-from twin.compare import Comparison
+from twin.compare.account import Account
 from twin.recording import Recording, Series
 
 
-def with_prediction(comparison: Comparison) -> Recording:
-    """The log plus `predicted_*` (of the best model, a start fitted a stretch) and `residual_*`.
+def with_prediction(account: Account) -> Recording:
+    """An account's first log plus `predicted_*` (a start fitted a stretch) and `residual_*`.
 
     The residual of an attitude is a rotation vector [rad] in body axes.
     """
-    streams = dict(comparison.recording.streams)
-    account = comparison.best.explained
-    for output, left in zip(comparison.body.outputs, account.left[0], strict=True):
+    body = account.problem.bodies[0]
+    streams = dict(body.recording.streams)
+    for output, left in zip(body.outputs, account.left[0], strict=True):
         error = left * output.noise
-        series = comparison.recording[output.stream]
+        series = body.recording[output.stream]
         if output.stream == "attitude":
             predicted = rotation.multiply(output.value, rotation.from_rotation_vector(-error))
         else:
@@ -26,4 +26,4 @@ def with_prediction(comparison: Comparison) -> Recording:
             output.time, predicted, series.columns, series.unit
         )
         streams[f"residual_{output.stream}"] = Series(output.time, error, output.columns, unit)
-    return replace(comparison.recording, streams=streams)
+    return replace(body.recording, streams=streams)
