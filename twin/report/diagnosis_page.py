@@ -98,14 +98,14 @@ def _ties_table(found: Diagnosis) -> str:
 
 
 def _experiment(best: Experiment) -> list[str]:
-    """The command, and what each tied cause would be behind after it."""
+    """The command, if it is worth it, and what each tied cause would be behind after it."""
     rows = [
         [label, f"{split:.1f}", f"{best.repeated[label]:.1f}"]
         for label, split in best.splits.items()
     ]
     return [
         f"<h2>{'What would tell them apart' if best.enough else 'What could be tried next'}</h2>",
-        f"<pre>{escape(best.command)}</pre>",
+        *([f"<pre>{escape(best.command)}</pre>"] if best.enough else []),
         f"<p>{escape(experiment_sentence(best))}</p>",
         table(["could be instead", "behind after it", "after the same logs once more"], rows),
     ]
