@@ -39,8 +39,8 @@ def experiment_sentence(found: Experiment) -> str:
     if found.enough:
         return (
             f"To tell them apart: {found.command}. With that log beside these, {nearest} as the "
-            f"nearest should be {split:.1f} behind, {bar}; the same logs made once more would "
-            f"leave {again:.1f}."
+            f"nearest should be {split:.1f} behind in evidence and likelihood both, {bar}; the "
+            f"same logs made once more would leave {again:.1f}."
         )
     if again >= found.needed:
         return (
