@@ -34,10 +34,10 @@ class Diagnose:
 
     def run(self) -> int:
         """Diagnose, print, write what was asked for."""
-        from twin.cli.output import print_json, progress
-        from twin.diagnose import diagnose, extend, validate
+        from twin.cli.output import check_writable, print_json, progress
+        from twin.diagnose import check_logs, check_new, diagnose, extend, validate
         from twin.errors import UsageError
-        from twin.platform import load_platform, platform_of
+        from twin.platform import common_platform, load_platform
         from twin.recording import open_log
         from twin.report import (
             diagnosed,
@@ -49,11 +49,18 @@ class Diagnose:
 
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
-        if self.extend is not None and self.extend.exists() and any(self.extend.iterdir()):
-            raise UsageError(f"{self.extend} exists and is not empty; name a new folder")
+        if self.extend is not None:
+            check_new(self.extend)
+        for path in (self.report, self.rrd):
+            if path is not None:
+                check_writable(path)
+        if self.validate is not None and self.validate.resolve() in map(Path.resolve, self.logs):
+            raise UsageError(f"{self.validate} takes part in the fit; validate on another log")
         logs = [open_log(path) for path in self.logs]
         other = None if self.validate is None else open_log(self.validate)
-        machine = platform_of(logs[0]) if self.platform is None else load_platform(self.platform)
+        every = logs if other is None else [*logs, other]
+        machine = common_platform(every) if self.platform is None else load_platform(self.platform)
+        check_logs(every, machine)
         with progress() as say:
             found = diagnose(logs, machine, say=say)
             if other is not None:
@@ -62,8 +69,6 @@ class Diagnose:
             if self.report is not None:
                 say("the page")
                 write_diagnosis(self.report, found, gain)
-        if self.extend is not None:
-            extend(found, self.extend)
         if self.rrd is not None:
             from twin.stream.runfile import write_recording
 
@@ -72,6 +77,8 @@ class Diagnose:
             print_json(diagnosis_document(found, gain))
         else:
             print("\n".join([*diagnosed(found), *([] if gain is None else [validated(gain)])]))
+        if self.extend is not None:
+            extend(found, self.extend)
         for written in (self.report, self.extend, self.rrd):
             if written is not None:
                 print(f"wrote {written}", file=sys.stderr if self.json else sys.stdout)

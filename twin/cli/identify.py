@@ -32,7 +32,7 @@ class Identify:
         from twin.conventions import convention_advice
         from twin.errors import UsageError
         from twin.identify import identify
-        from twin.platform import load_platform, platform_of
+        from twin.platform import common_platform, load_platform
         from twin.recording import open_log
         from twin.report import identified
 
@@ -40,7 +40,7 @@ class Identify:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
         recordings = [open_log(path) for path in self.logs]
         machine = (
-            platform_of(recordings[0]) if self.platform is None else load_platform(self.platform)
+            common_platform(recordings) if self.platform is None else load_platform(self.platform)
         )
         for path, recording in zip(self.logs, recordings, strict=True):
             warning = convention_advice(recording, machine).warning

@@ -10,10 +10,25 @@ from typing import Any, cast
 
 import numpy as np
 
+from twin.errors import UsageError
+
 
 def print_json(document: object) -> None:
     """Print `document` on stdout; arrays become lists, and what is no finite number null."""
     print(json.dumps(_plain(document), indent=2, allow_nan=False, ensure_ascii=False))
+
+
+def check_writable(path: Path) -> None:
+    """Whether a file can be written there, asked before the work and not after it.
+
+    Raises:
+        UsageError: it cannot.
+    """
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; name a file in it")
+    above = next(part for part in path.absolute().parents if part.exists())
+    if not above.is_dir():
+        raise UsageError(f"{path} cannot be written: {above} is a file")
 
 
 @contextmanager

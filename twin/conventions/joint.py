@@ -102,7 +102,8 @@ def joint_findings(recording: Recording) -> list[ConventionFinding]:
 
 
 def _options(hinge: Hinge) -> Iterator[_Option]:
-    for lags in (NEAR, far_lags(hinge.grid.longest_lag)):
+    far = far_lags(hinge.grid.longest_lag)
+    for lags in (NEAR, far) if len(far) else (NEAR,):
         for sign in (1.0, -1.0):
             misfit = [float(np.sum(np.square(hinge.residual(sign, float(lag))))) for lag in lags]
             lag = float(lags[int(np.argmin(misfit))])

@@ -28,7 +28,11 @@ def motion_hypotheses(
     """Every reading of the attitude with every axes of the gyro, each in step, and with the one or
     the other late; the log as read among them."""
     place = {axes.tobytes(): index for index, axes in enumerate(signed_permutations(3))}
-    near, far = turning.match(NEAR), turning.match(far_lags(turning.grid.longest_lag))
+    near, lags = turning.match(NEAR), far_lags(turning.grid.longest_lag)
+    matches = [("", near)]
+    if len(lags):
+        far = turning.match(lags)
+        matches += [("gyro", far), ("attitude", far)]
     gyros = list(axes_changes(recording, "gyro"))
     for attitude, attitude_change in attitude_changes(recording):
         family, turned = vector_axes(attitude)
@@ -41,7 +45,7 @@ def motion_hypotheses(
                 cost = lean + sum(change.cost for change in axes)
                 if axes and cost > DEAREST:
                     continue
-                for late, match in (("", near), ("gyro", far), ("attitude", far)):
+                for late, match in matches:
                     lag = float(match.lag[index])
                     own = -lag if late == "attitude" else lag
                     clock = lag_change(late, own) if late else None

@@ -21,8 +21,10 @@ Array = NDArray[np.float64]
 _FILTERED = ("sensor_lag",)
 """Asked for only of sensors that have a filter: on slow signals one is as good as a late clock."""
 
-_HINGE = {"gyro": "joint_angle", "attitude": "joint_angle"}
-"""What tells the motion of a hinge."""
+_HINGE = ("joint_angle", "joint_rate")
+"""Either tells the motion of a hinge."""
+_BALL = ("attitude", "gyro")
+"""What tells that of a ball, and what effects name that show in it."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +85,7 @@ def candidates_of(bodies: Sequence[Body], lines: Sequence[float] = ()) -> Candid
                 continue
             asked.append(found)
             for hertz in lines:
-                shapes = usual.at_frequency(hertz, platform.gravity)
-                asked += [candidate(s, platform) for s in shapes if not _refused(s, platform)]
+                asked += _ringing(usual, hertz, platform)
     return Candidates(tuple(asked), not_asked)
 
 
@@ -95,6 +96,15 @@ def candidate(effect: Effect, platform: Platform) -> Candidate:
     parts = perturbations_of(effect, platform)
     own = tuple(one for one, free in zip(parts, size, strict=True) if free) if parts else ()
     return Candidate(effect, own, low[size], high[size])
+
+
+def _ringing(usual: Effect, hertz: float, platform: Platform) -> list[Candidate]:
+    """An effect at a frequency; none where the machine, or the effect itself, cannot have it."""
+    try:
+        shapes = usual.at_frequency(hertz, platform.gravity)
+    except TwinError:  # beyond the effect's bounds
+        return []
+    return [candidate(shape, platform) for shape in shapes if not _refused(shape, platform)]
 
 
 def _why_not(kind: type[Effect], target: str, bodies: Sequence[Body]) -> str:
@@ -108,17 +118,17 @@ def _why_not(kind: type[Effect], target: str, bodies: Sequence[Body]) -> str:
         return "part of the model already"
     if kind.name in _FILTERED and np.isinf(platform.sensors[target].cutoff):
         return "not asked: the platform states no filter there, and without one it is a clock_lag"
-    needed = list(kind.streams)
-    if platform.base.kind == "hinge":
-        needed = [_HINGE.get(name, name) for name in needed]
-    for name in needed:
-        if not any(name in body.recording for body in bodies):
-            return f"not observable: needs stream {name}"
     seen = {output.stream for body in bodies for output in body.outputs}
     seen |= {name for body in bodies for name in body.inputs.used}
-    for name in needed:
-        if name not in seen:
-            return f"not observable: {name} has no part in the prediction"
+    hinge = platform.base.kind == "hinge"
+    if target in platform.sensors and not any(target in body.recording for body in bodies):
+        return f"not observable: needs stream {target}"
+    for name in kind.streams:
+        enough = _HINGE if hinge and name in _BALL else (name,)
+        if not any(one in body.recording for one in enough for body in bodies):
+            return f"not observable: needs stream {' or '.join(enough)}"
+        if not any(one in seen for one in enough):
+            return f"not observable: {' or '.join(enough)} has no part in the prediction"
     return ""
 
 

@@ -11,6 +11,7 @@ from twin.diagnose.candidates import Candidate
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.laws import Law
 from twin.diagnose.search import TIED, Search
+from twin.diagnose.weighing import HIDDEN
 from twin.effects import Effect
 from twin.identify.prediction_error import NORMAL
 from twin.predict.effect_columns import amplitudes
@@ -55,9 +56,15 @@ class Tried:
     alone: float
     """What it would have explained on its own."""
     detectable: Array
-    """(k,) size of each amplitude that would have been found, alone."""
+    """(k,) size of each amplitude that would have been found, alone; infinite where no size that
+    the effect can have would have been."""
     names: tuple[str, ...]
     units: tuple[str, ...]
+
+    @property
+    def could_show(self) -> bool:
+        """Whether these logs could have shown any of it."""
+        return bool(np.isfinite(self.detectable).any())
 
 
 @dataclass(frozen=True)
@@ -118,13 +125,15 @@ def tried_of(search: Search, own: tuple[int, ...], asked: Sequence[Candidate]) -
         names = [name for name, free in zip(one.effect.names, size, strict=True) if free]
         units = [k.unit for k in one.effect.parameters() for _ in range(k.size)]
         weighing = search.weighing
-        seen = weighing.seen(score.index) * weighing.size_of(score.index)
-        gain = float(chi2.isf(needed, len(names)))
+        share = weighing.seen(score.index)
+        seen = np.where(share > HIDDEN, share * weighing.size_of(score.index), 0.0)
+        least = np.sqrt(float(chi2.isf(needed, len(names)))) / np.maximum(seen, 1e-300)
+        most = np.maximum(np.abs(one.low), np.abs(one.high))
         tried = Tried(
             one.label,
             score.evidence,
             search.evidence((score.index,)),
-            np.sqrt(gain) / np.maximum(seen, 1e-300),
+            np.where(least > most, np.inf, least),
             tuple(names),
             tuple(unit for unit, free in zip(units, size, strict=True) if free),
         )

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from twin.compare.free_run import HORIZONS, FreeRun, free_run
 from twin.conventions import ConventionFinding, check_conventions, corrected
-from twin.diagnose.candidates import candidates_of
+from twin.diagnose.candidates import Candidates, candidates_of
 from twin.diagnose.cause import Cause, Equation, Tried, causes_of, equation_of, tried_of
 from twin.diagnose.experiment import Experiment, next_experiment
 from twin.diagnose.explanation import Explanation, explain
+from twin.diagnose.grounds import check_logs, check_numbers, check_seen
 from twin.diagnose.held_out import HeldOut, held_out
-from twin.diagnose.reasoning import reason
+from twin.diagnose.reasoning import Line, reason
 from twin.diagnose.remainder import Remainder
 from twin.errors import UsageError
 from twin.identify.calibrate import calibrated
@@ -85,10 +86,12 @@ def diagnose(
         say: told what is being done.
 
     Raises:
-        UsageError: no logs, or one without the streams that the prediction needs.
+        UsageError: no logs, one without the streams that the prediction needs, or too little in
+            them for a verdict.
     """
     if not recordings:
         raise UsageError("no log is given")
+    check_logs(recordings, platform)
     say("conventions and noise")
     logs = [calibrated(recording.without_truth(), platform) for recording in recordings]
     conventions = [tuple(check_conventions(log, platform)) for log in logs]
@@ -107,8 +110,9 @@ def diagnose(
     now = line.now
     causes = causes_of(now, line.search, line.nameless)
     experiment = next_experiment(platform, now, causes, line.asked, say)
+    tried = tried_of(line.search, now.own, line.asked)
     say("free runs")
-    return Diagnosis(
+    found = Diagnosis(
         platform,
         tuple(logs),
         tuple(finding for found in conventions for finding in found),
@@ -116,14 +120,34 @@ def diagnose(
         plain,
         now,
         causes,
-        tried_of(line.search, now.own, line.asked),
-        candidates.not_asked,
+        tried,
+        {**candidates.not_asked, **_silent(candidates, line, causes, tried)},
         equation_of(now, line.nameless),
         line.left,
         held_out(now),
         {horizon: free_run(horizon, plain.account, now.account) for horizon in HORIZONS},
         experiment,
     )
+    if found.verdict == "healthy":
+        check_seen(plain)
+    return found
+
+
+def _silent(
+    candidates: Candidates, line: Line, causes: Sequence[Cause], tried: Sequence[Tried]
+) -> dict[str, str]:
+    """Why causes that could be asked for have no place among the answers, by label."""
+    told = {cause.effect.label for cause in causes} | {one.label for one in tried}
+    weighed = {one.label for one in line.asked}
+    return {
+        label: (
+            "not observable: a change of the base does the same"
+            if label in weighed
+            else "not possible in the size that these logs ask for"
+        )
+        for label in dict.fromkeys(one.label for one in candidates.asked)
+        if label not in told
+    }
 
 
 def plain_of(logs: Sequence[Recording], platform: Platform, *, follows: bool = True) -> Explanation:
@@ -131,6 +155,7 @@ def plain_of(logs: Sequence[Recording], platform: Platform, *, follows: bool = T
     machine = compile_model(platform)
     bodies = [body_of(machine, log, motion_of(log, platform)) for log in logs]
     plain, base = base_of(machine, logs)
+    check_numbers(bodies, base)
     pairs = [(log, body.motion) for log, body in zip(logs, bodies, strict=True)]
     first = first_theta(plain, momentum_fit(pairs, plain))
     theta = np.concatenate([first, base.as_stated[len(first) :]])

@@ -29,8 +29,7 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
         PlatformError: the fitted base is no rigid body.
     """
     platform, found = diagnosis.platform, diagnosis.explained
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UsageError(f"{folder} exists and is not empty; name a new folder")
+    check_new(folder)
     logs = shutil.ignore_patterns("logs", "*.rrd", "*.png")
     shutil.copytree(platform.folder, folder, ignore=logs, dirs_exist_ok=True)
     path = folder / "platform.toml"
@@ -51,6 +50,20 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
     extended = load_platform(str(folder))
     _weigh(extended)
     return extended
+
+
+def check_new(folder: Path) -> None:
+    """Whether a folder can be written without overwriting anything.
+
+    Raises:
+        UsageError: it cannot.
+    """
+    whole = folder.absolute()
+    above = next(part for part in (whole, *whole.parents) if part.exists())
+    if not above.is_dir():
+        raise UsageError(f"{above} is a file, where a folder is to be written; name a new folder")
+    if folder.exists() and any(folder.iterdir()):
+        raise UsageError(f"{folder} exists and is not empty; name a new folder")
 
 
 def _weigh(platform: Platform) -> None:

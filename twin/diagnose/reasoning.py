@@ -8,7 +8,7 @@ import numpy as np
 
 from twin.diagnose.candidates import Candidate, candidates_of
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.laws import laws_of
+from twin.diagnose.laws import Law, laws_of
 from twin.diagnose.lines import lines_of
 from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.search import TIED, Search
@@ -85,13 +85,25 @@ def _searched(start: Explanation, asked: tuple[Candidate, ...], say: Say) -> Lin
             if better is not None:
                 return better
         say("fitting " + ", ".join(sorted(labels)))
-        try:
-            now = now.instead(guesses)
-        except TwinError:
-            asked = _possible(now, asked, guesses)
+        tried = _fitted(now, guesses)
+        fitted = guesses if tried is None else tried.effects
+        if tried is None or not all(_possible_alone(now, effect) for effect in fitted):
+            asked = _possible(now, asked, fitted)
+        else:
+            now = tried
         say("causes weighed")
         search = search_from(now, asked)
     return Line(now, search, asked)
+
+
+def _fitted(
+    now: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
+) -> Explanation | None:
+    """Other effects and laws in place of its own; None where no machine can have them."""
+    try:
+        return now.instead(effects, laws)
+    except TwinError:
+        return None
 
 
 def _possible(
@@ -164,7 +176,9 @@ def _with_laws(line: Line, causes: Sequence[Effect], chosen: Sequence[int]) -> L
     if not found or more < TIED:
         return None
     kept = [effect for effect in causes if effect.label in labels]
-    there = now.instead(kept, found)
+    there = _fitted(now, kept, found)
+    if there is None:
+        return None
     return Line(there, search_from(there, line.asked), line.asked, more)
 
 
@@ -178,5 +192,8 @@ def needed_only(now: Explanation) -> Explanation:
         count = len(now.effects)
         effects = [effect for index, effect in enumerate(now.effects) if index in kept]
         laws = [law for index, law in enumerate(now.laws) if index + count in kept]
-        now = now.instead(effects, laws)
+        fewer = _fitted(now, effects, laws)
+        if fewer is None:
+            break
+        now = fewer
     return now

@@ -19,6 +19,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.stats import t as student
 
 from twin import rotation
+from twin.errors import UsageError
 from twin.model import Machine
 from twin.noise.stream import angles
 from twin.predict.base import ENTRIES, BaseParameters, hinge_axis
@@ -64,19 +65,28 @@ def momentum_fit(logs: list[tuple[Recording, Motion]], base: BaseParameters) -> 
     Args:
         logs: each with its smoothed motion.
         base: the parameters sought.
+
+    Raises:
+        UsageError: nothing that could be sought shows in the logs, be they too short or still.
     """
     balances = [_balance(recording, motion, base) for recording, motion in logs]
     columns = np.concatenate([b.columns for b in balances])
     target = np.concatenate([b.target for b in balances])
     counts = np.cumsum([0] + [b.block[-1] + 1 for b in balances])
     block = np.concatenate([b.block + n for b, n in zip(balances, counts, strict=False)])
+    if not np.any(columns):
+        raise UsageError(
+            f"the logs are too short to tell anything of the motion of {base.machine.platform.name}"
+            ", or nothing moves in them; record some ten seconds of motion"
+        )
     # held weakly where they were stated, so that what does not show stays there
     weak = np.diag(1e-6 * np.linalg.norm(columns * base.scale, axis=0).max() / base.scale)
     stacked = np.concatenate([columns, weak])
     right = np.concatenate([target - columns @ base.as_stated, np.zeros(len(weak))])
     change = np.linalg.lstsq(stacked * base.scale, right, rcond=None)[0] * base.scale
     left = right[: len(target)] - columns @ change
-    inverse = np.linalg.inv(stacked.T @ stacked)
+    scaled = stacked * base.scale
+    inverse = np.linalg.inv(scaled.T @ scaled) * np.outer(base.scale, base.scale)
     scores = np.zeros((counts[-1], len(change)))
     np.add.at(scores, block, columns * left[:, None])
     unknowns = len(change) + sum(b.per_instant for b in balances)

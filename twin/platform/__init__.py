@@ -2,6 +2,7 @@
 
 from twin.platform.load import load_platform as load_platform
 from twin.platform.load import variants_of as variants_of
+from twin.platform.of_log import common_platform as common_platform
 from twin.platform.of_log import platform_of as platform_of
 from twin.platform.parts import Base as Base
 from twin.platform.parts import Gas as Gas

@@ -1,5 +1,7 @@
 """The machine that a log was made on."""
 
+from collections.abc import Sequence
+
 from twin.errors import UsageError
 from twin.platform.load import load_platform
 from twin.platform.parts import Platform
@@ -18,3 +20,21 @@ def platform_of(recording: Recording) -> Platform:
     if not isinstance(name, str):
         raise UsageError(f"{recording.provenance.get('source', 'the log')} names no platform")
     return load_platform(name)
+
+
+def common_platform(recordings: Sequence[Recording]) -> Platform:
+    """The one platform that all of some recordings name.
+
+    Raises:
+        UsageError: one names none, or another than the first.
+    """
+    first = recordings[0]
+    for other in recordings[1:]:
+        one, two = first.provenance.get("platform"), other.provenance.get("platform")
+        if one != two:
+            raise UsageError(
+                f"{first.provenance.get('source', 'the first log')} is of {one or 'no platform'}, "
+                f"{other.provenance.get('source', 'another')} of {two or 'no platform'}: logs are "
+                "taken together of one machine only; if it is one, name it with --platform"
+            )
+    return platform_of(first)

@@ -23,6 +23,7 @@ from twin import rotation
 from twin.effects import BodyEffect, State, able, with_effects
 from twin.model import Machine, compile_model
 from twin.plant.gas import thruster_arms
+from twin.predict.base import hinge_axis
 from twin.predict.body import Body
 from twin.predict.drive import Inputs
 from twin.predict.states import States
@@ -122,7 +123,9 @@ def as_measured(body: Body, inputs: Inputs) -> Along:
         torque = (
             torque - machine.model.dof_damping[machine.wheel_dof] * velocity[:, machine.wheel_dof]
         )
-        acceleration[:, machine.wheel_dof] = torque / rotor - moving.acceleration @ axes.T
+        hinge = machine.platform.base.kind == "hinge"
+        turned = axes @ hinge_axis(machine)[:, None] if hinge else axes
+        acceleration[:, machine.wheel_dof] = torque / rotor - moving.acceleration @ turned.T
     return Along(position, velocity, acceleration)
 
 

@@ -10,10 +10,13 @@ from twin.diagnose import Diagnosis
 from twin.diagnose.cause import Cause, Equation
 from twin.diagnose.remainder import Remainder
 from twin.diagnose.validation import Validation
+from twin.identify.excitation import not_excited
 from twin.identify.prediction_error import NORMAL
 from twin.report.next_experiment import experiment_document, experiment_sentence
 from twin.units import fitting, printed, three_digits
 
+FAR = 0.5
+"""Of a mean principal moment, or of the whole mass 1 mm off: a refitted base that moved more."""
 SHOWN = 5
 """Causes that were tried and rejected of which the text tells."""
 
@@ -32,6 +35,7 @@ def diagnosed(found: Diagnosis) -> list[str]:
     said.append(_gain(found))
     said += _base(found)
     said += _rejected(found)
+    said += could_show(found)
     said += [finding.sentence for finding in found.noise]
     said += _not_asked(found.not_asked)
     said += [f"Repaired on reading: {r}." for log in found.recordings for r in log.repairs]
@@ -44,7 +48,7 @@ def verdict_sentence(found: Diagnosis) -> str:
     if found.verdict == "healthy":
         return (
             "Healthy: what the model leaves is the sensors' noise, and none of "
-            f"{len(found.tried)} causes explains any of it."
+            f"{sum(one.could_show for one in found.tried)} causes that would show explains any."
         )
     if found.verdict == "explained":
         return f"Explained: the model lacks {names}, and with that nothing but noise is left."
@@ -127,6 +131,8 @@ def _left(left: Remainder) -> list[str]:
 
 def _gain(found: Diagnosis) -> str:
     gain = found.held_out
+    if not found.explained.follows and not found.causes:
+        return "With no cause to add, nothing is gained on time that took no part in the fit."
     if not found.explained.follows:
         return (
             f"On segments that took no part in the fit the logs become likelier by "
@@ -135,7 +141,7 @@ def _gain(found: Diagnosis) -> str:
         )
     if not found.causes and found.equation is None:
         band = f"a true model stays within {gain.low:.3f} to {gain.high:.3f}"
-        return f"Chi-square of the innovations {gain.after:.4f} a sample; {band}."
+        return f"Chi-square of the innovations {found.remainder.chi2:.4f} a sample; {band}."
     return (
         f"On time that took no part in the fit the logs become likelier by "
         f"{gain.log_likelihood:.0f} nats; chi-square {gain.before:.4f} to {gain.after:.4f} a "
@@ -157,31 +163,56 @@ def _free_runs(found: Mapping[float, FreeRun | None]) -> str:
 def _base(found: Diagnosis) -> list[str]:
     base, theta = found.explained.base, found.explained.at.theta
     half = NORMAL * np.sqrt(np.diag(found.explained.covariance))[: len(theta)]
+    stated = base.as_stated
     parts = [
-        f"{name} {three_digits(float(v))} +- {three_digits(float(h))} {unit}"
-        for name, v, h, unit in zip(base.names, theta, half, base.units, strict=True)
+        f"{name} {three_digits(float(v))} +- {three_digits(float(h))} ({three_digits(float(s))}) "
+        f"{unit}"
+        for name, v, h, s, unit in zip(base.names, theta, half, stated, base.units, strict=True)
     ]
-    return ["The base, refitted: " + ", ".join(parts) + "."]
+    said = ["The base, refitted (as stated): " + ", ".join(parts) + "."]
+    far = np.abs(theta - stated) - half > FAR * base.scale
+    if far.any():
+        names = ", ".join(name for name, one in zip(base.names, far, strict=True) if one)
+        said.append(
+            f"Mind: {names} had to move far from what platform.toml states. If that is no "
+            "surprise, state it there; else it is another machine, or a torque or a speed of "
+            "another size than recorded: a base that grows does what a smaller torque would."
+        )
+    left = not_excited(base, theta, half)
+    return [*said, f"These logs leave open: {'; '.join(left)}."] if left else said
 
 
 def _rejected(found: Diagnosis) -> list[str]:
     if not found.tried:
         return []
     if found.verdict == "healthy":
-        sizes = [
-            f"{tried.label} "
-            + " / ".join(
-                printed(float(size), unit)
-                for size, unit in zip(tried.detectable, tried.units, strict=True)
-            )
-            for tried in found.tried
-        ]
-        return ["Would have been found from these sizes on: " + "; ".join(sizes) + "."]
+        return []
     alone = sorted(found.tried, key=lambda tried: -tried.alone)[:SHOWN]
     parts = [
         f"{one.label} (alone {one.alone:.0f}, beside these {one.evidence:.0f})" for one in alone
     ]
     return ["Tried and rejected, evidence in brackets: " + ", ".join(parts) + "."]
+
+
+def could_show(found: Diagnosis) -> list[str]:
+    """From which size on each cause would have been found, a line an effect; of healthy logs."""
+    if found.verdict != "healthy":
+        return []
+    sizes: dict[str, list[str]] = {}
+    for one in sorted(found.tried, key=lambda one: one.label):
+        if one.could_show:
+            name, _, target = one.label.partition(":")
+            parts = [
+                printed(size, unit) if np.isfinite(size) else "never"
+                for size, unit in zip(one.detectable.tolist(), one.units, strict=True)
+            ]
+            sizes.setdefault(name, []).append(f"{target} {' / '.join(parts)}".lstrip())
+    said = ["Each of these, alone, would have been found from such a size on:"] if sizes else []
+    said += [f"  {name}: {', '.join(targets)}" for name, targets in sizes.items()]
+    never = [one.label for one in found.tried if not one.could_show]
+    if never:
+        said.append(f"These would not have been found, however large: {', '.join(never)}.")
+    return said
 
 
 def _not_asked(why: Mapping[str, str]) -> list[str]:

@@ -10,6 +10,7 @@ from twin.diagnose import Diagnosis, Experiment, Validation
 from twin.identify.prediction_error import NORMAL
 from twin.report.diagnosed import (
     cause_sentence,
+    could_show,
     diagnosed,
     equation_sentence,
     validated,
@@ -35,10 +36,11 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
     own = [cause_sentence(cause) for cause in found.causes]
     if found.equation is not None:
         own.append(equation_sentence(found.equation))
-    told = list(own)
+    told = [verdict, *own]
     if found.next_experiment is not None:
         told.append(experiment_sentence(found.next_experiment))
-    rest = [said for said in diagnosed(found) if said != verdict and said not in told]
+    sizes = could_show(found)
+    rest = [said for said in diagnosed(found) if said not in (*told, *sizes)]
     parts = [
         f"<h1>{escape(title)}</h1>",
         f"<p class='under'>{escape(found.platform.title)} · {length:.3g} s · "
@@ -68,7 +70,11 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
     if found.next_experiment is not None:
         parts += _experiment(found.next_experiment)
     parts += ["<h2>The base</h2>", _base_table(found), "<h2>All that is to be said</h2>"]
-    return [*parts, bullets(rest)]
+    parts.append(bullets(rest))
+    if sizes:
+        lines = "\n".join(escape(typeset(said)) for said in sizes)
+        parts += ["<h2>What would have been found</h2>", f"<pre>{lines}</pre>"]
+    return parts
 
 
 def _gain_table(found: Diagnosis) -> str:

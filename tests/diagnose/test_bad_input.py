@@ -1,0 +1,219 @@
+"""Logs that cannot carry a verdict get a sentence that helps, an exit code, and no verdict."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from twin.cli.main import main
+
+Array = NDArray[np.float64]
+Change = Callable[[str, Array], Array]
+
+SEED = 4
+SHARED = ("gyro", "attitude", "wheel_speed", "command_wheel_torque")
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory) -> Path:
+    """A short run of sads as a folder of tables."""
+    folder = tmp_path_factory.mktemp("good")
+    fly = ["run", "sads", "--controller", "quaternion_pd", "--duration", "6", "--seed", str(SEED)]
+    assert main([*fly, "--rrd", str(folder / "run.rrd")]) == 0
+    assert main(["export", str(folder / "run.rrd"), str(folder / "log")]) == 0
+    return folder / "log"
+
+
+@pytest.fixture
+def log(good, tmp_path) -> Path:
+    """A copy that may be spoiled."""
+    return Path(shutil.copytree(good, tmp_path / "log"))
+
+
+@pytest.fixture
+def said(capsys) -> Callable[..., tuple[int, str]]:
+    """Exit code and what was said of a diagnosis that must not come to a verdict."""
+
+    def diagnose(log: Path, *more: str) -> tuple[int, str]:
+        capsys.readouterr()
+        code = main(["diagnose", str(log), *more])
+        out, err = capsys.readouterr()
+        assert out == "", "no verdict that pretends"
+        assert err.startswith("twin: ")
+        return code, err
+
+    return diagnose
+
+
+def spoil(log: Path, change: Change, *streams: str) -> None:
+    """Change the numbers (rows, 1 + columns) of some tables; of all without a name."""
+    for path in [log / f"{name}.csv" for name in streams] or sorted(log.glob("*.csv")):
+        head = path.read_text().partition("\n")[0]
+        table = change(path.stem, np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2))
+        np.savetxt(path, table, delimiter=",", header=head, comments="", fmt="%.17g")
+
+
+def scaled(factor: float) -> Change:
+    return lambda _, table: np.column_stack([table[:, 0], factor * table[:, 1:]])
+
+
+def only(log: Path, *kept: str) -> None:
+    """Leave the other streams out of log.toml."""
+    first, *blocks = (log / "log.toml").read_text().split("[streams.")
+    kept_blocks = [block for block in blocks if block.partition("]")[0] in kept]
+    (log / "log.toml").write_text("[streams.".join([first, *kept_blocks]))
+
+
+def test_a_clock_that_runs_backwards_is_told_with_file_and_line(log, said):
+    spoil(log, lambda _, table: table[::-1], "gyro")
+    code, text = said(log)
+    assert code == 1
+    assert "gyro.csv:" in text
+    assert "time goes back" in text
+
+
+def test_what_is_no_number_is_told_with_file_and_line(log, said):
+    def holed(_: str, table: Array) -> Array:
+        table[100, 2] = np.nan
+        return table
+
+    spoil(log, holed, "gyro")
+    code, text = said(log)
+    assert code == 1
+    assert "gyro.csv:102" in text
+    assert "'nan'" in text
+
+
+def test_a_file_without_rows_is_told(log, said):
+    (log / "gyro.csv").write_text("time,x,y,z\n")
+    code, text = said(log)
+    assert code == 1
+    assert "no rows" in text
+
+
+def test_a_recording_of_something_else_is_told(tmp_path, said):
+    (tmp_path / "notes.rrd").write_text("not a recording")
+    code, text = said(tmp_path / "notes.rrd")
+    assert code == 1
+    assert "no Rerun recording" in text
+
+
+def test_a_log_of_a_few_samples_is_too_short(log, said):
+    spoil(log, lambda _, table: table[table[:, 0] < 0.15])
+    code, text = said(log)
+    assert code == 2
+    assert "at least 10 samples" in text
+
+
+def test_a_log_with_fewer_numbers_than_unknowns_is_too_short(log, said):
+    only(log, "attitude", "command_wheel_torque")
+    spoil(log, lambda _, table: table[:10], "attitude")
+    code, text = said(log)
+    assert code == 2
+    assert "too short" in text
+
+
+def test_a_sensor_that_was_off_is_no_machine_at_rest(log, said):
+    spoil(log, lambda _, table: np.column_stack([table[:, 0], 0.0 * table[:, 1:]]), "gyro")
+    code, text = said(log)
+    assert code == 2
+    assert "gyro is the same in all" in text
+
+
+def test_a_machine_at_rest_is_not_called_healthy(log, said):
+    rng = np.random.default_rng(SEED)
+
+    def rest(name: str, table: Array) -> Array:
+        noise = {"gyro": 1e-3, "attitude": 5e-4, "wheel_speed": 0.1}.get(name, 0.0)
+        still = np.tile([1.0, 0.0, 0.0, 0.0], (len(table), 1)) if name == "attitude" else 0.0
+        return np.column_stack([table[:, 0], still + noise * rng.normal(size=table[:, 1:].shape)])
+
+    print(f"seed {SEED}")
+    only(log, *SHARED)
+    spoil(log, rest, *SHARED)
+    code, text = said(log)
+    assert code == 2
+    assert "hardly moves" in text
+    assert "no verdict on the model" in text
+
+
+def test_a_gyro_at_the_end_of_its_range_is_told_with_the_line_to_write(log, said):
+    def clipped(_: str, table: Array) -> Array:
+        end = 0.3 * np.abs(table[:, 1:]).max(axis=0)
+        return np.column_stack([table[:, 0], np.clip(table[:, 1:], -end, end)])
+
+    spoil(log, clipped, "gyro")
+    code, text = said(log)
+    assert code == 2
+    assert "State `range` = " in text
+    assert "[sensors.gyro]" in text
+
+
+def test_a_gyro_beyond_its_stated_range_leaves_nothing_to_go_by(log, said):
+    spoil(log, lambda _, table: np.column_stack([table[:, 0], 100.0 + table[:, 1:]]), "gyro")
+    code, text = said(log)
+    assert code == 2
+    assert "nothing is left of gyro" in text
+
+
+def test_streams_on_two_clocks_are_told(log, said):
+    spoil(log, lambda _, table: table + 1000.0 * (np.arange(table.shape[1]) == 0), "gyro")
+    code, text = said(log)
+    assert code == 2
+    assert "share no time" in text
+
+
+@pytest.mark.parametrize(
+    ("platform", "problem"),
+    [
+        ("dfki_pendulum", "no wheels"),
+        ("astros", "4 such parts"),
+        ("tas2", "no wheels"),
+        ("nowhere", "no platform named"),
+    ],
+)
+def test_a_machine_that_does_not_fit_the_log_is_told(log, said, platform, problem):
+    code, text = said(log, "--platform", platform)
+    assert code == 2
+    assert problem in text
+
+
+def test_logs_of_two_machines_are_not_taken_together(log, tmp_path, said):
+    other = Path(shutil.copytree(log, tmp_path / "other"))
+    text = (other / "log.toml").read_text()
+    (other / "log.toml").write_text(text.replace('platform = "sads"', 'platform = "whorl1"'))
+    for more in ([str(other)], ["--validate", str(other)]):
+        code, sentence = said(log, *more)
+        assert code == 2
+        assert "sads" in sentence
+        assert "whorl1" in sentence
+
+
+def test_a_log_validates_no_fit_that_it_takes_part_in(log, said):
+    code, text = said(log, "--validate", str(log))
+    assert code == 2
+    assert "takes part" in text
+
+
+def test_what_shows_the_motion_is_named_where_it_is_missing(log, said):
+    only(log, "gyro", "wheel_speed")
+    code, text = said(log)
+    assert code == 2
+    assert "'attitude'" in text
+
+
+def test_a_place_that_cannot_be_written_is_told_before_the_work(log, tmp_path, said):
+    (tmp_path / "file").write_text("precious")
+    for more in (
+        ["--extend", str(tmp_path / "file")],
+        ["--extend", str(tmp_path / "file" / "in")],
+        ["--report", str(tmp_path)],
+        ["--report", str(tmp_path / "file" / "page.html")],
+    ):
+        code, text = said(log, *more)
+        assert code == 2
+        assert str(tmp_path) in text
+    assert (tmp_path / "file").read_text() == "precious"
