@@ -8,7 +8,7 @@ export UV_PROJECT_ENVIRONMENT := .venv
 export UV_PYTHON_DOWNLOADS := never
 export UV_SYSTEM_CERTS := 1
 
-.PHONY: demo test test-slow lint bench clean
+.PHONY: demo test test-slow lint bench panel clean
 
 demo: $(READY)
 	$(BIN)/twin run sads --controller quaternion_pd --duration 60 --rrd runs/demo/sads.rrd
@@ -27,6 +27,9 @@ lint: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks
+
+panel: $(READY)
+	$(BIN)/python tests/promises/panel.py runs/panel
 
 clean:
 	rm -rf .venv .pytest_cache .ruff_cache build dist runs
