@@ -56,10 +56,6 @@ def spoil(log: Path, change: Change, *streams: str) -> None:
         np.savetxt(path, table, delimiter=",", header=head, comments="", fmt="%.17g")
 
 
-def scaled(factor: float) -> Change:
-    return lambda _, table: np.column_stack([table[:, 0], factor * table[:, 1:]])
-
-
 def only(log: Path, *kept: str) -> None:
     """Leave the other streams out of log.toml."""
     first, *blocks = (log / "log.toml").read_text().split("[streams.")
@@ -157,6 +153,19 @@ def test_a_gyro_beyond_its_stated_range_leaves_nothing_to_go_by(log, said):
     code, text = said(log)
     assert code == 2
     assert "nothing is left of gyro" in text
+
+
+@pytest.mark.parametrize(
+    ("stream", "unit"), [("command_wheel_torque", "mN m"), ("stage_position", "mm")]
+)
+def test_a_part_that_does_a_thousand_times_what_it_can_is_in_another_unit(log, said, stream, unit):
+    def wrong(_: str, table: Array) -> Array:
+        return np.column_stack([table[:, 0], 1000.0 * (table[:, 1:] + 0.01)])
+
+    spoil(log, wrong, stream)
+    code, text = said(log)
+    assert code == 2
+    assert f"looks like {unit}" in text
 
 
 def test_streams_on_two_clocks_are_told(log, said):

@@ -33,6 +33,8 @@ OF_MOTION = ("attitude", "gyro", "joint_angle", "joint_rate")
 OF_RATE = ("gyro", "joint_rate")
 """Those of them whose sensors have a range that a machine can leave."""
 
+BEYOND = 10.0
+"""Times what a part can do at which its unit is doubted."""
 CLIPPED = 0.02
 """Share of all rows that must be at an end to speak of it."""
 STRETCH = 5
@@ -43,8 +45,8 @@ def check_logs(recordings: Sequence[Recording], platform: Platform) -> None:
     """Look at logs before anything is fitted to them.
 
     Raises:
-        UsageError: a log is of a machine with other parts, a sensor of its motion was off or at
-            the end of a range that nobody stated, or streams share no time.
+        UsageError: a log is of a machine with other or far smaller parts, a sensor of its motion
+            was off or at the end of a range that nobody stated, or streams share no time.
     """
     for whole in recordings:
         recording, said = within_range(whole, platform)
@@ -55,6 +57,7 @@ def check_logs(recordings: Sequence[Recording], platform: Platform) -> None:
                 "look at its unit, or at the range in platform.toml"
             )
         _check_parts(recording, platform)
+        _check_sizes(recording, platform)
         _check_alive(recording)
         _check_ranges(recording)
         _check_clocks(recording, platform)
@@ -105,6 +108,28 @@ def _check_parts(recording: Recording, platform: Platform) -> None:
                     f"{_source(recording)} has {name}, but {platform.name} has no {parts}: name "
                     "the log's own machine, or add the parts to its folder"
                 )
+
+
+def _check_sizes(recording: Recording, platform: Platform) -> None:
+    """No part gives ten times what it can: then it is the unit."""
+    torque = [wheel.torque_limit for wheel in platform.wheels]
+    travel = [max(np.abs(stage.travel)) for stage in platform.stages]
+    limits = {
+        "command_wheel_torque": torque,
+        "stage_position": travel,
+        "command_stage_position": travel,
+    }
+    for name, most in limits.items():
+        if name not in recording or not len(recording[name]):
+            continue
+        series = recording[name]
+        reached, able = float(np.abs(series.value).max()), float(max(most, default=np.inf))
+        if reached > BEYOND * able:
+            raise UsageError(
+                f"{_source(recording)}: {name} reaches {reached:.3g} {series.unit}, where "
+                f"{platform.name} can at most {able:.3g} {series.unit}: it looks like "
+                f"m{series.unit}, read as {series.unit}; state its unit in log.toml"
+            )
 
 
 def _check_alive(recording: Recording) -> None:

@@ -170,7 +170,8 @@ def _base(found: Diagnosis) -> list[str]:
         for name, v, h, s, unit in zip(base.names, theta, half, stated, base.units, strict=True)
     ]
     said = ["The base, refitted (as stated): " + ", ".join(parts) + "."]
-    far = np.abs(theta - stated) - half > FAR * base.scale
+    body = np.arange(len(theta)) < len(theta) - len(base.joints)
+    far = body & (np.abs(theta - stated) - half > FAR * base.scale)
     if far.any():
         names = ", ".join(name for name, one in zip(base.names, far, strict=True) if one)
         said.append(
@@ -178,7 +179,9 @@ def _base(found: Diagnosis) -> list[str]:
             "surprise, state it there; else it is another machine, or a torque or a speed of "
             "another size than recorded: a base that grows does what a smaller torque would."
         )
-    left = not_excited(base, theta, half)
+    # what no motion of a joint can show is no news about a log
+    never = len(base.not_excited)
+    left = not_excited(base, theta, half)[: -never or None]
     return [*said, f"These logs leave open: {'; '.join(left)}."] if left else said
 
 
