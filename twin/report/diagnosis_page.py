@@ -87,6 +87,8 @@ def _gain_table(found: Diagnosis) -> str:
             f"{gain.low:.4f} to {gain.high:.4f}",
         ]
     ]
+    if not found.explained.follows:
+        rows = []  # each segment counts by its own scatter: no chi-square is to be expected
     for horizon, run in found.free_runs.items():
         if run is not None:
             before, after, perfect = (f"{np.degrees(error):.3g} deg" for error in run.errors)
