@@ -13,6 +13,7 @@ from twin.diagnose.validation import Validation
 from twin.identify.excitation import not_excited
 from twin.identify.prediction_error import NORMAL
 from twin.report.next_experiment import experiment_document, experiment_sentence
+from twin.report.words import MEANINGFUL
 from twin.units import fitting, printed, three_digits
 
 FAR = 0.5
@@ -155,7 +156,7 @@ def _free_runs(found: Mapping[float, FreeRun | None]) -> str:
         f"{horizon:g} s: {np.degrees(run.errors[0]):.2g} to {np.degrees(run.errors[1]):.2g} deg "
         f"(perfect {np.degrees(run.errors[2]):.2g})"
         for horizon, run in found.items()
-        if run is not None
+        if run is not None and run.errors[1] < MEANINGFUL
     ]
     return f" Free runs, before and after: {'; '.join(runs)}." if runs else ""
 

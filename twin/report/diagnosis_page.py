@@ -19,6 +19,7 @@ from twin.report.diagnosed import (
 from twin.report.diagnosis_figures import before_after_figure, evidence_figure
 from twin.report.next_experiment import experiment_sentence
 from twin.report.style import bullets, framed, page, table, typeset
+from twin.report.words import MEANINGFUL
 from twin.units import three_digits
 
 
@@ -90,7 +91,7 @@ def _gain_table(found: Diagnosis) -> str:
     if not found.explained.follows:
         rows = []  # each segment counts by its own scatter: no chi-square is to be expected
     for horizon, run in found.free_runs.items():
-        if run is not None:
+        if run is not None and run.errors[1] < MEANINGFUL:
             before, after, perfect = (f"{np.degrees(error):.3g} deg" for error in run.errors)
             rows.append([f"free run of {horizon:g} s, typical error", before, after, perfect])
     return table(["", "before", "after", "a true model"], rows)
