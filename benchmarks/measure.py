@@ -6,11 +6,17 @@ printed is the median of the ratios with the lowest and the highest.
 
 import os
 import platform
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
+
+_TWIN = str(Path(sys.executable).with_name("twin"))
+Row = tuple[str, str, str, str]
 
 
 def seconds(work: Callable[[], object]) -> float:
@@ -18,6 +24,31 @@ def seconds(work: Callable[[], object]) -> float:
     start = time.perf_counter()
     work()
     return time.perf_counter() - start
+
+
+def twin(*words: str) -> None:
+    """Run `twin` in a process of its own.
+
+    Raises:
+        CalledProcessError: it failed.
+    """
+    subprocess.run([_TWIN, *words], check=True, capture_output=True)
+
+
+def in_turn(subjects: Sequence[tuple[str, Callable[[], object], str]], rounds: int) -> list[Row]:
+    """Time subjects (name, work, target), one after the other and again.
+
+    Returns:
+        Rows of name, median [s], spread and target.
+    """
+    times: dict[str, list[float]] = {name: [] for name, _, _ in subjects}
+    for _ in range(rounds):
+        for name, work, _ in subjects:
+            times[name].append(seconds(work))
+    return [
+        (name, f"{median(times[name]):.2f}", spread(times[name], ".2f"), target)
+        for name, _, target in subjects
+    ]
 
 
 def spread(values: Sequence[float], form: str = ".3g") -> str:

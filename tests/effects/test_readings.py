@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lsim
 from scipy.spatial.transform import Rotation
 
+from twin.contrast import undisturbed
 from twin.effects import parse_effects, with_effects
 from twin.plant.simulated import InitialState, SimulatedPlant
 from twin.platform import Platform, load_platform
@@ -20,19 +21,11 @@ TURN = np.array([0.1, -0.2, 0.15])
 @pytest.fixture(scope="module")
 def sound() -> Platform:
     """Every kind of sensor, without noise, steps or filter, on a machine that tumbles."""
-    astros = load_platform("astros")
+    quiet = undisturbed(load_platform("astros"))
     sensors = {
-        name: replace(
-            sensor,
-            noise=np.zeros_like(sensor.noise),
-            bias=np.zeros_like(sensor.bias),
-            resolution=0.0,
-            range=np.inf,
-            cutoff=np.inf,
-        )
-        for name, sensor in astros.sensors.items()
+        name: replace(sensor, range=np.inf, cutoff=np.inf) for name, sensor in quiet.sensors.items()
     }
-    return replace(astros, sensors=sensors, tilt_limit=np.inf)
+    return replace(quiet, sensors=sensors)
 
 
 def shown(platform: Platform, text: str, stream: str) -> Samples:

@@ -74,6 +74,11 @@ def fly_campaign(
         observers=[recorder],
     )
     assert not plant.stopped
+    return as_flown(stated, true, recorder, runs)
+
+
+def as_flown(stated: Platform, true: Platform, recorder: MemoryRecorder, runs: int) -> Campaign:
+    """What was flown."""
     entries = [true.inertia[i, j] for i, j in ENTRIES]
     return Campaign(
         stated,
@@ -99,12 +104,7 @@ def fly_machine(stated: Platform, runs: int, seed: int, duration: float) -> Camp
         observers=[recorder],
     )
     assert not plant.stopped
-    entries = [true.inertia[i, j] for i, j in ENTRIES]
-    return Campaign(
-        stated,
-        np.concatenate([entries, true.center_of_mass_offset]),
-        [recorder.recording(run) for run in range(runs)],
-    )
+    return as_flown(stated, true, recorder, runs)
 
 
 def nearby_base(stated: Platform, rng: np.random.Generator) -> Platform:

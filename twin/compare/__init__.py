@@ -2,6 +2,7 @@
 
 from twin.compare.comparison import Comparison as Comparison
 from twin.compare.comparison import compare as compare
+from twin.compare.comparison import log_name as log_name
 from twin.compare.comparison import name_of as name_of
 from twin.compare.transfer import Transfer as Transfer
 from twin.compare.transfer import transfer as transfer

@@ -153,6 +153,11 @@ def prepare(
 
 
 def name_of(comparison: Comparison) -> str:
-    """The log's own name: that of its folder or file."""
-    source = str(comparison.recording.provenance.get("source", "the log"))
+    """The log's own name."""
+    return log_name(comparison.recording)
+
+
+def log_name(recording: Recording) -> str:
+    """A log's own name: that of its folder or file."""
+    source = str(recording.provenance.get("source", "the log"))
     return source.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1]

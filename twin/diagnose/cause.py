@@ -59,7 +59,9 @@ class Tried:
     """(k,) size of each amplitude that would have been found, alone; infinite where no size that
     the effect can have would have been."""
     names: tuple[str, ...]
+    """(k,) of the amplitudes."""
     units: tuple[str, ...]
+    """(k,) SI."""
 
     @property
     def could_show(self) -> bool:
@@ -73,7 +75,9 @@ class Equation:
 
     laws: tuple[Law, ...]
     coefficients: Array
+    """(l,) of the laws, each in its unit (SI)."""
     half_widths: Array
+    """(l,) of the 95 % intervals."""
     evidence: float
     """Against the best that the catalogue offers."""
 
@@ -144,6 +148,12 @@ def tried_of(search: Search, own: tuple[int, ...], asked: Sequence[Candidate]) -
 
 
 def equation_of(now: Explanation, evidence: float) -> Equation | None:
+    """The laws of an explanation; None without any.
+
+    Args:
+        now: the explanation.
+        evidence: that they brought beyond the best that the catalogue offers.
+    """
     if not now.laws:
         return None
     count = len(now.laws)

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.compare.free_run import HORIZONS, FreeRun, free_run
 from twin.conventions import ConventionFinding, check_conventions, corrected
@@ -28,7 +27,6 @@ from twin.predict.innovations import Problem
 from twin.predict.motion import motion_of
 from twin.recording import Recording
 
-Array = NDArray[np.float64]
 Say = Callable[[str], None]
 
 UNEXPLAINED = 1e-4
@@ -60,7 +58,7 @@ class Diagnosis:
     remainder: Remainder
     held_out: HeldOut
     free_runs: Mapping[float, FreeRun | None]
-
+    """By horizon [s]; None where the logs are too short."""
     next_experiment: Experiment | None
     """What would split the ties best, if there are any and it can be foretold."""
 

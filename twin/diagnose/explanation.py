@@ -42,13 +42,15 @@ class Rows:
     """residual + columns u is white, variance 1, for changes u of base, biases and strengths."""
 
     residual: Array
+    """(m,)."""
     columns: Array
+    """(m, u)."""
     cluster: NDArray[np.intp]
-    """Which segment of which log each comes from; -1: what was known beforehand."""
+    """(m,) which segment of which log each comes from; -1: what was known beforehand."""
 
     @property
     def covariance(self) -> Array:
-        """Of all that has a column."""
+        """(u, u) of all that has a column."""
         size = 1.0 / np.maximum(np.linalg.norm(self.columns, axis=0), 1e-300)
         triangle = np.asarray(np.linalg.qr(self.columns * size, mode="r"))
         inverse = np.linalg.pinv(triangle, rcond=1e-12)
@@ -122,7 +124,7 @@ class Explanation:
         """Other effects and laws, fitted from where this one stands."""
         return explain(self.following, self.base, effects, self.at, laws, follows=self.follows)
 
-    @property
+    @cached_property
     def following(self) -> tuple[Body, ...]:
         """The logs, along the motion that it gives them, if that follows them."""
         if not isinstance(self.now, Innovations):

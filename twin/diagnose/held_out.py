@@ -1,23 +1,21 @@
 """What causes gain on time that took no part in fitting them, block by block.
 
-A log's segments are dealt to blocks in turn. Of each block base, biases and causes are fitted to
-the others, where the whole fit is linearised; the block's own innovations, each predicted from the
-samples before it, then tell how likely it was, with the causes and without.
+The logs' segments are cut into blocks, one after the other. For each block base, biases and causes
+are fitted to the others, where the whole fit is linearised; the block's own innovations, each
+predicted from the samples before it, then tell how likely it was, with the causes and without.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from twin.diagnose.explanation import Explanation
+from twin.identify.prediction_error import NORMAL
 
 Array = NDArray[np.float64]
 
 BLOCKS = 5
-HALF = float(norm.ppf(0.975))
 
 
 @dataclass(frozen=True)
@@ -34,26 +32,12 @@ class HeldOut:
     """A true model stays between these 95 times in 100."""
 
 
-def held_out(found: Explanation, *, without: Sequence[int] | None = None) -> HeldOut:
-    """Measure it.
-
-    Args:
-        found: the causes, fitted.
-        without: which of its effects and laws to do without for the comparison; None: all.
-    """
+def held_out(found: Explanation) -> HeldOut:
+    """Measure it."""
     now, own = found.rows, len(found.at.strengths)
     kept = now.columns.shape[1] - own
-    counts = [int(free.sum()) for free in found.free] + [1] * len(found.laws)
-    edges = np.cumsum([0, *counts])
-    gone = found.own if without is None else without
-    out = np.concatenate(
-        [np.zeros(0, dtype=np.intp), *(kept + np.arange(edges[i], edges[i + 1]) for i in gone)]
-    )
-    zero = np.zeros(now.columns.shape[1])
-    zero[kept:] = found.amplitudes
-    absent = now.residual - now.columns[:, out] @ zero[out]
-    some = np.setdiff1d(np.arange(now.columns.shape[1]), out)
-    before = _chi2(now.cluster, absent, now.columns[:, some])
+    absent = now.residual - now.columns[:, kept:] @ found.amplitudes
+    before = _chi2(now.cluster, absent, now.columns[:, :kept])
     after = _chi2(now.cluster, now.residual, now.columns)
     samples = sum(body.samples for body in found.bodies)
     spread = sum(
@@ -63,7 +47,7 @@ def held_out(found: Explanation, *, without: Sequence[int] | None = None) -> Hel
         for body in found.bodies
         for output in body.outputs
     )
-    half = HALF * float(np.sqrt(spread)) / samples
+    half = NORMAL * float(np.sqrt(spread)) / samples
     states = sum(start.width for start in found.at.starts)
     return HeldOut(
         0.5 * (before - after),

@@ -8,6 +8,7 @@ against smooth functions for the same reason; a prediction needs no test functio
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -95,7 +96,9 @@ def _law(axis: str, index: int, factors: tuple[str, ...], units: dict[str, str])
     return Law(axis, factors, unit, Perturbation(f"torque_{axis} ~ {label}", unit, force=force))
 
 
+@lru_cache(maxsize=2)
 def _quantities(body: Body) -> Quantities:
+    """Along the motion that the log follows; asked once a law."""
     machine = body.machine
     along = as_measured(body, body.inputs)
     position, rate = along.position[:, machine.base_qpos], along.velocity[:, machine.base_dof]

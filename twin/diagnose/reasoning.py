@@ -58,7 +58,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     if line.now.follows and not line.nameless and line.left.chance < DOUBTFUL:
         say("laws without a name")
         line = _with_laws(line, line.now.effects, line.now.own) or line
-    needed = needed_only(line.now)
+    needed = _needed_only(line.now)
     if needed is line.now:
         return line
     search = search_from(needed, line.asked)
@@ -182,7 +182,7 @@ def _with_laws(line: Line, causes: Sequence[Effect], chosen: Sequence[int]) -> L
     return Line(there, search_from(there, line.asked), line.asked, more)
 
 
-def needed_only(now: Explanation) -> Explanation:
+def _needed_only(now: Explanation) -> Explanation:
     """Without causes and laws that the others have made needless."""
     while now.own:
         weighing = now.weighing(())

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -33,19 +32,6 @@ class Validation:
     """Chi-square of the innovations a sample, with the base that was found without any cause."""
     after: float
     free_runs: Mapping[float, FreeRun | None]
-
-    def document(self) -> dict[str, Any]:
-        """For `--json`."""
-        return {
-            "log_likelihood": self.log_likelihood,
-            "chi2_per_sample": {"before": self.before, "after": self.after},
-            "free_run": {
-                f"{horizon:g}": None
-                if run is None
-                else dict(zip(("before", "after", "perfect"), run.errors, strict=True))
-                for horizon, run in self.free_runs.items()
-            },
-        }
 
 
 def validate(diagnosis: Diagnosis, recording: Recording) -> Validation:

@@ -182,6 +182,7 @@ class Rollouts:
         return force, turning
 
     def prepare(self, model: mujoco.MjModel) -> None:
+        """Put a model on the grid's step, prescribe its joints, spare it contacts out of reach."""
         self.inputs.prepare(model)
         model.opt.timestep = self.grid.step
         if not self._contacts:

@@ -1,8 +1,8 @@
 """What the model gets wrong, in words, numbers and an HTML page."""
 
 from twin.report.diagnosed import diagnosed as diagnosed
-from twin.report.diagnosed import diagnosis_document as diagnosis_document
 from twin.report.diagnosed import validated as validated
+from twin.report.diagnosis_document import diagnosis_document as diagnosis_document
 from twin.report.diagnosis_page import write_diagnosis as write_diagnosis
 from twin.report.document import document as document
 from twin.report.gyro import gyro_document as gyro_document

@@ -1,7 +1,6 @@
-"""What a diagnosis found, in sentences and as one JSON document."""
+"""What a diagnosis found, in sentences."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from twin.diagnose.remainder import Remainder
 from twin.diagnose.validation import Validation
 from twin.identify.excitation import not_excited
 from twin.identify.prediction_error import NORMAL
-from twin.report.next_experiment import experiment_document, experiment_sentence
+from twin.report.next_experiment import experiment_sentence
 from twin.report.words import MEANINGFUL
 from twin.units import fitting, printed, three_digits
 
@@ -121,7 +120,7 @@ def equation_sentence(equation: Equation) -> str:
 
 
 def _left(left: Remainder) -> list[str]:
-    """What no cause takes; nothing where the numbers mean nothing."""
+    """What no cause takes."""
     if left.torque_chance < left.noise_chance:
         what = f"pieces of torque gain {left.torque_gain:.0f} in {left.freedom} directions"
         chance = left.torque_chance
@@ -187,9 +186,7 @@ def _base(found: Diagnosis) -> list[str]:
 
 
 def _rejected(found: Diagnosis) -> list[str]:
-    if not found.tried:
-        return []
-    if found.verdict == "healthy":
+    if not found.tried or found.verdict == "healthy":
         return []
     alone = sorted(found.tried, key=lambda tried: -tried.alone)[:SHOWN]
     parts = [
@@ -225,109 +222,6 @@ def _not_asked(why: Mapping[str, str]) -> list[str]:
         if reason.startswith("not observable"):
             groups.setdefault(reason, []).append(label)
     return [f"{', '.join(labels)}: {reason}." for reason, labels in groups.items()]
-
-
-def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[str, Any]:
-    """What `twin diagnose --json` prints (docs/design.md 4.5); SI throughout."""
-    explained, gain = found.explained, found.held_out
-    p = len(explained.at.theta)
-    covariance = explained.covariance[:p, :p]
-    return {
-        "verdict": found.verdict,
-        "sentence": verdict_sentence(found),
-        "causes": [_cause(cause) for cause in found.causes],
-        "base": dict(explained.base.table(explained.at.theta, covariance, NORMAL)),
-        "gain": {
-            "held_out": {
-                "log_likelihood": gain.log_likelihood,
-                "chi2_per_sample": {
-                    "before": gain.before,
-                    "after": gain.after,
-                    "band": [gain.low, gain.high],
-                },
-                "free_run": {
-                    f"{horizon:g}": None
-                    if run is None
-                    else dict(zip(("before", "after", "perfect"), run.errors, strict=True))
-                    for horizon, run in found.free_runs.items()
-                },
-            },
-            "validation": None if validation is None else validation.document(),
-        },
-        "equation": None
-        if found.equation is None
-        else {
-            "text": equation_text(found.equation),
-            "evidence": found.equation.evidence,
-            "terms": [
-                {
-                    "axis": law.axis,
-                    "factors": list(law.factors),
-                    "unit": law.unit,
-                    "value": value,
-                    "low": value - half,
-                    "high": value + half,
-                }
-                for law, value, half in zip(
-                    found.equation.laws,
-                    found.equation.coefficients.tolist(),
-                    found.equation.half_widths.tolist(),
-                    strict=True,
-                )
-            ],
-        },
-        "next_experiment": None
-        if found.next_experiment is None
-        else experiment_document(found.next_experiment),
-        "remainder": {
-            "chance": found.remainder.chance,
-            "torque_gain": found.remainder.torque_gain,
-            "directions": found.remainder.freedom,
-        },
-        "tried": [
-            {
-                "label": tried.label,
-                "evidence": tried.evidence,
-                "alone": tried.alone,
-                "detectable": dict(zip(tried.names, tried.detectable.tolist(), strict=True)),
-            }
-            for tried in found.tried
-        ],
-        "not_asked": dict(found.not_asked),
-        "conventions": [finding.sentence for finding in found.conventions],
-        "noise": [finding.sentence for finding in found.noise],
-        "repairs": [repair for log in found.recordings for repair in log.repairs],
-    }
-
-
-def _cause(cause: Cause) -> dict[str, Any]:
-    parameters: dict[str, Any] = {}
-    first = 0
-    for known in cause.effect.parameters():
-        own = slice(first, first + known.size)
-        first += known.size
-        value, half = cause.effect.values[own], cause.half_widths[own]
-        ends = (value, value - half, value + half)
-        scalar = known.size == 1 and not isinstance(known.typical, tuple)
-        parameters[known.name] = {
-            key: float(part[0]) if scalar else part.tolist()
-            for key, part in zip(("value", "low", "high"), ends, strict=True)
-        } | {"unit": known.unit}
-    return {
-        "name": cause.effect.name,
-        "target": cause.effect.target or None,
-        "evidence": cause.evidence,
-        "confidence": cause.confidence,
-        "parameters": parameters,
-        "ties": [
-            {
-                "name": tie.label.partition(":")[0],
-                "target": tie.label.partition(":")[2] or None,
-                "behind": tie.behind,
-            }
-            for tie in cause.ties
-        ],
-    }
 
 
 def validated(gain: Validation) -> str:

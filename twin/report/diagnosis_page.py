@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from twin.compare import log_name
 from twin.diagnose import Diagnosis, Experiment, Validation
 from twin.identify.prediction_error import NORMAL
 from twin.report.diagnosed import (
@@ -25,8 +26,8 @@ from twin.units import three_digits
 
 def write_diagnosis(path: Path, found: Diagnosis, gain: Validation | None) -> None:
     """Write the page."""
-    names = [_name(log.provenance.get("source", "the log")) for log in found.recordings]
-    title = f"Diagnosis of {', '.join(names)} on {found.platform.name}"
+    names = ", ".join(map(log_name, found.recordings))
+    title = f"Diagnosis of {names} on {found.platform.name}"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(page(title, "\n".join(_parts(found, gain, title))), encoding="utf-8")
 
@@ -134,7 +135,3 @@ def _base_table(found: Diagnosis) -> str:
         ]
         rows.append([name, f"{three_digits(float(base.as_stated[i]))} {unit}", *cells])
     return table(["parameter", "as stated", "refitted", "refitted with the causes"], rows)
-
-
-def _name(source: object) -> str:
-    return str(source).replace("\\", "/").rstrip("/").rsplit("/", 1)[-1]

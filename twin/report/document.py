@@ -1,12 +1,13 @@
 """A comparison as one JSON document."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from twin.compare import Comparison, Transfer, name_of
 from twin.compare.account import Account
 from twin.compare.explanation import Side, Strength
+from twin.compare.free_run import FreeRun
 from twin.compare.missed import stream_errors
 from twin.report.words import sentences, transfer_sentences
 
@@ -16,6 +17,16 @@ def document(comparisons: Sequence[Comparison], transfers: Sequence[Transfer]) -
     return {
         "logs": [_log(comparison) for comparison in comparisons],
         "transfers": [_transfer(transfer, comparisons[0]) for transfer in transfers],
+    }
+
+
+def free_run_document(runs: Mapping[float, FreeRun | None]) -> dict[str, Any]:
+    """Typical errors [rad] by horizon [s]; null where a log is too short."""
+    return {
+        f"{horizon:g}": None
+        if run is None
+        else dict(zip(("before", "after", "perfect"), run.errors, strict=True))
+        for horizon, run in runs.items()
     }
 
 
@@ -37,12 +48,7 @@ def _log(comparison: Comparison) -> dict[str, Any]:
             name: None if side is None else _side(comparison, side) for name, side in sides.items()
         },
         "not_excited": list(comparison.base.not_excited),
-        "free_run": {
-            f"{horizon:g}": None
-            if run is None
-            else dict(zip(("before", "after", "perfect"), run.errors, strict=True))
-            for horizon, run in comparison.free_runs.items()
-        },
+        "free_run": free_run_document(comparison.free_runs),
         "repairs": list(comparison.recording.repairs),
         "not_predicted": list(comparison.body.not_predicted),
     }
