@@ -29,16 +29,6 @@ def floating(model: mujoco.MjModel, base_body: int) -> Index:
     return np.array(sorted(carried), dtype=np.intp)
 
 
-def take_out_thrusters(spec: mujoco.MjSpec, *, platform: Platform) -> None:
-    """A bearing that stands takes their force: a torque says the same, and a step is cheaper.
-
-    Each of their sites would be moved at every stage of RK4: sixteen are a twentieth of a step.
-    """
-    for thruster in platform.thrusters:
-        spec.delete(spec.actuator(thruster.name))
-        spec.delete(spec.site(thruster.name))
-
-
 def weigh_stages(platform: Platform, model: mujoco.MjModel) -> None:
     """Give what slides the mass that is stated: a variant may have other masses than the MJCF."""
     joints = {stage.name: model.joint(stage.name).id for stage in platform.stages}

@@ -22,7 +22,6 @@ from twin.drives import (
     floating,
     lock_joints,
     skew_gimbals,
-    take_out_thrusters,
     weigh_stages,
 )
 from twin.effects import BodyEffect, Effect, effects_of
@@ -125,9 +124,10 @@ def compile_model(platform: Platform) -> Machine:
     base = platform.base
     floats = base.kind == "free" or bool(set(base.planar) - set(base.locked))
     pushing = platform.thrusters if floats else ()
-    if platform.thrusters and not floats:
-        edits.append(partial(take_out_thrusters, platform=platform))
-    model = load_mjcf(platform.model_path, visuals=False, edits=edits)
+    # A bearing that stands takes the others' force: a torque says the same, and a step is cheaper.
+    # Each of their sites would be moved at every stage of RK4: sixteen are a twentieth of a step.
+    taken_out = () if floats else tuple(thruster.name for thruster in platform.thrusters)
+    model = load_mjcf(platform.model_path, visuals=False, without=taken_out, edits=edits)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     model.opt.timestep = platform.step
     model.opt.gravity[:] = (0.0, 0.0, -platform.gravity)

@@ -86,3 +86,24 @@ def test_files_in_the_folder_are_for_mujoco_to_read(platform: Path):
     assert load_mjcf(platform).body("bus").name == "bus"
     platform.write_text('<mujoco><include file="gone.xml"/></mujoco>\n')
     assert "MuJoCo refuses it" in complaint(platform)
+
+
+def test_a_file_that_was_changed_is_read_anew_and_so_is_one_that_it_includes(platform: Path):
+    part = '<mujoco><worldbody><body name="{}"><geom size="1"/></body></worldbody></mujoco>\n'
+    platform.write_text('<mujoco><include file="parts.xml"/></mujoco>\n')
+    for name in ("bus", "wheel"):
+        (platform.parent / "parts.xml").write_text(part.format(name))
+        assert load_mjcf(platform).body(1).name == name
+    platform.write_text(part.format("stage"))
+    assert load_mjcf(platform).body(1).name == "stage"
+
+
+def test_what_one_compilation_edits_or_leaves_out_another_has(platform: Path):
+    platform.write_text(
+        '<mujoco><worldbody><body name="bus"><freejoint/><geom size="1"/><site name="jet"/>'
+        '</body></worldbody><actuator><general name="jet" site="jet"/></actuator></mujoco>\n'
+    )
+    less = load_mjcf(platform, without=["jet"], edits=[lambda spec: spec.body("bus").add_site()])
+    assert (less.nu, [less.site(i).name for i in range(less.nsite)]) == (0, [""])
+    whole = load_mjcf(platform)
+    assert (whole.nu, [whole.site(i).name for i in range(whole.nsite)]) == (1, ["jet"])

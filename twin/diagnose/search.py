@@ -53,13 +53,18 @@ def critical(weighing: Weighing, asked: Sequence[int], level: float = FALSE_ALAR
     rng = np.random.default_rng(SEED)
     bases = [weighing.basis(index) for index in asked]
     noise = rng.standard_normal((DRAWS, bases[0].shape[0] if bases else 0))
-    least = np.zeros(DRAWS)
+    # of causes with as many directions the one that gains most is the most surprising
+    most: dict[int, Array] = {}
     for index, basis in zip(asked, bases, strict=True):
         along = noise @ basis
         if basis.shape[1] == 1 and weighing.traces[index].low[0] == 0.0:
             along = np.maximum(along, 0.0)
         gain = np.sum(np.square(along), axis=1)
-        least = np.minimum(least, chi2.logsf(gain, max(basis.shape[1], 1)))
+        directions = max(basis.shape[1], 1)
+        most[directions] = np.maximum(most.get(directions, 0.0), gain)
+    least = np.zeros(DRAWS)
+    for directions, gain in most.items():
+        least = np.minimum(least, chi2.logsf(gain, directions))
     return float(np.quantile(least, level))
 
 

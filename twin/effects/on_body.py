@@ -57,6 +57,12 @@ class BodyEffect(Effect, abc.ABC):
         """Whether the base joint's spring is at rest where a run starts."""
         return False
 
+    @property
+    def changes_machine(self) -> bool:
+        """Whether a machine can be another with it; else it only pushes, or is a torque."""
+        edits = ("edit_spec", "edit_model", "edit_thruster")
+        return any(getattr(type(self), name) is not getattr(BodyEffect, name) for name in edits)
+
     def edit_spec(self, spec: mujoco.MjSpec, platform: Platform) -> None:
         """Change the model before it is compiled."""
         del spec, platform

@@ -16,20 +16,21 @@ _MODELS = ("include", "model")
 """Elements whose file is MJCF again."""
 
 
-def check_files(path: Path) -> None:
-    """Follow an MJCF file and all that it includes.
+def check_files(path: Path) -> tuple[bytes, ...]:
+    """Follow an MJCF file and all that it includes; what stands in them.
 
     Raises:
         PlatformError: a document type, XML that is not well formed, or a file outside the folder
             of `path`, with its line.
     """
-    _check(path, path.parent.resolve(), set())
+    seen: dict[Path, bytes] = {}
+    _check(path, path.parent.resolve(), seen)
+    return tuple(seen.values())
 
 
-def _check(path: Path, folder: Path, seen: set[Path]) -> None:
+def _check(path: Path, folder: Path, seen: dict[Path, bytes]) -> None:
     if path.resolve() in seen or not path.is_file():  # of a missing file MuJoCo tells
         return
-    seen.add(path.resolve())
     directories: set[str] = {""}
     files: list[tuple[int, str, str]] = []
     parser = expat.ParserCreate()
@@ -55,8 +56,9 @@ def _check(path: Path, folder: Path, seen: set[Path]) -> None:
     parser.StartDoctypeDeclHandler = refuse_document_type
     parser.StartElementHandler = collect
     try:
-        with path.open("rb") as file:
-            parser.ParseFile(file)
+        text = path.read_bytes()
+        seen[path.resolve()] = text
+        parser.Parse(text, True)
     except expat.ExpatError as problem:
         text = expat.ErrorString(problem.code)
         raise PlatformError(path, f"is no XML ({text})", "mend it", line=problem.lineno) from None

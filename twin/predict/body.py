@@ -123,11 +123,8 @@ class Body:
 
     def commanded(self, late: float = 0.0) -> Array:
         """(S, steps, nv) torques of the commands, as if they acted so much later [s]."""
-        grid = self.grid
-        edges = grid.step * np.arange(grid.steps + 1) - late
-        return np.stack(
-            [self.inputs.commanded(start + edges, self.motion) for start in grid.starts.tolist()]
-        )
+        force = self.inputs.commanded(self.grid.edges - late, self.motion)
+        return force.reshape(self.grid.segments, self.grid.steps, -1)
 
     def along(
         self, base: BaseParameters, theta: Array, start: States, push: Array | None = None
@@ -205,7 +202,7 @@ class Body:
         flat = np.zeros((len(parts[0]), grid.segments, grid.steps + 1, self._width))
         for output, part in zip(self.outputs, parts, strict=True):
             flat[:, output.segment[:, None], output.instant[:, None], output.slot] = part
-        return flat.reshape(len(flat), grid.segments, -1)
+        return flat.reshape(len(flat), grid.segments, (grid.steps + 1) * self._width)
 
     def gather(self, rows: Array) -> list[Array]:
         """Numbers in rows (S, N) back to their outputs, each (m, k)."""

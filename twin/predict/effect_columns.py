@@ -16,7 +16,7 @@ from twin.effects import BodyEffect, Effect, Order, SeriesEffect
 from twin.platform import Platform
 from twin.predict.body import Body
 from twin.predict.drive import Inputs
-from twin.predict.effect_forces import as_measured, force_of, inverse, on_grid
+from twin.predict.effect_forces import as_measured, force_of, inverse, on_grid, plain_forces
 from twin.predict.outputs import Output
 from twin.predict.perturbation import Perturbation
 from twin.signals import Samples
@@ -147,22 +147,17 @@ def _input_force(effect: Effect, body: Body) -> Array:
     true = act(samples, body.machine.platform)
     driven = replace(series, time=true.time[0], value=true.value[0])
     inputs = Inputs(body.machine, replace(recording, streams={**recording.streams, stream: driven}))
-    more = _commanded(inputs, body) - body.commanded()
+    logged = body.commanded()
+    commanded = inputs.commanded(body.grid.edges, body.motion)
+    more = commanded.reshape(logged.shape) - logged
     if stream == "command_gimbal_rate":  # a gimbal's angle is a state, which carries the rest
         return more
-    here, there = (as_measured(body, one) for one in (body.inputs, inputs))
+    here, plainly = plain_forces(body)
+    there = as_measured(body, inputs)
     if (here.position == there.position).all() and (here.velocity == there.velocity).all():
         return more
-    needed = inverse(body.machine, here) - inverse(body.machine, there)
+    needed = plainly - inverse(body.machine, there)
     return more + on_grid(needed, body)
-
-
-def _commanded(inputs: Inputs, body: Body) -> Array:
-    grid = body.grid
-    edges = grid.step * np.arange(grid.steps + 1)
-    return np.stack(
-        [inputs.commanded(start + edges, body.motion) for start in grid.starts.tolist()]
-    )
 
 
 def _late(effect: Effect, output: Output, platform: Platform) -> Array:

@@ -11,7 +11,7 @@ Sharper ones are found by simulating anew.
 """
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import mujoco
@@ -58,23 +58,27 @@ def force_of(effect: BodyEffect, body: Body) -> Array:
     plain = body.machine
     machine = _with(effect, body)
     shared = _Shared.of(plain, machine)
-    here, plainly = _without(body)
+    here, plainly = plain_forces(body)
     along = shared.along(here)
     if shared.hidden_dof.size:
         _carry(shared, body, along)
-    needed = plainly - inverse(machine, along)[:, shared.dof]
+    needed = np.zeros_like(plainly)
+    if machine.model is not plain.model:
+        needed += plainly - inverse(machine, along)[:, shared.dof]
     law = effect.torque(machine.platform)
     if law is not None:
         base = State(here.position[:, plain.base_qpos], here.velocity[:, plain.base_dof])
         needed[:, plain.base_dof] += law(base)
     needed += _pushes(effect, machine, along, middles(body))[:, shared.dof]
     if plain.platform.thrusters:
-        needed[:, plain.base_dof] += thrust(body) @ (thruster_arms(machine) - thruster_arms(plain))
+        turned = thruster_arms(machine) - thruster_arms(plain)
+        if turned.any():
+            needed[:, plain.base_dof] += thrust(body) @ turned
     return on_grid(needed, body)
 
 
 @lru_cache(maxsize=2)
-def _without(body: Body) -> tuple[Along, Array]:
+def plain_forces(body: Body) -> tuple[Along, Array]:
     """A log's motion, and the forces that the machine without any effect needs for it."""
     here = as_measured(body, body.inputs)
     return here, inverse(body.machine, here)
@@ -88,9 +92,7 @@ def middles(body: Body) -> Array:
 
 def thrust(body: Body) -> Array:
     """(S steps, thrusters) commanded in each physics step [N]."""
-    grid = body.grid
-    edges = grid.step * np.arange(grid.steps + 1)
-    return np.concatenate([body.inputs.thrust(start + edges) for start in grid.starts.tolist()])
+    return body.inputs.thrust(body.grid.edges)
 
 
 def on_grid(force: Array, body: Body) -> Array:
@@ -153,12 +155,14 @@ def inverse(machine: Machine, along: Along) -> Array:
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     data = mujoco.MjData(model)
     force = np.empty_like(along.velocity)
+    # fields of MjData are looked up once: each time costs as much as MuJoCo takes for a row
+    qpos, qvel, qacc, needed = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
     for row in range(len(force)):
-        data.qpos[:] = along.position[row]
-        data.qvel[:] = along.velocity[row]
-        data.qacc[:] = along.acceleration[row]
+        qpos[:] = along.position[row]
+        qvel[:] = along.velocity[row]
+        qacc[:] = along.acceleration[row]
         mujoco.mj_inverse(model, data)
-        force[row] = data.qfrc_inverse
+        force[row] = needed
     return force
 
 
@@ -198,8 +202,12 @@ class _Shared:
 
 def _with(effect: BodyEffect, body: Body) -> Machine:
     """The machine with an effect, on a step that can follow it, springs at rest at the start."""
-    platform = able(body.machine.platform, effect)
-    machine = compile_model(with_effects(platform, (effect,)))
+    platform = with_effects(able(body.machine.platform, effect), (effect,))
+    if not effect.changes_machine:
+        return replace(body.machine, platform=platform)
+    machine = compile_model(platform)
+    if _alike(machine.model, body.machine.model):
+        return replace(machine, model=body.machine.model)
     if effect.follows_start:
         first = (
             body.motion.position[0] if body.predicted is None else body.predicted.position[0, 0, 0]
@@ -208,20 +216,35 @@ def _with(effect: BodyEffect, body: Body) -> Machine:
     return machine
 
 
+def _alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
+    """Whether two models differ in their steps at most."""
+    stored: list[bytes] = []
+    for model in (one, other):
+        model = copy.copy(model)
+        model.opt.timestep = 1.0
+        buffer = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
+        mujoco.mj_saveModel(model, None, buffer)
+        stored.append(buffer.tobytes())
+    return stored[0] == stored[1]
+
+
 def _pushes(effect: BodyEffect, machine: Machine, along: Along, times: Array) -> Array:
     """(m, nv) generalised force of what pushes with the room's axes."""
     model, data = machine.model, mujoco.MjData(machine.model)
     force = np.zeros_like(along.velocity)
+    pushed: list[tuple[int, Array, Array]] = []
     for push in effect.pushes(machine.platform):
         body = int(model.body(push.body).id)
         wrench = push.wrench(times) if callable(push.wrench) else push.wrench
-        wrench = np.broadcast_to(wrench, (len(times), 6))
-        for row in range(len(times)):
-            data.qpos[:] = along.position[row]
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
+        pushed.append((body, data.xipos[body], np.broadcast_to(wrench, (len(times), 6))))
+    qpos = data.qpos
+    for row in range(len(times) if pushed else 0):
+        qpos[:] = along.position[row]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        for body, place, wrench in pushed:
             mujoco.mj_applyFT(
-                model, data, wrench[row, :3], wrench[row, 3:], data.xipos[body], body, force[row]
+                model, data, wrench[row, :3], wrench[row, 3:], place, body, force[row]
             )
     return force
 

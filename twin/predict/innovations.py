@@ -352,7 +352,7 @@ def _with(one: Exact, added: Added, strengths: Array) -> Exact:
     """With the columns of perturbations."""
     if not len(strengths):
         return one
-    columns, jumps = added.body.force_columns(one, added.forces)
+    columns, jumps = added.force_columns(one)
     columns += added.sensor_columns(one.path, strengths)
     return replace(one, linear=one.linear.with_columns(columns, jumps))
 

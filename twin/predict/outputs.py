@@ -48,6 +48,12 @@ class Grid:
         """(segments,) [s]."""
         return np.asarray(self.begin + self.length * np.arange(self.segments), dtype=np.float64)
 
+    @property
+    def edges(self) -> Array:
+        """(segments steps + 1,) of all steps [s]."""
+        count = self.steps * self.segments
+        return np.asarray(self.begin + self.step * np.arange(count + 1), dtype=np.float64)
+
     def place(self, time: Array) -> tuple[Index, Array]:
         """Segment of each instant, and how many steps into it."""
         whole = (time - self.begin) / self.step

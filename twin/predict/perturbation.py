@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.predict.body import Body
+from twin.predict.body import Body, Exact
 from twin.predict.outputs import Output
 from twin.predict.states import States
 
@@ -77,20 +77,33 @@ class Added:
     def sensor_columns(self, path: States, strengths: Array) -> Array:
         """(S, N, a) d residual / d strength by the sensors' faults."""
         body, step = self.body, self.body.grid.step
-        parts = [np.zeros((len(self.perturbations), *o.slot.shape)) for o in body.outputs]
+        faults = [i for i, one in enumerate(self.perturbations) if one.stream]
+        parts = [np.zeros((len(faults), *o.slot.shape)) for o in body.outputs]
         for output, part in zip(body.outputs, parts, strict=True):
             late = self._late(output, strengths)
             for i, one in self._of(output):
+                own = part[faults.index(i)]
                 if one.shown is not None:
                     shown = one.shown(output, output.predicted(path, step, late))[0]
-                    part[i] = -shown / output.noise
+                    own[:] = -shown / output.noise
                 if one.late is not None:
                     # Into the past only: what a law commands at an instant answers to the noise of
                     # the sample that it read there, and would seem to explain it.
                     past = output.residual(path, step, late + SOON)[0]
                     there = output.residual(path, step, late)[0]
-                    part[i] = (past - there) / SOON * one.late(output)[:, None]
-        return np.moveaxis(body.scatter(parts), 0, -1)
+                    own[:] = (past - there) / SOON * one.late(output)[:, None]
+        found = body.scatter(parts)
+        columns = np.zeros((*found.shape[1:], len(self.perturbations)))
+        columns[..., faults] = np.moveaxis(found, 0, -1)
+        return columns
+
+    def force_columns(self, exact: Exact) -> tuple[Array, Array]:
+        """What the forces do, as `Body.force_columns`; those that are zero do nothing."""
+        acting = np.any(self.forces, axis=(0, 1, 2))
+        found = self.body.force_columns(exact, self.forces[..., acting])
+        columns, jumps = (np.zeros((*one.shape[:2], len(acting))) for one in found)
+        columns[..., acting], jumps[..., acting] = found
+        return columns, jumps
 
     def _of(self, output: Output) -> list[tuple[int, Perturbation]]:
         """What is wrong with a stream."""
