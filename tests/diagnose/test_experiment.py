@@ -25,7 +25,7 @@ HIDDEN = f"{NAMED}=0.005"
 
 
 def trace(label, low=-np.inf):
-    return Trace(label, np.array([low]), np.array([np.inf]), 1)
+    return Trace(label, np.array([low]), np.array([np.inf]))
 
 
 def two_causes(angle, *, sign=1.0):

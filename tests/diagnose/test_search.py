@@ -17,7 +17,7 @@ def weighing(rng: np.random.Generator, truth: np.ndarray, traces: list[Trace], c
 
 
 def trace(name: str, numbers: int = 1, low: float = -np.inf) -> Trace:
-    return Trace(name, np.full(numbers, low), np.full(numbers, np.inf), numbers)
+    return Trace(name, np.full(numbers, low), np.full(numbers, np.inf))
 
 
 @pytest.fixture

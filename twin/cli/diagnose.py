@@ -35,7 +35,7 @@ class Diagnose:
     def run(self) -> int:
         """Diagnose, print, write what was asked for."""
         from twin.cli.output import check_writable, print_json, progress
-        from twin.diagnose import check_logs, check_new, diagnose, extend, validate
+        from twin.diagnose import LAW, check_logs, check_new, diagnose, extend, validate
         from twin.errors import UsageError
         from twin.platform import common_platform, load_platform
         from twin.recording import open_log
@@ -79,7 +79,11 @@ class Diagnose:
             print("\n".join([*diagnosed(found), *([] if gain is None else [validated(gain)])]))
         if self.extend is not None:
             extend(found, self.extend)
+        to = sys.stderr if self.json else sys.stdout
         for written in (self.report, self.extend, self.rrd):
             if written is not None:
-                print(f"wrote {written}", file=sys.stderr if self.json else sys.stdout)
+                print(f"wrote {written}", file=to)
+        if self.extend is not None and found.equation is not None:
+            law = self.extend / LAW
+            print(f"wrote {law}: twin run {self.extend} --effects {law} has the law too", file=to)
         return 0

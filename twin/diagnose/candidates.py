@@ -46,8 +46,8 @@ class Candidate:
 
     @property
     def trace(self) -> Trace:
-        """For weighing; its price is that of all numbers that a fit of it would set."""
-        return Trace(self.label, self.low, self.high, len(self.effect.values))
+        """For weighing; a fit of it would set its shape too."""
+        return Trace(self.label, self.low, self.high, len(self.effect.values) - len(self.low))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from twin.diagnose.candidates import Candidate
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.laws import Law
 from twin.diagnose.search import TIED, Search
-from twin.diagnose.weighing import HIDDEN
 from twin.effects import Effect
 from twin.identify.prediction_error import NORMAL
 from twin.predict.effect_columns import amplitudes
@@ -131,8 +130,7 @@ def tried_of(search: Search, own: tuple[int, ...], asked: Sequence[Candidate]) -
         names = [name for name, free in zip(one.effect.names, size, strict=True) if free]
         units = [k.unit for k in one.effect.parameters() for _ in range(k.size)]
         weighing = search.weighing
-        share = weighing.seen(score.index)
-        seen = np.where(share > HIDDEN, share * weighing.size_of(score.index), 0.0)
+        seen = weighing.seen(score.index) * weighing.size_of(score.index)
         least = np.sqrt(float(chi2.isf(needed, len(names)))) / np.maximum(seen, 1e-300)
         most = np.maximum(np.abs(one.low), np.abs(one.high))
         tried = Tried(

@@ -174,7 +174,7 @@ def sensitivity(now: Explanation, rivals: Sequence[Candidate]) -> Sensitivity:
     parts = [part for one in rivals for part in one.perturbations]
     columns = now.rows_with(parts).columns
     small = np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
-    p, causes = len(now.at.theta), len(now.at.strengths) + len(parts)
+    p, causes = len(now.at.theta), len(now.amplitudes) + len(parts)
     edge = columns.shape[1] - causes
     return Sensitivity(small[:, :p], small[:, p:edge], small[:, edge:])
 

@@ -11,7 +11,7 @@ from twin.compare.account import Account
 from twin.compare.misfit import misfits, misfits_of
 from twin.diagnose.candidates import Candidate
 from twin.diagnose.laws import Law
-from twin.diagnose.weighing import Trace, Weighing
+from twin.diagnose.weighing import SLIGHT, Trace, Weighing
 from twin.effects import Effect
 from twin.identify.prediction_error import fit
 from twin.predict.apart import Apart, apart, fit_apart
@@ -25,6 +25,7 @@ from twin.predict.effect_columns import (
 )
 from twin.predict.innovations import Innovations, Problem, Unknowns
 from twin.predict.perturbation import Perturbation
+from twin.predict.reference import references_of
 from twin.predict.retrace import retraced
 
 Array = NDArray[np.float64]
@@ -72,7 +73,8 @@ class Explanation:
     problem: Problem
     now: Innovations | Apart
     """Where it was fitted: a motion that follows the model, or segments apart where none does. Its
-    strengths are those of the free components, then the laws' coefficients."""
+    strengths are where springs rest, then those of the free components, then the laws'
+    coefficients."""
     converged: bool
 
     @property
@@ -147,8 +149,8 @@ class Explanation:
     def weigh(self, more: Sequence[Sequence[Perturbation]], traces: Sequence[Trace]) -> Weighing:
         """Its own effects and laws, then others by their perturbations."""
         now = self.rows_with([part for parts in more for part in parts])
-        kept, own = now.columns.shape[1] - sum(map(len, more)), len(self.at.strengths)
-        kept -= own
+        own = len(self.amplitudes)
+        kept = now.columns.shape[1] - sum(map(len, more)) - own
         without = now.residual - now.columns[:, kept : kept + own] @ self.amplitudes
         every = [*self.traces, *traces]
         return Weighing(without, now.columns[:, :kept], now.columns[:, kept:], every)
@@ -176,7 +178,7 @@ class Explanation:
         every = np.concatenate(
             [np.zeros(0, dtype=bool), *size, np.ones(len(self.laws), dtype=bool)]
         )
-        return np.where(every, self.at.strengths, 0.0)
+        return np.where(every, self.at.strengths[len(self.at.strengths) - len(every) :], 0.0)
 
     @property
     def own(self) -> tuple[int, ...]:
@@ -189,7 +191,7 @@ class Explanation:
         shape = ~amplitudes(effect)
         low = np.where(shape, low - effect.values, low)[free]
         high = np.where(shape, high - effect.values, high)[free]
-        return Trace(effect.label, low, high, int(free.sum()))
+        return Trace(effect.label, low, high)
 
 
 def explain(
@@ -252,9 +254,10 @@ def _fitted(
         for part, one in zip(parts, ones.tolist(), strict=True)
         if one
     ]
-    problem = Problem(bodies, base, [*own, *(law.perturbation for law in laws)])
+    rests = [part for effect in effects for part in references_of(effect, bodies)]
+    problem = Problem(bodies, base, [*rests, *own, *(law.perturbation for law in laws)])
     first = [strengths_of(effect)[ones] for effect, ones in zip(effects, free, strict=True)]
-    strengths = np.concatenate([np.zeros(0), *first, np.zeros(len(laws))])
+    strengths = np.concatenate([np.zeros(len(rests)), *first, np.zeros(len(laws))])
     at = replace(start, strengths=strengths)
     if follows:
         found = fit(problem, at)
@@ -262,7 +265,7 @@ def _fitted(
     else:
         now, converged = fit_apart(problem, at), True
     counts = [int(ones.sum()) for ones in free]
-    parts = np.split(now.at.strengths, np.cumsum(counts)) if counts else []
+    parts = np.split(now.at.strengths[len(rests) :], np.cumsum(counts)) if counts else []
     moved = tuple(
         with_strengths(effect, _all_of(effect, ones, part))
         for effect, ones, part in zip(effects, free, parts, strict=False)
@@ -297,8 +300,11 @@ def _determined(
     problem = Problem(bodies, base, [part for parts in every for part in parts])
     strengths = np.concatenate([np.zeros(0), *(strengths_of(effect) for effect in effects)])
     now = problem.innovations(replace(start, strengths=strengths))
-    columns = now.columns / np.maximum(np.linalg.norm(now.columns, axis=0), 1e-300)
+    whole = np.linalg.norm(now.columns, axis=0)
+    columns = now.columns / np.maximum(whole, 1e-300)
     kept = columns.shape[1] - len(strengths)
+    reach = [np.subtract(*reversed(effect.bounds())) for effect in effects]
+    felt = whole[kept:] * np.concatenate([np.zeros(0), *reach]) > SLIGHT
     basis = np.linalg.qr(columns[:, :kept])[0]
     first = kept
     for i, effect in enumerate(effects):
@@ -308,7 +314,7 @@ def _determined(
             for _ in range(2):
                 column = column - basis @ (basis.T @ column)
             size = float(np.linalg.norm(column))
-            if size < BLURRED:
+            if size < BLURRED or not felt[first - kept + j]:
                 free[i][j] = False
             else:
                 basis = np.column_stack([basis, column / size])

@@ -34,7 +34,7 @@ class HeldOut:
 
 def held_out(found: Explanation) -> HeldOut:
     """Measure it."""
-    now, own = found.rows, len(found.at.strengths)
+    now, own = found.rows, len(found.amplitudes)
     kept = now.columns.shape[1] - own
     absent = now.residual - now.columns[:, kept:] @ found.amplitudes
     before = _chi2(now.cluster, absent, now.columns[:, :kept])

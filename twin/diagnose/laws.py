@@ -50,7 +50,7 @@ class Law:
     def trace(self, unlikely: float) -> Trace:
         """Of any size and sign."""
         free = np.full(1, np.inf)
-        return Trace(self.label, -free, free, 1, unlikely)
+        return Trace(self.label, -free, free, unlikely=unlikely)
 
 
 def laws_of(bodies: Sequence[Body]) -> tuple[Law, ...]:

@@ -53,7 +53,7 @@ def remainder(found: Explanation) -> Remainder:
     free = np.full(1, np.inf)
     own = len(found.own)
     weighing = found.weigh(
-        [(piece,) for piece in pieces], [Trace(piece.name, -free, free, 1) for piece in pieces]
+        [(piece,) for piece in pieces], [Trace(piece.name, -free, free) for piece in pieces]
     )
     gain, freedom = weighing.beyond(found.own, range(own, own + len(pieces)))
     parts = found.account.misfits

@@ -141,17 +141,20 @@ class Search:
 
     def _score(self, chosen: tuple[int, ...], index: int) -> Score:
         gain = max(self._gain((*chosen, index)) - self._gain(chosen), 0.0)
-        trace = self.weighing.traces[index]
-        surprise = float(chi2.logsf(gain, len(trace.low)))
-        return Score(index, gain, gain - price(gain, trace.searched) - trace.unlikely, surprise)
+        seen = np.count_nonzero(self.weighing.seen(index))
+        surprise = float(chi2.logsf(gain, max(seen, 1)))
+        return Score(index, gain, gain - self._worth(index, gain), surprise)
 
     def _gain(self, chosen: tuple[int, ...]) -> float:
         return self.weighing.weigh(chosen).gain
 
     def _price(self, chosen: tuple[int, ...], index: int) -> float:
         gain = self._gain(chosen) - self._gain(_less(chosen, index))
-        trace = self.weighing.traces[index]
-        return price(max(gain, 0.0), trace.searched) + trace.unlikely
+        return self._worth(index, max(gain, 0.0))
+
+    def _worth(self, index: int, gain: float) -> float:
+        """What a gain must pay for."""
+        return price(gain, self.weighing.numbers(index)) + self.weighing.traces[index].unlikely
 
 
 def _less(chosen: tuple[int, ...], index: int) -> tuple[int, ...]:

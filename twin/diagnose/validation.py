@@ -1,6 +1,6 @@
 """The gain of a diagnosis on a log that took no part in it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +14,12 @@ from twin.identify.start import first_biases
 from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.apart import fit_apart
-from twin.predict.body import body_of
+from twin.predict.body import Body, body_of
 from twin.predict.effect_columns import perturbations_of, strengths_of
 from twin.predict.innovations import Problem
 from twin.predict.motion import motion_of
+from twin.predict.perturbation import Perturbation
+from twin.predict.reference import references_of
 from twin.predict.retrace import retraced
 from twin.recording import Recording
 
@@ -67,8 +69,11 @@ def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation
     more += [law.perturbation for law in found.laws]
     strengths = [strengths_of(effect) for effect in found.effects]
     laws = found.at.strengths[len(found.at.strengths) - len(found.laws) :]
-    problem = Problem([body], found.base, more, held=True, strengths_held=True)
-    start = problem.start(found.at.theta, [first_biases(body)], np.concatenate([*strengths, laws]))
+    problem = _posed(found, body, more)
+    rests = np.zeros(len(problem.perturbations) - len(more))
+    start = problem.start(
+        found.at.theta, [first_biases(body)], np.concatenate([rests, *strengths, laws])
+    )
     free = tuple(np.ones(len(effect), dtype=bool) for effect in parts)
     if not found.follows:
         segments = fit_apart(problem, start)
@@ -78,7 +83,7 @@ def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation
     first = fit(problem, start)
     # once more along the motion that it gives the log, free of the sensors' noise
     along = retraced(problem, first.innovations, 0)
-    problem = Problem([along], found.base, more, held=True, strengths_held=True)
+    problem = _posed(found, along, more)
     now = fit(problem, first.at)
     return Explanation(
         (along,),
@@ -90,3 +95,9 @@ def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation
         now.innovations,
         now.converged,
     )
+
+
+def _posed(found: Explanation, body: Body, more: Sequence[Perturbation]) -> Problem:
+    """What was found is held; where this log's springs rest is not."""
+    rests = [part for effect in found.effects for part in references_of(effect, [body])]
+    return Problem([body], found.base, [*rests, *more], held=True, strengths_held=True)

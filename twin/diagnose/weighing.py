@@ -16,6 +16,8 @@ Index = NDArray[np.intp]
 HIDDEN = 1e-2
 """A direction of which less than this share is left when the base is free cannot be told from it:
 what is left may be the error of a linearised base."""
+SLIGHT = 1.0
+"""Nor is one seen whose largest strength changes the logs by no more standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +28,8 @@ class Trace:
     low: Array
     """(k,) bounds of the strengths."""
     high: Array
-    searched: int
-    """Numbers that a fit of it would set."""
+    shapes: int = 0
+    """Numbers that a fit of it would set besides."""
     unlikely: float = 0.0
     """-2 log of how probable it is beforehand beside a cause of the catalogue."""
 
@@ -60,22 +62,30 @@ class Weighing:
         edges = np.cumsum([0, *(len(trace.low) for trace in traces)])
         self._own = [np.arange(i, j) for i, j in zip(edges, edges[1:], strict=False)]
         whole = np.linalg.norm(columns, axis=0)
-        self.size = np.where(whole > 0.0, whole, 1.0)
+        reach = [np.maximum(np.abs(trace.low), np.abs(trace.high)) for trace in self.traces]
+        felt = whole * np.concatenate([np.zeros(0), *reach]) > SLIGHT
+        self.size = np.where(felt, whole, 1.0)
         """(sum of k,) of each column before the base was projected out."""
         scaled = np.column_stack([base / _norms(base), columns / self.size, residual])
         triangle = np.asarray(np.linalg.qr(scaled, mode="r"), dtype=np.float64)
         p = base.shape[1]
-        self._columns = triangle[p:, p:-1]
+        own = triangle[p:, p:-1]
+        self._columns = np.where(felt & (np.linalg.norm(own, axis=0) > HIDDEN), own, 0.0)
         self._residual = triangle[p:, -1]
         self._known: dict[frozenset[int], Weighed] = {}
 
     def seen(self, index: int) -> Array:
-        """(k,) share of each column of a cause that no change of the base could take."""
+        """(k,) share of each column of a cause that no change of the base could take; 0 of those
+        that cannot be told from it."""
         return np.linalg.norm(self._columns[:, self._own[index]], axis=0)
 
     def shown(self, index: int) -> bool:
         """Whether any of a cause is left beside the base."""
-        return bool(np.any(self.seen(index) > HIDDEN))
+        return bool(np.any(self.seen(index) > 0.0))
+
+    def numbers(self, index: int) -> int:
+        """How many a fit of a cause would set."""
+        return int(np.sum(self.seen(index) > 0.0)) + self.traces[index].shapes
 
     def basis(self, index: int) -> Array:
         """(r, k) orthonormal directions of a cause."""

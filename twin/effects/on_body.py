@@ -36,12 +36,16 @@ class Push:
 
 @dataclass(frozen=True)
 class State:
-    """Where the base joint stands, in n runs."""
+    """Where a machine stands, in n runs."""
 
     position: Array
     """(n, 4) attitude of a ball joint, world from body, or (n, 1) angle of a hinge [rad]."""
     rate: Array
     """(n, 3) [rad/s], body axes, or (n, 1)."""
+    wheel_speed: Array
+    """(n, wheels) relative to the body [rad/s]."""
+    time: Array
+    """(n,) [s]."""
 
 
 TorqueLaw = Callable[[State], Array]

@@ -93,9 +93,10 @@ class Forces:
             batch.rollout(steps, control, spec, record=[_STATE], ids=ids, out={_STATE: states})
             return
         failure: SimulationError | None = None
+        step = self._machine.platform.step
         for k in range(steps):
             held = control[:, k : k + 1]
-            held[:, 0, self._machine.base_dof] += self._torque(batch, runs)
+            held[:, 0, self._machine.base_dof] += self._torque(batch, runs, time + k * step)
             after = np.empty((len(runs), 1, states.shape[2]))
             try:
                 batch.rollout(1, held, spec, record=[_STATE], ids=ids, out={_STATE: after})
@@ -114,12 +115,14 @@ class Forces:
             wrench[:, body] += law(middles)
         return wrench.reshape(len(time), steps, -1)
 
-    def _torque(self, batch: Batch, runs: Index) -> Array:
+    def _torque(self, batch: Batch, runs: Index, time: Array) -> Array:
         """(m, k) in the middle of the next step."""
-        machine = self._machine
+        machine, rate = self._machine, batch.bind("qvel")[runs]
         state = State(
             batch.bind("qpos")[runs][:, machine.base_qpos],
-            batch.bind("qvel")[runs][:, machine.base_dof],
+            rate[:, machine.base_dof],
+            rate[:, machine.wheel_dof],
+            time,
         )
         now = np.sum([law(state) for law in self._laws], axis=0)
         if self._last is None:

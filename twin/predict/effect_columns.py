@@ -32,8 +32,9 @@ SMALL = 1e-2
 def perturbations_of(effect: Effect, platform: Platform) -> tuple[Perturbation, ...]:
     """What an effect does to a prediction, component by component.
 
-    Of a vector every component acts for itself: what two of them do together is left out, so where
-    an effect is large they are formed anew at the strengths that were found.
+    They are proportional; what an effect does is not, and of a vector what two components do
+    together is more than each by itself. At the values where they were formed they add up to the
+    effect as it is, so where it is large they are formed anew at the strengths that were found.
 
     Args:
         effect: at the values where it is linearised; an amplitude of 0 counts as a small one.
@@ -73,16 +74,22 @@ Change = tuple[tuple[Effect, float], ...]
 
 
 def _changes(effect: Effect) -> list[Change]:
-    """Of each component."""
+    """Of each component: of an amplitude, beside those before it, so that they add up."""
     values, steps = effect.values, SMALL * effect.scale()
     low, high = effect.bounds()
     size = amplitudes(effect)
+    so_far = np.where(size, 0.0, values)
     found: list[Change] = []
     for i, step in enumerate(steps):
-        alone = np.where(size, 0.0, values)
         if size[i]:
-            alone[i] = values[i] or step
-            found.append(((effect.with_values(alone), 1.0 / float(alone[i])),))
+            before = effect.with_values(so_far)
+            alone = not so_far[size].any()
+            more = so_far.copy()
+            more[i] = values[i] or step
+            slope = 1.0 / float(more[i])
+            after = (effect.with_values(more), slope)
+            found.append((after,) if alone else (after, (before, -slope)))
+            so_far[i] = values[i]
             continue
         large = np.where(size & (values == 0.0), steps, values)
         ends = [large.copy(), large.copy()]

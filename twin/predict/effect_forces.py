@@ -49,14 +49,19 @@ class Along:
     """(m, nv)."""
 
 
-def force_of(effect: BodyEffect, body: Body) -> Array:
+def force_of(effect: BodyEffect, body: Body, turn: Array | None = None) -> Array:
     """(S, steps, nv) force of an effect, mean over each step, along the log's motion.
+
+    Args:
+        effect: on the machine.
+        body: the log's predictor.
+        turn: (k,) from where the log began to where a spring that follows it is at rest [rad].
 
     Raises:
         EffectError: the machine cannot have it, at whatever step.
     """
     plain = body.machine
-    machine = _with(effect, body)
+    machine = _with(effect, body, turn)
     shared = _Shared.of(plain, machine)
     here, plainly = plain_forces(body)
     along = shared.along(here)
@@ -67,8 +72,14 @@ def force_of(effect: BodyEffect, body: Body) -> Array:
         needed += plainly - inverse(machine, along)[:, shared.dof]
     law = effect.torque(machine.platform)
     if law is not None:
-        base = State(here.position[:, plain.base_qpos], here.velocity[:, plain.base_dof])
-        needed[:, plain.base_dof] += law(base)
+        rate = here.velocity
+        state = State(
+            here.position[:, plain.base_qpos],
+            rate[:, plain.base_dof],
+            rate[:, plain.wheel_dof],
+            middles(body),
+        )
+        needed[:, plain.base_dof] += law(state)
     needed += _pushes(effect, machine, along, middles(body))[:, shared.dof]
     if plain.platform.thrusters:
         turned = thruster_arms(machine) - thruster_arms(plain)
@@ -200,7 +211,7 @@ class _Shared:
         return Along(position, velocity, acceleration)
 
 
-def _with(effect: BodyEffect, body: Body) -> Machine:
+def _with(effect: BodyEffect, body: Body, turn: Array | None) -> Machine:
     """The machine with an effect, on a step that can follow it, springs at rest at the start."""
     platform = with_effects(able(body.machine.platform, effect), (effect,))
     if not effect.changes_machine:
@@ -212,6 +223,10 @@ def _with(effect: BodyEffect, body: Body) -> Machine:
         first = (
             body.motion.position[0] if body.predicted is None else body.predicted.position[0, 0, 0]
         )
+        if turn is not None:
+            hinge = platform.base.kind == "hinge"
+            turned = rotation.from_rotation_vector(turn)
+            first = first + turn if hinge else rotation.multiply(first, turned)
         machine.model.qpos_spring[machine.base_qpos] = first
     return machine
 

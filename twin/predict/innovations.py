@@ -174,7 +174,7 @@ class Problem:
             base: what is fitted of the machine.
             perturbations: what is fitted besides, each by its strength.
             held: leave the base where a fit starts.
-            strengths_held: likewise the strengths.
+            strengths_held: likewise the strengths of which nothing is known beforehand.
         """
         self.bodies = tuple(bodies)
         self.base = base
@@ -328,12 +328,13 @@ class Problem:
         width = p + biases + added
         blocks = [np.column_stack([away / weak, np.diag(1.0 / weak)] + [np.zeros((p, width - p))])]
         cluster = [np.full(p, -1)]
-        if self.strengths_held:
-            a = len(at.strengths)
-            hold = np.zeros((a, 1 + width))
-            hold[:, 1 + p + biases : 1 + p + biases + a] = np.eye(a) / HELD
-            blocks.append(hold)
-            cluster.append(np.full(a, -1))
+        rows = self._known_strengths(at)
+        if len(rows):
+            known = np.zeros((len(rows), 1 + width))
+            known[:, 0] = rows[:, 0]
+            known[:, 1 + p + biases : p + biases + rows.shape[1]] = rows[:, 1:]
+            blocks.append(known)
+            cluster.append(np.full(len(rows), -1))
         first, before = p, 0
         for body, link, bias in zip(self.bodies, links, at.biases, strict=True):
             rows = np.concatenate([link.rows, _prior(bias, body.bias_scale, p, added)])
@@ -346,6 +347,14 @@ class Problem:
             first += len(bias)
             before += body.grid.segments
         return np.concatenate(blocks), np.concatenate(cluster)
+
+    def _known_strengths(self, at: Unknowns) -> Array:
+        """Rows (k, 1 + a) of what is known of the strengths beforehand."""
+        spread = np.array([one.spread for one in self.perturbations])
+        away = np.where(np.isfinite(spread), at.strengths / spread, 0.0)
+        if self.strengths_held:
+            spread = np.where(np.isfinite(spread), spread, HELD)
+        return np.column_stack([away, np.diag(1.0 / spread)])[np.isfinite(spread)]
 
 
 def _with(one: Exact, added: Added, strengths: Array) -> Exact:

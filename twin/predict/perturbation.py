@@ -28,6 +28,8 @@ class Perturbation:
     name: str
     unit: str
     """SI, of the strength."""
+    spread: float = np.inf
+    """1 sigma of what is known of the strength beforehand, about 0."""
     force: Callable[[Body], Array] | None = None
     """(S, steps, nv) generalised force at strength 1, along a log's measured motion."""
     stream: str = ""
