@@ -73,8 +73,8 @@ class Explanation:
     problem: Problem
     now: Innovations | Apart
     """Where it was fitted: a motion that follows the model, or segments apart where none does. Its
-    strengths are where springs rest, then those of the free components, then the laws'
-    coefficients."""
+    strengths are where springs rest and what of an effect is not seen, then those of the free
+    components, then the laws' coefficients."""
     converged: bool
 
     @property
@@ -255,6 +255,8 @@ def _fitted(
         if one
     ]
     rests = [part for effect in effects for part in references_of(effect, bodies)]
+    for effect, parts, ones in zip(effects, every, free, strict=True):
+        rests += _unseen(effect, parts, ones)
     problem = Problem(bodies, base, [*rests, *own, *(law.perturbation for law in laws)])
     first = [strengths_of(effect)[ones] for effect, ones in zip(effects, free, strict=True)]
     strengths = np.concatenate([np.zeros(len(rests)), *first, np.zeros(len(laws))])
@@ -271,6 +273,17 @@ def _fitted(
         for effect, ones, part in zip(effects, free, parts, strict=False)
     )
     return Explanation(tuple(bodies), base, moved, free, laws, problem, now, converged)
+
+
+def _unseen(
+    effect: Effect, parts: Sequence[Perturbation], free: NDArray[np.bool_]
+) -> list[Perturbation]:
+    """Amplitudes that are not fitted. They may be as large as the others, and base and the others
+    are no better known than that lets them be."""
+    size = amplitudes(effect)
+    most = float(np.max(np.abs(effect.values[size & free]), initial=0.0))
+    away = zip(parts, (size & ~free).tolist(), strict=True)
+    return [replace(part, spread=most) for part, one in away if one and most > 0.0]
 
 
 def _distance(step: Array, spread: Array) -> float:
