@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.diagnose.weighing import Trace
-from twin.effects import BodyEffect, Effect, able, catalogue, with_effects
+from twin.effects import BodyEffect, Effect, SeriesEffect, able, catalogue, with_effects
 from twin.effects.effect import targets
 from twin.errors import TwinError
 from twin.model import compile_model
@@ -25,6 +25,8 @@ _HINGE = ("joint_angle", "joint_rate")
 """Either tells the motion of a hinge."""
 _BALL = ("attitude", "gyro")
 """What tells that of a ball, and what effects name that show in it."""
+_TILT = ("attitude", "inclinometer")
+"""Either tells how a ball is tilted."""
 
 
 @dataclass(frozen=True)
@@ -124,12 +126,21 @@ def _why_not(kind: type[Effect], target: str, bodies: Sequence[Body]) -> str:
     if target in platform.sensors and not any(target in body.recording for body in bodies):
         return f"not observable: needs stream {target}"
     for name in kind.streams:
-        enough = _HINGE if hinge and name in _BALL else (name,)
+        enough = _enough(effect, name, hinge=hinge)
         if not any(one in body.recording for one in enough for body in bodies):
             return f"not observable: needs stream {' or '.join(enough)}"
         if not any(one in seen for one in enough):
             return f"not observable: {' or '.join(enough)} has no part in the prediction"
     return ""
+
+
+def _enough(effect: Effect, stream: str, *, hinge: bool) -> tuple[str, ...]:
+    """Streams of which any tells what an effect needs of one."""
+    if isinstance(effect, SeriesEffect) and stream == effect.stream:
+        return (stream,)
+    if hinge:
+        return _HINGE if stream in _BALL else (stream,)
+    return _TILT if stream in _TILT else (stream,)
 
 
 def _refused(effect: Effect, platform: Platform) -> str:

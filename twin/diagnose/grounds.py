@@ -27,7 +27,7 @@ OF_PARTS = {
 }
 """Streams that only a machine with such parts has."""
 
-OF_MOTION = ("attitude", "gyro", "joint_angle", "joint_rate")
+OF_MOTION = ("attitude", "inclinometer", "gyro", "joint_angle", "joint_rate")
 """Streams that show how the base moves."""
 
 OF_RATE = ("gyro", "joint_rate")
@@ -175,7 +175,7 @@ def _clipped(values: Array, at: NDArray[np.bool_]) -> bool:
 def _check_clocks(recording: Recording, platform: Platform) -> None:
     """All that the prediction uses must share time with what shows the motion."""
     hinge = platform.base.kind == "hinge"
-    shows = next((s for s in (OF_MOTION[2:] if hinge else OF_MOTION[:1]) if s in recording), None)
+    shows = next((s for s in (OF_MOTION[3:] if hinge else OF_MOTION[:2]) if s in recording), None)
     if shows is None:
         return
     main = recording[shows].time

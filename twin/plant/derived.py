@@ -33,6 +33,35 @@ def derived_streams(machine: Machine) -> dict[str, Derived]:
     }
 
 
+def site_places(machine: Machine) -> dict[str, Array]:
+    """(3,) from the CR to each site, body axes [m]."""
+    model = machine.model
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    anchor = data.xanchor[model.body_jntadr[machine.base_body]]
+    return {model.site(i).name: data.site_xpos[i] - anchor for i in range(model.nsite)}
+
+
+def specific_force(attitude: Array, push: Array, rate: Array, turning: Array, site: Array) -> Array:
+    """What an accelerometer feels, body axes [m/s^2].
+
+    Args:
+        attitude: (..., 4).
+        push: (..., 3) acceleration of the CR less gravity's, in the room [m/s^2].
+        rate: (..., 3) [rad/s], body axes.
+        turning: (..., 3) its derivative [rad/s^2].
+        site: (3,) from the CR [m].
+    """
+    felt = rotate(conjugate(attitude), push)
+    return felt + cross(turning, site) + cross(rate, cross(rate, site))
+
+
+def elevations(force: Array, gravity: float) -> Array:
+    """Roll and pitch (..., 2) that specific force (..., 3) makes believe [rad]."""
+    level = np.clip(force / gravity, -1.0, 1.0)
+    return np.stack([np.arcsin(level[..., 1]), -np.arcsin(level[..., 0])], axis=-1)
+
+
 class _Derived:
     def __init__(self, machine: Machine) -> None:
         model, nq = machine.model, machine.model.nq
@@ -47,7 +76,7 @@ class _Derived:
         mujoco.mj_kinematics(model, data)
         anchor = data.xanchor[model.body_jntadr[machine.base_body]]
         self._height = float(anchor[2])
-        self._sites = {model.site(i).name: data.site_xpos[i] - anchor for i in range(model.nsite)}
+        self._sites = site_places(machine)
 
     def accelerometer(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
         """Specific force at the sensor's site, body axes [m/s^2]."""
@@ -60,14 +89,11 @@ class _Derived:
         if self._speed.size:
             gained = states[..., self._speed] - earlier[..., self._speed]
             push[..., : self._speed.size] += gained / self._step
-        felt = rotate(conjugate(states[..., self._attitude]), push)
-        return felt + cross(turning, site) + cross(rate, cross(rate, site))
+        return specific_force(states[..., self._attitude], push, rate, turning, site)
 
     def inclinometer(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
         """Elevations roll and pitch that specific force makes believe [rad]."""
-        force = self.accelerometer(sensor, states, before) / self._gravity
-        roll, pitch = np.clip(force[..., 1], -1.0, 1.0), np.clip(force[..., 0], -1.0, 1.0)
-        return np.stack([np.arcsin(roll), -np.arcsin(pitch)], axis=-1)
+        return elevations(self.accelerometer(sensor, states, before), self._gravity)
 
     def magnetometer(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
         """The field in body axes [T]."""

@@ -24,6 +24,7 @@ from twin.predict.motion import Motion
 from twin.predict.outputs import Grid, outputs_of
 from twin.predict.rollouts import Rollouts
 from twin.predict.segments import command_step, grid_of
+from twin.predict.sensed import senses_of
 from twin.predict.states import States
 from twin.predict.tangent import carried_forces
 from twin.predict.wander import random_walk, wander
@@ -65,13 +66,15 @@ class Body:
         self.predicted: States | None = None
         self.inputs = Inputs(self.machine, recording)
         self.grid = grid
+        senses = senses_of(machine, grid.step, self.inputs.field_world)
+        streams = (*self._predicted(), *senses)
         self.outputs, self._width = outputs_of(
-            recording, self.machine, self.grid, self._predicted()
+            recording, self.machine, self.grid, streams, senses, self.inputs.stage_course
         )
         if not self.outputs:
             raise UsageError(
                 f"the log has none of the streams that {machine.platform.name} predicts: "
-                + ", ".join(self._predicted())
+                + ", ".join(streams)
             )
         self._wanderers = np.concatenate([machine.wheel_dof, machine.gimbal_dof])
         self.rollouts = Rollouts(self.machine, self.inputs, motion, grid)
@@ -183,7 +186,8 @@ class Body:
         """
         change = carried_forces(exact.local.carried, exact.answer, forces, self.grid.step)
         parts = [
-            np.moveaxis(o.moved_by(change, self._first(o.stream)), -1, 0) for o in self.outputs
+            np.moveaxis(o.moved_by(change, self._first(o.stream), exact.path), -1, 0)
+            for o in self.outputs
         ]
         return np.moveaxis(self.scatter(parts), 0, -1), change[:-1, -1]
 
@@ -233,6 +237,14 @@ class Body:
         measured = np.zeros((grid.segments, grid.steps + 1, self._width, x))
         for output in self.outputs:
             late = (output.place - output.instant) * grid.step
+            if output.course is not None:
+                continue
+            if output.sense is not None:
+                slope = output.sense.slope(path[:1]) / output.noise[:, None]
+                seen = slope[output.segment, output.instant]
+                at = (output.segment[:, None], output.instant[:, None], output.slot)
+                measured[(*at, slice(0, seen.shape[-1]))] = seen
+                continue
             for column, noise in enumerate(output.noise):
                 at = (output.segment, output.instant, output.slot[:, column])
                 measured[(*at, self._first(output.stream) + column)] = 1.0 / noise
@@ -274,7 +286,9 @@ class Body:
         hinge = self.machine.platform.base.kind == "hinge"
         wheels = ("wheel_speed",) if self.inputs.wheels_predicted else ()
         base = ("joint_angle", "joint_rate") if hinge else ("attitude", "gyro")
-        return (*base, *wheels, "gimbal_angle")
+        sensor = "stage_position" in self.machine.platform.sensors
+        stages = ("stage_position",) if self.inputs.stage_course is not None and sensor else ()
+        return (*base, *wheels, "gimbal_angle", *stages)
 
 
 def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:

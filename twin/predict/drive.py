@@ -18,7 +18,7 @@ from twin.plant.gas import thruster_arms
 from twin.plant.limits import Limits
 from twin.platform import Platform, Sensor
 from twin.predict.motion import Motion, smoothed_series
-from twin.predict.profiles import profile
+from twin.predict.profiles import Course, profile
 from twin.predict.segments import Segment
 from twin.recording import Recording, Series
 
@@ -49,10 +49,10 @@ class Inputs:
     rest, and the damping of its joint is what its back EMF takes. Its speed is then a state,
     measured or not. Where only its speed was recorded, it is a state all the same, under a torque
     of which nothing is known but its size; the smoothed reading only says along which path to
-    linearise. A stage follows its measured position. Coils turn the body in the field as MuJoCo has
-    its attitude, thrusters push at their arms; the gas that they take weighs nothing. The angle of
-    a gimbal is a state: it goes at the commanded rate, else at one of which nothing is known but
-    its size. Rotors keep their speed.
+    linearise. A stage follows its measured position, between its samples the drive's profile. Coils
+    turn the body in the field as MuJoCo has its attitude, thrusters push at their arms; the gas
+    that they take weighs nothing. The angle of a gimbal is a state: it goes at the commanded rate,
+    else at one of which nothing is known but its size. Rotors keep their speed.
     """
 
     def __init__(self, machine: Machine, recording: Recording) -> None:
@@ -76,15 +76,9 @@ class Inputs:
         self._thrust = self._stream(recording, "command_thruster", len(platform.thrusters))
         self.field_world = field_world(recording, platform)
         """(3,) the field that the coils feel [T]."""
-        self._stage: tuple[Series, Series] | None = None
-        for name in ("stage_position", "command_stage_position"):
-            stage = self._stream(recording, name, len(platform.stages))
-            if stage is not None and self._stage is None:
-                self._stage = (
-                    _travelled(stage, platform.sensors.get(name))
-                    if name == "stage_position"
-                    else profile(machine, name, stage)
-                )
+        self.stage_course: Course | None = None
+        """Of stages that were told to move, and seen."""
+        self._stage = self._stages(recording)
         self.gimbal_error: Series | None = None
         """The gimbals' measured angle beside the one that they were told to have."""
         self._gimbal = self._gimbals(recording)
@@ -208,6 +202,27 @@ class Inputs:
             velocity[:, machine.gimbal_dof] = turning.interpolated_at(times)
         velocity[:, machine.rotor_dof] = [rotor.speed for rotor in machine.platform.rotors]
         return position, velocity, acceleration
+
+    def _stages(self, recording: Recording) -> tuple[Series, Series] | None:
+        """Position and rate: as told, moved to where they were measured; else as measured."""
+        width = len(self.machine.platform.stages)
+        seen = self._stream(recording, "stage_position", width)
+        told = self._stream(recording, "command_stage_position", width)
+        sensor = self.machine.platform.sensors.get("stage_position")
+        if seen is not None and (told is None or not np.ptp(told.value, axis=0).any()):
+            return _travelled(seen, sensor)
+        if told is None:
+            return None
+        first = None if seen is None else seen.interpolated_at(told.time[:1])[0]
+        place, rate = profile(self.machine, "command_stage_position", told, first)
+        if seen is None:
+            return place, rate
+        self.stage_course = Course(self.machine, told, place)
+        error = replace(seen, value=seen.value - place.interpolated_at(seen.time))
+        if sensor is not None and np.all(np.abs(error.value) <= sensor.resolution):
+            return place, rate
+        left, left_rate = (s.interpolated_at(place.time) for s in _travelled(error, sensor))
+        return replace(place, value=place.value + left), replace(rate, value=rate.value + left_rate)
 
     def _gimbals(self, recording: Recording) -> tuple[Series, Series] | None:
         """Angle and rate: as told, moved to where they were measured; else as measured.

@@ -107,6 +107,16 @@ def _perturbation(name: str, unit: str, change: Change, platform: Platform) -> P
         return Perturbation(name, unit, force=_summed(change, _body_force))
     assert isinstance(first, SeriesEffect)
     stream = first.stream
+    if stream == "command_stage_position":
+
+        def strayed(output: Output, _: Array) -> Array:
+            assert output.course is not None
+            course = output.course
+            moved = sum(factor * course.less(effect, output.time) for effect, factor in change)
+            return np.asarray(moved)[None]
+
+        force = _summed(change, _input_force)
+        return Perturbation(name, unit, force=force, stream="stage_position", shown=strayed)
     if stream.startswith("command_"):
         return Perturbation(name, unit, force=_summed(change, _input_force))
 
@@ -146,7 +156,9 @@ def _input_force(effect: Effect, body: Body) -> Array:
     """What the machine was driven with, less what the log says; 0 where that is predicted."""
     assert isinstance(effect, SeriesEffect)
     recording, stream = body.recording, effect.stream
-    if stream not in body.inputs.used or stream in [output.stream for output in body.outputs]:
+    predicted = [output.stream for output in body.outputs]
+    measured = stream == "command_stage_position" and "stage_position" in predicted
+    if measured or stream not in body.inputs.used or stream in predicted:
         return np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
     series = recording[stream]
     samples = Samples(series.value[None], series.time[None], np.ones((1, len(series)), dtype=bool))

@@ -5,7 +5,7 @@ cubic still follows them to within three times their noise, so that the chatter 
 quantisation is not taken for motion. Good to start a fit and to shape a law, not to weigh it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import mujoco
@@ -18,6 +18,7 @@ from twin import rotation
 from twin.errors import UsageError
 from twin.platform import Platform
 from twin.platform.mjcf import load_mjcf
+from twin.predict.tilt import attitude_of_tilt
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
@@ -65,15 +66,18 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
 
     Raises:
         UsageError: the log lacks the stream that shows it (`joint_angle` or `joint_rate`, or
-            `attitude`).
+            `attitude`, or `gyro` and `inclinometer`).
     """
     stream = "joint_angle" if platform.base.kind == "hinge" else "attitude"
     if stream == "joint_angle" and stream not in recording and "joint_rate" in recording:
         stream = "joint_rate"
+    if stream == "attitude" and stream not in recording:
+        recording = _with_attitude(recording)
     if stream not in recording or len(recording[stream]) < 2 * WINDOWS[0]:
         raise UsageError(
-            f"the log has no stream {stream!r} of at least {2 * WINDOWS[0]} samples, without which "
-            f"the motion of {platform.name} cannot be predicted"
+            f"the log has no stream {stream!r} of at least {2 * WINDOWS[0]} samples"
+            + (" (nor gyro and inclinometer)" if stream == "attitude" else "")
+            + f", without which the motion of {platform.name} cannot be predicted"
         )
     series = recording[stream]
     if stream == "joint_angle":
@@ -93,6 +97,14 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
         rate = _interpolated(time, gyro_time, smooth_rate)
         acceleration = _interpolated(time, gyro_time, smooth_acceleration)
     return Motion(time, attitude, rate, acceleration, width)
+
+
+def _with_attitude(recording: Recording) -> Recording:
+    """As tilt and rate have it, if there are both."""
+    if not {"gyro", "inclinometer"} <= set(recording):
+        return recording
+    attitude = attitude_of_tilt(recording["gyro"], recording["inclinometer"])
+    return replace(recording, streams={**recording.streams, "attitude": attitude})
 
 
 def _integrated(series: Series, platform: Platform) -> Motion:

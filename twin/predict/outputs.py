@@ -16,6 +16,8 @@ from twin import rotation
 from twin.model import Machine
 from twin.noise import noise_and_worth
 from twin.platform import Platform
+from twin.predict.profiles import Course
+from twin.predict.sensed import Sense
 from twin.predict.states import States
 from twin.recording import Recording
 
@@ -54,10 +56,17 @@ class Grid:
         count = self.steps * self.segments
         return np.asarray(self.begin + self.step * np.arange(count + 1), dtype=np.float64)
 
-    def place(self, time: Array) -> tuple[Index, Array]:
-        """Segment of each instant, and how many steps into it."""
+    def place(self, time: Array, *, ending: bool = False) -> tuple[Index, Array]:
+        """Segment of each instant, and how many steps into it.
+
+        Args:
+            time: (m,) [s].
+            ending: whether an instant between two segments belongs to the first.
+        """
         whole = (time - self.begin) / self.step
-        segment = np.clip(np.floor(whole / self.steps + 1e-9), 0, self.segments - 1)
+        parts = whole / self.steps
+        segment = np.ceil(parts - 1e-9) - 1.0 if ending else np.floor(parts + 1e-9)
+        segment = np.clip(segment, 0, self.segments - 1)
         return segment.astype(np.intp), whole - segment * self.steps
 
 
@@ -89,6 +98,10 @@ class Output:
     """(m,) steps into the segment."""
     slot: Index
     """(m, k) where the residual stands among the rows of its grid instant."""
+    sense: Sense | None = None
+    """How the stream follows from the state; None where it is a part of it."""
+    course: Course | None = None
+    """What it follows from, whatever the state."""
 
     @property
     def instant(self) -> Index:
@@ -104,6 +117,9 @@ class Output:
             late: as if each sample, or each its own of (m,), had been true so much before its stamp
                 [s].
         """
+        if self.course is not None:
+            value = self.course.place.interpolated_at(self.time - late)
+            return np.broadcast_to(value, (len(path.rate), *value.shape))
         steps = path.rate.shape[2] - 1
         place = self.place - (late + self.delay) / step
         before = np.clip(np.floor(place + 1e-9).astype(np.intp), 0, steps - 1)
@@ -112,6 +128,9 @@ class Output:
         def ends(values: Array) -> tuple[Array, Array]:
             return values[:, self.segment, before], values[:, self.segment, before + 1]
 
+        if self.sense is not None:
+            first, last = ends(self.sense.shown(path))
+            return first + part * (last - first)
         straight = {"wheel_speed": path.wheel_speed, "gimbal_angle": path.gimbal_angle}
         if self.stream in ("gyro", "joint_rate", *straight):
             first, last = ends(straight.get(self.stream, path.rate))
@@ -134,13 +153,18 @@ class Output:
             return rotation.to_rotation_vector(error) / self.noise
         return (self.value - predicted) / self.noise
 
-    def moved_by(self, change: Array, first: int) -> Array:
+    def moved_by(self, change: Array, first: int, path: States) -> Array:
         """d residual (m, k, a) by changes (S, steps + 1, x, a) of the state at each instant.
 
         Args:
             change: turns and rates of bodies, speeds of wheels.
-            first: where in a state the numbers stand that this stream measures.
+            first: where in a state the numbers stand that this stream measures, if they do.
+            path: (1, S, steps + 1, .) that is changed.
         """
+        if self.course is not None:
+            return np.zeros((*self.slot.shape, change.shape[-1]))
+        if self.sense is not None:
+            change, first = self.sense.moved_by(path, change), 0
         steps = change.shape[1] - 1
         before = np.clip(np.floor(self.place + 1e-9).astype(np.intp), 0, steps - 1)
         part = (self.place - before)[:, None, None]
@@ -156,16 +180,31 @@ def _cubic(rise: Array, slope: Array, end_slope: Array, part: Array) -> Array:
 
 
 def outputs_of(
-    recording: Recording, machine: Machine, grid: Grid, streams: Sequence[str]
+    recording: Recording,
+    machine: Machine,
+    grid: Grid,
+    streams: Sequence[str],
+    senses: Mapping[str, Sense],
+    course: Course | None = None,
 ) -> tuple[tuple[Output, ...], int]:
-    """The streams that a recording has, and how many rows each grid instant is given."""
+    """The streams that a recording has, and how many rows each grid instant is given.
+
+    Args:
+        recording: the log.
+        machine: whose sensors they are.
+        grid: of the prediction.
+        streams: to look for, in this order.
+        senses: of those among them that are no part of the state.
+        course: that stages were told to take, if they are among them.
+    """
     found: list[Output] = []
     width = 0
     for name in streams:
         if name not in recording or len(recording[name]) < FEWEST:
             continue
         series = recording[name]
-        segment, place = grid.place(series.time)
+        # a rate's change is felt at the end of a step
+        segment, place = grid.place(series.time, ending=name in senses)
         inside = (place > -0.5) & (place < grid.steps + 0.5)
         segment, place = segment[inside], place[inside]
         instant = np.rint(place).astype(np.intp)
@@ -177,7 +216,9 @@ def outputs_of(
         columns = ("x", "y", "z") if attitude else series.columns
         k = len(columns)
         slot = width + rank[:, None] * k + np.arange(k)
-        noise, stated, worth = _noise(recording, name, k)
+        told = course if name == "stage_position" else None
+        counter = None if told is None else _counted(machine.platform, name)
+        noise, stated, worth = counter or _noise(recording, machine.platform, name, k)
         found.append(
             Output(
                 name,
@@ -187,25 +228,41 @@ def outputs_of(
                 stated,
                 worth,
                 _bias(machine.platform, name, k),
-                _delay(machine.platform, name),
+                0.0 if name in senses else _delay(machine.platform, name),
                 series.time[inside],
                 series.value[inside],
                 segment,
                 place,
                 slot,
+                senses.get(name),
+                told,
             )
         )
         width += k * int(rank.max(initial=-1) + 1)
     return tuple(found), width
 
 
-def _noise(recording: Recording, name: str, k: int) -> tuple[Array, bool, Array]:
+def _noise(
+    recording: Recording, platform: Platform, name: str, k: int
+) -> tuple[Array, bool, Array]:
     facts = cast(Mapping[str, Mapping[str, Any]], recording.provenance.get("streams") or {})
     stated = facts.get(name, {}).get("noise")
     if stated is None:
         noise, worth = noise_and_worth(recording[name])
+        if name in platform.sensors and name != "attitude":
+            # what never changes says nothing of its noise, but is no better known than its steps
+            rounding = platform.sensors[name].resolution / np.sqrt(12.0)
+            still = np.ptp(recording[name].value, axis=0) == 0.0
+            noise = np.where(still, np.maximum(noise, rounding), noise)
         return noise, False, worth
     return np.broadcast_to(np.asarray(stated, dtype=np.float64), (k,)).copy(), True, np.full(k, inf)
+
+
+def _counted(platform: Platform, name: str) -> tuple[Array, bool, Array] | None:
+    """Of a counter, whose noise cannot be told from its moves: as platform.toml states it."""
+    sensor = platform.sensors[name]
+    noise = np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0))
+    return (noise, True, np.full(len(noise), inf)) if np.all(noise > 0.0) else None
 
 
 def _delay(platform: Platform, name: str) -> float:

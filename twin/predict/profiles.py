@@ -1,13 +1,15 @@
 """How stages and gimbals go where they are told: the drives' own profiles, which nothing resists.
 
-On the physics grid that starts with the first command. A mass starts where that sends it, a gimbal
-at home; effects that the platform states of the drives are at work.
+On the physics grid that starts with the first command. A mass starts where that sends it, if
+nothing else is known, a gimbal at home; effects that the platform states of the drives are at work.
 """
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.effects import series_effects
+from twin.effects import Effect, series_effects
 from twin.model import Machine
 from twin.plant.prescribed import PrescribedJoints
 from twin.recording import Series
@@ -16,13 +18,33 @@ from twin.signals import Samples
 Array = NDArray[np.float64]
 
 
-def profile(machine: Machine, name: str, command: Series) -> tuple[Series, Series]:
+@dataclass(frozen=True)
+class Course:
+    """Where stages should be by what they were told."""
+
+    machine: Machine
+    command: Series
+    place: Series
+    """[m]."""
+
+    def less(self, effect: Effect, time: Array) -> Array:
+        """(m, k) how far an effect on the command takes the stages from there [m]."""
+        machine = replace(self.machine, effects=(*self.machine.effects, effect))
+        name, start = "command_stage_position", self.place.value[0]
+        there, _ = profile(machine, name, self.command, start)
+        return there.interpolated_at(time) - self.place.interpolated_at(time)
+
+
+def profile(
+    machine: Machine, name: str, command: Series, start: Array | None = None
+) -> tuple[Series, Series]:
     """Positions and rates of all stages or gimbals.
 
     Args:
         machine: compiled.
         name: `command_stage_position` or `command_gimbal_rate`.
         command: as applied.
+        start: (stages,) where they were seen at the first command [m].
     """
     platform, model = machine.platform, machine.model
     step, steps = platform.step, platform.steps_per_tick
@@ -40,9 +62,9 @@ def profile(machine: Machine, name: str, command: Series) -> tuple[Series, Serie
         position[:, machine.gimbal_qpos] = [gimbal.home for gimbal in platform.gimbals]
         places, dof, inertia = machine.gimbal_qpos, machine.gimbal_dof, machine.gimbal_inertia
     else:
-        position[:, machine.stage_qpos] = held[0]
+        position[:, machine.stage_qpos] = held[0] if start is None else start
         places, dof, inertia = machine.stage_qpos, machine.stage_dof, machine.stage_inertia
-    start = position[0, places]
+    first = position[0, places]
     joints = PrescribedJoints(machine, position, velocity)
     send = joints.send_gimbals if gimbals else joints.send_stages
     change = np.zeros((ticks, steps, len(dof)))
@@ -56,6 +78,6 @@ def profile(machine: Machine, name: str, command: Series) -> tuple[Series, Serie
     moved = np.concatenate([none, np.cumsum(0.5 * step * (rate[1:] + rate[:-1]), axis=0)])
     unit = "rad" if gimbals else "m"
     return (
-        Series(time, start + moved, command.columns, unit),
+        Series(time, first + moved, command.columns, unit),
         Series(time, rate, command.columns, f"{unit}/s"),
     )

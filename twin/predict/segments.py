@@ -55,8 +55,9 @@ def command_step(machine: Machine, recording: Recording) -> float:
 
     The platform's, where drives are told where to go: their moves are ramps of a few such steps.
     """
-    told = "command_stage_position" in recording and "stage_position" not in recording
-    if machine.platform.gimbals or (machine.platform.stages and told):
+    told = "command_stage_position"
+    moves = told in recording and bool(np.ptp(recording[told].value, axis=0).any())
+    if machine.platform.gimbals or (machine.platform.stages and moves):
         return machine.platform.step
     periods = [
         float(np.median(np.diff(recording[name].time)))

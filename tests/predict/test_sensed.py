@@ -1,0 +1,132 @@
+"""Tilt, specific force and field are predicted from the motion, as are the streams of its state."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin.clock import SimulatedClock
+from twin.compare.misfit import misfits
+from twin.errors import UsageError
+from twin.flight import prepare
+from twin.identify.prediction_error import Fit, fit
+from twin.identify.start import base_of, first_biases
+from twin.model import compile_model
+from twin.platform import load_platform
+from twin.predict.base import base_parameters
+from twin.predict.body import Body, body_of
+from twin.predict.innovations import Problem
+from twin.predict.motion import motion_of
+from twin.predict.sensed import SENSED
+from twin.recording import Recording
+from twin.stream.recorder import MemoryRecorder
+
+SEED = 20261121
+LAWS = {"tas2": "cmg_pd", "astros": "mass_pid", "whorl1": "quaternion_pd"}
+
+
+def flown(name: str, seed: int, duration: float = 20.0) -> Recording:
+    flight = prepare(
+        name,
+        controller=LAWS[name],
+        estimator="filter",
+        plant="sim",
+        reference="multisine:3",
+        duration=duration,
+        seed=seed,
+    )
+    recorder = MemoryRecorder(flight.platform, {"platform": name, "source": f"{name} {seed}"})
+    flight.fly(SimulatedClock(), [recorder])
+    return recorder.recording().without_truth()
+
+
+def predictor(log: Recording, name: str) -> Body:
+    platform = load_platform(name)
+    return body_of(compile_model(platform), log, motion_of(log, platform))
+
+
+@pytest.fixture(scope="module")
+def tas2() -> Body:
+    return predictor(flown("tas2", SEED), "tas2")
+
+
+def refitted(body: Body) -> tuple[Problem, Fit]:
+    _, base = base_of(body.machine, [body.recording])
+    problem = Problem([body], base)
+    return problem, fit(problem, problem.start(base.as_stated, [first_biases(body)]))
+
+
+def test_what_a_platform_states_a_sensor_of_is_predicted(tas2: Body):
+    assert {output.stream for output in tas2.outputs} >= set(SENSED)
+    assert not set(tas2.not_predicted) & set(SENSED)
+
+
+def test_a_forces_column_is_what_a_rollout_with_it_gives(tas2: Body):
+    base = base_parameters(tas2.machine)
+    force = np.zeros((tas2.grid.segments, tas2.grid.steps, tas2.machine.model.nv))
+    force[..., tas2.machine.base_dof] = np.random.default_rng(SEED).uniform(-1.0, 1.0, 3)
+    size = 1e-4
+    one = tas2.linearise(base, base.as_stated, np.zeros(len(tas2.bias_scale)), tas2.start)
+    columns, _ = tas2.force_columns(one, force[..., None])
+    path = tas2.rollouts.paths(base.model(base.as_stated), tas2.start.one(), size * force)
+    rolled = tas2.gather((tas2.rows(path)[0] - one.linear.residual) / size)
+    for output, own, other in zip(tas2.outputs, tas2.gather(columns[..., 0]), rolled, strict=True):
+        if output.sense is None:
+            continue
+        off = np.abs(own - other).max() / max(np.abs(other).max(), 1e-9)
+        print(f"{output.stream}: off by {off:.1e} of the largest")
+        assert off < 5e-3, output.stream
+
+
+def test_the_filters_slope_is_that_of_what_a_sensor_shows(tas2: Body):
+    base = base_parameters(tas2.machine)
+    path = tas2.rollouts.paths(base.model(base.as_stated), tas2.start.one())
+    size, x = 1e-6, tas2.start.width
+    for output in tas2.outputs:
+        if output.sense is None:
+            continue
+        sense = replace(output.sense, sections=None, memory=0)
+        slope = sense.slope(path)
+        for number in range(6):
+            moved = path.moved(size * np.eye(x)[number])
+            found = (sense.shown(moved) - sense.shown(path))[0] / size
+            np.testing.assert_allclose(slope[..., number], found, atol=1e-4 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("name", ["tas2", "whorl1", "astros"])
+@pytest.mark.parametrize(
+    "seed", [SEED, *(pytest.param(SEED + i, marks=pytest.mark.slow) for i in (1, 2))]
+)
+def test_a_true_model_leaves_only_noise_of_them(name: str, seed: int):
+    print("seed", seed)
+    body = predictor(flown(name, seed), name)
+    problem, found = refitted(body)
+    for part in misfits(problem, found.innovations):
+        print(part.stream, part.column, f"{part.chi2:.3f} ({part.low:.3f} to {part.high:.3f})")
+        if part.stream in SENSED:
+            assert part.sigmas < 4.0, part
+
+
+def without(log: Recording, *names: str) -> Recording:
+    return replace(log, streams={n: s for n, s in log.streams.items() if n not in names})
+
+
+def test_a_tilt_and_a_gyro_are_enough_to_predict_by():
+    print("seed", SEED)
+    body = predictor(without(flown("tas2", SEED, 40.0), "attitude", "magnetometer"), "tas2")
+    problem, found = refitted(body)
+    platform = body.machine.platform
+    entries = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+    truth = [*(platform.inertia[i, j] for i, j in entries), *platform.center_of_mass_offset]
+    off = found.at.theta[:9] - truth
+    distance = float(off @ np.linalg.solve(found.covariance()[0][:9, :9], off))
+    print(f"squared distance from the truth {distance:.1f}, 9 is due")
+    # a chi-square of 9 degrees of freedom is larger once in 1000
+    assert distance < 27.9
+    assert all(part.sigmas < 4.0 for part in misfits(problem, found.innovations))
+
+
+def test_a_log_that_shows_no_tilt_is_refused():
+    log = without(flown("tas2", SEED), "attitude", "inclinometer")
+    with pytest.raises(UsageError, match="nor gyro and inclinometer"):
+        predictor(log, "tas2")

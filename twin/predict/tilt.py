@@ -1,0 +1,39 @@
+"""An attitude from a gyro and an inclinometer: enough to begin a prediction with.
+
+Its heading starts at 0 and is the gyro's integral: no tilt tells it, and none of gravity's laws
+asks for it.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import rotation
+from twin.recording import Series
+
+Array = NDArray[np.float64]
+
+
+def attitude_of_tilt(gyro: Series, inclinometer: Series) -> Series:
+    """(m, 4) at the gyro's stamps at which there is a tilt too."""
+    inside = (gyro.time >= inclinometer.time[0]) & (gyro.time <= inclinometer.time[-1])
+    time, rate = gyro.time[inside], gyro.value[inside]
+    roll, pitch = np.sin(inclinometer.interpolated_at(time)).T
+    up = np.sqrt(np.maximum(1.0 - roll**2 - pitch**2, 0.0))
+    vertical = np.stack([-pitch, roll, up], axis=-1)
+    turns = rotation.from_rotation_vector(0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None])
+    attitude = np.empty((len(time), 4))
+    before = np.array([1.0, 0.0, 0.0, 0.0])
+    for i in range(len(time)):
+        turned = before if i == 0 else rotation.multiply(before, turns[i - 1])
+        attitude[i] = before = _levelled(turned, vertical[i])
+    return Series(time, attitude, ("w", "x", "y", "z"), "1")
+
+
+def _levelled(attitude: Array, vertical: Array) -> Array:
+    """By the shortest turn to where the world's z axis has these body components."""
+    across = rotation.cross(vertical, rotation.vertical_body(attitude))
+    sine = float(np.linalg.norm(across))
+    if sine == 0.0:
+        return attitude
+    angle = np.arctan2(sine, vertical @ rotation.vertical_body(attitude))
+    return rotation.multiply(attitude, rotation.from_rotation_vector(across * (angle / sine)))
