@@ -191,6 +191,6 @@ def _shown(effect: Effect, output: Output, truth: Array, platform: Platform) -> 
     assert isinstance(effect, SeriesEffect)
     samples = Samples(truth, output.time[None], np.ones((1, len(output.time)), dtype=bool))
     shown = effect.apply(samples, platform).value
-    if truth.shape[-1] == 4:
+    if output.stream == "attitude":
         return rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(truth), shown))
     return shown - truth
