@@ -1,28 +1,76 @@
-"""The whole catalogue asked of five minutes of a machine: whole processes, and how it grows."""
+"""The whole catalogue asked of a machine's log: whole processes, other machines, how it grows."""
 
 import tempfile
 from functools import partial
 from pathlib import Path
 
+from benchmarks.machines import LAWS
 from benchmarks.measure import in_turn, table, twin
+from twin.diagnose.candidates import candidates_of
+from twin.diagnose.diagnosis import plain_of
+from twin.diagnose.reasoning import search_from
+from twin.identify.calibrate import calibrated
+from twin.platform import load_platform
+from twin.recording import open_log
 
 LONG, SHORT = 300.0, 100.0
 """Of the logs [s]; the gyro of `sads` is sampled at 100 Hz."""
 HIDDEN = {"nothing": [], "a cable": ["--effects", "harness_stiffness=0.01"]}
+GOAL = "<= 60"
 ROUNDS = 3
+MACHINES = ("astros", "cubesat", "tas2", "whorl1")
+SHARES = (4, 2, 1)
+"""What part of the catalogue is asked: one in so many."""
 
 
 def run() -> None:
-    """Print the table."""
+    """Print three tables."""
+    head = ("seconds", f"median of {ROUNDS} (lowest to highest)", "target")
     with tempfile.TemporaryDirectory() as folder:
-        subjects: list[tuple[str, partial[None], str]] = []
-        for duration in (SHORT, LONG):
-            for name, effects in HIDDEN.items():
-                log = Path(folder) / f"{duration:g} {name}.rrd"
-                twin("run", "sads", "--controller", "quaternion_pd", "--duration", str(duration),
-                      *effects, "--rrd", str(log))  # fmt: skip
-                goal = "<= 60" if duration == LONG else ""
-                words = f"{duration:g} s of sads, hiding {name}"
-                subjects.append((words, partial(twin, "diagnose", str(log)), goal))
-        rows = in_turn(subjects, ROUNDS)
-    table(("twin diagnose", "seconds", f"median of {ROUNDS} (lowest to highest)", "target"), rows)
+        logs = {name: _flown(folder, "sads", LONG, name) for name in HIDDEN}
+        rows = in_turn(
+            [
+                (f"{LONG:g} s of sads, hiding {name}", partial(twin, "diagnose", str(log)), GOAL)
+                for name, log in logs.items()
+            ],
+            ROUNDS,
+        )
+        table(("twin diagnose", *head), rows)
+        logs = {f"sads, hiding {name}": _flown(folder, "sads", SHORT, name) for name in HIDDEN}
+        short = logs["sads, hiding nothing"]
+        logs |= {f"{name}, hiding nothing": _flown(folder, name, SHORT) for name in MACHINES}
+        rows = in_turn(
+            [
+                (f"{SHORT:g} s of {words}", partial(twin, "diagnose", str(log)), "")
+                for words, log in logs.items()
+            ],
+            1,
+        )
+        print()
+        table(("twin diagnose", "seconds"), [row[:2] for row in rows])
+        print()
+        _catalogue(short)
+
+
+def _flown(folder: str, platform: str, duration: float, hidden: str = "nothing") -> Path:
+    """A log of a machine under one of its laws."""
+    log = Path(folder) / f"{platform} {duration:g} {hidden}.rrd"
+    twin("run", platform, "--controller", LAWS[platform], "--duration", str(duration),
+         *HIDDEN[hidden], "--rrd", str(log))  # fmt: skip
+    return log
+
+
+def _catalogue(path: Path) -> None:
+    """How long it takes to weigh causes once, by their number."""
+    platform = load_platform("sads")
+    plain = plain_of([calibrated(open_log(path).without_truth(), platform)], platform)
+    asked = candidates_of(plain.bodies).asked
+    parts = [asked[::share] for share in SHARES]
+    rows = in_turn(
+        [
+            (f"{len(part)} causes weighed in {SHORT:g} s", partial(search_from, plain, part), "")
+            for part in parts
+        ],
+        ROUNDS,
+    )
+    table(("within", "seconds", f"median of {ROUNDS} (lowest to highest)"), [r[:3] for r in rows])

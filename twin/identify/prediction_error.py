@@ -24,8 +24,8 @@ HALVINGS = 6
 CONVERGED = 0.02
 """Largest step, in standard deviations, at which the iteration ends."""
 SETTLED = 0.5
-"""Likewise under a disturbance, once no step makes the logs likelier: where a model misses by far
-the steps do not become as small, and the intervals are wide."""
+"""Likewise once no step makes the logs likelier. Under a disturbance that will do: where a model
+misses by far the steps do not become as small, and the intervals are wide."""
 ENOUGH = 2.0
 """Segments a parameter that make their scatter worth looking at."""
 DECADES = (-14.0, 2.0)
@@ -125,8 +125,13 @@ def _iterate(
     now: Innovations,
     innovations: Callable[[Unknowns], Innovations],
 ) -> Fit:
-    """Gauss-Newton; the slope of the log-determinant joins where that has converged."""
+    """Gauss-Newton; the slope of the log-determinant joins where that has converged.
+
+    Where a late clock moves a sample from one step of the grid to the next, the slope jumps, and
+    steps go to and fro between two places: of those the likelier is kept, and is not converged.
+    """
     tilted = False
+    best, idle = now, 0
     for _ in range(ITERATIONS):
         if _size(now) < CONVERGED and not tilted:
             now, tilted = problem.tilted(now), True
@@ -137,6 +142,11 @@ def _iterate(
         if moved is None:
             break
         now = moved
+        likelier = now.chi2 + now.logarithm < best.chi2 + best.logarithm - CONVERGED**2
+        best, idle = (now, 0) if likelier else (best, idle + 1)
+        if idle > 1 and now.intensity == 0.0 and _size(now) < SETTLED:
+            now = best
+            break
     return Fit(now, converged=now.intensity > 0.0 and _size(now) < SETTLED)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dgeqrf, dgeqrf_lwork
 
 from twin.predict.linearised import Linearised
 
@@ -89,8 +90,7 @@ def growth(linear: Linearised) -> float:
 def chain(linear: Linearised) -> Chain:
     """Eliminate the states of one log."""
     x = linear.state.shape[-1]
-    stack = np.concatenate([linear.state, linear.residual[..., None], linear.shared], axis=-1)
-    triangle: Array = np.asarray(np.linalg.qr(stack, mode="r"), dtype=np.float64)
+    triangle = np.stack([_triangle(linear, s) for s in range(len(linear.residual))])
     of_state, affine = triangle[:, :x, :x], triangle[:, :x, x:]
     rows = list(triangle[:, x:, x:])
     segment = [np.full(len(block), s) for s, block in enumerate(rows)]
@@ -133,6 +133,21 @@ def chain(linear: Linearised) -> Chain:
         linear.transition,
         logarithm,
     )
+
+
+def _triangle(linear: Linearised, segment: int) -> Array:
+    """(min(N, k), k) of a segment's k = x + 1 + u columns: all that its rows say.
+
+    LAPACK called in place: as `np.linalg.qr`, which copies the rows twice, and there are many.
+    """
+    n, x = linear.state.shape[1:]
+    columns = np.empty((n, x + 1 + linear.shared.shape[-1]), order="F")
+    columns[:, :x] = linear.state[segment]
+    columns[:, x] = linear.residual[segment]
+    columns[:, x + 1 :] = linear.shared[segment]
+    work = int(dgeqrf_lwork(*columns.shape)[0])
+    factored = dgeqrf(columns, lwork=work, overwrite_a=True)[0]
+    return np.triu(factored[: columns.shape[1]])
 
 
 def _regular(triangle: Array) -> Array:

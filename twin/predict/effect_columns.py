@@ -164,6 +164,8 @@ def _input_force(effect: Effect, body: Body) -> Array:
     samples = Samples(series.value[None], series.time[None], np.ones((1, len(series)), dtype=bool))
     act = effect.apply if stream.startswith("command_") else effect.undo
     true = act(samples, body.machine.platform)
+    if np.array_equal(true.time, samples.time) and np.array_equal(true.value, samples.value):
+        return np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
     driven = replace(series, time=true.time[0], value=true.value[0])
     inputs = Inputs(body.machine, replace(recording, streams={**recording.streams, stream: driven}))
     logged = body.commanded()

@@ -81,10 +81,8 @@ def force_of(effect: BodyEffect, body: Body, turn: Array | None = None) -> Array
         )
         needed[:, plain.base_dof] += law(state)
     needed += _pushes(effect, machine, along, middles(body))[:, shared.dof]
-    if plain.platform.thrusters:
-        turned = thruster_arms(machine) - thruster_arms(plain)
-        if turned.any():
-            needed[:, plain.base_dof] += thrust(body) @ turned
+    if thrust(body).any():
+        needed[:, plain.base_dof] += thrust(body) @ (thruster_arms(machine) - thruster_arms(plain))
     return on_grid(needed, body)
 
 
@@ -101,6 +99,7 @@ def middles(body: Body) -> Array:
     return (grid.starts[:, None] + grid.step * (np.arange(grid.steps) + 0.5)).ravel()
 
 
+@lru_cache(maxsize=2)
 def thrust(body: Body) -> Array:
     """(S steps, thrusters) commanded in each physics step [N]."""
     return body.inputs.thrust(body.grid.edges)
