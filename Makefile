@@ -29,7 +29,7 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks
 
 panel: $(READY)
-	$(BIN)/python tests/promises/panel.py runs/panel
+	$(BIN)/python tests/promises/panel.py runs/panel --jobs 2
 
 clean:
 	rm -rf .venv .pytest_cache .ruff_cache build dist runs

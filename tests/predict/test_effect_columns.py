@@ -244,3 +244,13 @@ def test_a_scatter_changes_no_expected_value(sads):
 def test_strengths_make_up_the_effect(text):
     (effect,) = parse_effects(text)
     assert with_strengths(effect, strengths_of(effect)) == effect
+
+
+def test_four_gimbal_angles_are_not_taken_for_an_attitude():
+    platform = without_bias(load_platform("astros"))
+    effect = effect_named("gimbal_offset").typical("g4")
+    log = body(moved(platform, (), 2.0, seed=SEED), platform)
+    problem = problem_of(log, effect.absent())
+    now = problem.innovations(problem.start(problem.base.as_stated, [np.zeros(0)]))
+    assert np.all(np.isfinite(now.columns))
+    assert np.linalg.norm(now.columns[:, -1]) > 0.0

@@ -6,54 +6,26 @@ its J and m r are off, and it moves on half the step.
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
+from benches import LIBRARY, Bench, Yardstick, believed, flown, yardstick
 
-from twin.clock import SimulatedClock
-from twin.controller import load_controller
-from twin.diagnose import diagnosis
-from twin.diagnose.candidates import Candidate, candidates_of
-from twin.diagnose.weighing import Weighing
-from twin.effects import (
-    BodyEffect,
-    Domain,
-    Effect,
-    State,
-    able,
-    parameter,
-    with_effects,
-)
+from twin.effects import Effect, catalogue
+from twin.effects.effect import targets
 from twin.effects.errors import EffectError
-from twin.effects.on_body import TorqueLaw
-from twin.estimators import load_estimator, usual_estimator
-from twin.loop import fly
-from twin.plant.simulated import SimulatedPlant
-from twin.platform import Platform, Sensor, load_platform
-from twin.predict.effect_columns import amplitudes
+from twin.errors import TwinError
+from twin.platform import Platform, load_platform
+from twin.predict.effect_columns import BLIND, amplitudes
 from twin.recording import Recording
-from twin.reference import parse_reference
-from twin.stream.recorder import MemoryRecorder
 
-GRADES = {"fine": (1e-4, 1e-4), "middle": (1e-3, 1e-3), "coarse": (4.4e-3, 3.5e-2)}
-"""1 sigma of gyro [rad/s] and attitude [rad]."""
-FIELD = np.array([2.2e-5, 0.0, -4.2e-5])
-"""Of a cage, that a dipole may be felt [T]."""
-SHAPED = ("flexible_appendage", "liquid_slosh", "room_draft")
-"""Effects that have a frequency, which a size alone does not make visible."""
-OFF = 0.05
-"""Share by which the believed J and m r may be wrong."""
-
-
-@dataclass(frozen=True)
-class Bench:
-    """A machine, how it is moved, and how well it is measured."""
-
-    platform: str = "sads"
-    controller: str = "quaternion_pd"
-    grade: str = "middle"
-    rate: float = 50.0
-    duration: float = 120.0
+UNSEEN = (*BLIND, "stage_vibration")
+"""Kinds that no bench can show: what turns with a wheel, and what only adds noise."""
+FREQUENCIES = {"flexible_appendage": (0.3, 5.0), "room_draft": (0.02, 0.5)}
+"""Bounds of what is drawn [Hz]; a slosh's is its length's."""
+LENGTHS = (0.02, 0.5)
+"""[m]."""
+TRIES = 20
+"""Shapes, signs and directions, before an effect is too large for its bounds."""
 
 
 @dataclass(frozen=True)
@@ -68,122 +40,130 @@ class Hidden:
     """The machine as its owners think it is."""
 
 
-def machine(bench: Bench) -> Platform:
-    """In a field, its sensors of the wanted grade and rate."""
-    platform = load_platform(bench.platform)
-    gyro, attitude = GRADES[bench.grade]
-    noise = {"gyro": gyro, "attitude": attitude}
-
-    def graded(name: str, sensor: Sensor) -> Sensor:
-        if name not in noise:
-            return sensor
-        return replace(sensor, noise=np.full_like(sensor.noise, noise[name]), rate=bench.rate)
-
-    sensors = {name: graded(name, sensor) for name, sensor in platform.sensors.items()}
-    return replace(platform, sensors=sensors, magnetic_field=FIELD)
+class OutOfReach(Exception):
+    """What was drawn cannot be hidden; says why."""
 
 
-def flown(bench: Bench, effects: tuple[Effect, ...], seed: int) -> Recording:
-    """A run of the true machine."""
-    platform = machine(bench)
-    platform = replace(platform, step=0.5 * platform.step)
-    for effect in effects:
-        platform = able(platform, effect)
-    law = load_controller(bench.controller)
-    memory = MemoryRecorder(platform, {"source": f"seed {seed}"})
-    plant = SimulatedPlant(with_effects(platform, effects), seed=seed)
-    fly(
-        plant,
-        load_estimator(usual_estimator(platform)),
-        law,
-        parse_reference(law.reference),
-        SimulatedClock(),
-        duration=bench.duration,
-        observers=[memory],
-    )
-    return memory.recording().without_truth()
+def kinds() -> list[str]:
+    """Of the whole catalogue, those that a bench could show."""
+    return [kind.name for kind in catalogue() if kind.name not in UNSEEN]
 
 
-def believed(bench: Bench, rng: np.random.Generator) -> Platform:
-    """The machine with J and m r a little wrong."""
-    platform = machine(bench)
-    scale = 1.0 + OFF * rng.uniform(-1.0, 1.0, 3)
-    inertia = platform.inertia * np.sqrt(np.outer(scale, scale))
-    shift = OFF * np.linalg.norm(platform.center_of_mass_offset) * rng.uniform(-1.0, 1.0, 3)
-    return replace(
-        platform,
-        inertia=inertia,
-        center_of_mass_offset=platform.center_of_mass_offset + shift,
-    )
+def graded(bench: Bench, grade: str, *, long: bool) -> Bench:
+    """The same, measured otherwise."""
+    rate, duration = (100.0, 300.0) if long else (50.0, 120.0)
+    return replace(bench, grade=grade, rate=rate, duration=duration)
 
 
-@cache
-def yardstick(bench: Bench) -> tuple[Weighing, tuple[Candidate, ...]]:
-    """What each cause's signature is on this bench, from a run with nothing hidden."""
-    platform = machine(bench)
-    plain = diagnosis.plain_of([flown(bench, (), seed=0)], platform)
-    asked = candidates_of(plain.bodies).asked
-    return plain.weighing(asked), asked
+def bench_for(
+    kind: str, grade: str, rng: np.random.Generator, *, long: bool = False
+) -> Bench | None:
+    """A bench at random among those that show a kind of effect; None where none does."""
+    takes = {one.name: one.takes for one in catalogue()}[kind]
+    for index in rng.permutation(len(LIBRARY)).tolist():
+        bench = graded(LIBRARY[index], grade, long=long)
+        if takes and not targets(takes, load_platform(bench.platform)):
+            continue
+        try:
+            measure = yardstick(bench)
+        except TwinError:
+            continue
+        if labels_of(measure, kind):
+            return bench
+    return None
 
 
-def drawn(bench: Bench, label: str, evidence: float, rng: np.random.Generator) -> Effect | None:
-    """An effect in a random direction, of a size with that evidence; None beyond its bounds."""
-    weighing, asked = yardstick(bench)
-    index = [candidate.label for candidate in asked].index(label)
-    effect = asked[index].effect
+def labels_of(measure: Yardstick, kind: str) -> list[str]:
+    """What a bench shows of a kind, once for each target."""
+    return sorted({label for label in measure.labels if _kind(label) == kind})
+
+
+def _kind(label: str) -> str:
+    return label.partition(":")[0]
+
+
+def shaped(effect: Effect, rng: np.random.Generator) -> Effect:
+    """Of a random frequency, place or axis, where the effect has one."""
+    if effect.name == "flexible_appendage":
+        axis = rng.standard_normal(3)
+        return replace(
+            effect,
+            frequency=_log_uniform(FREQUENCIES[effect.name], rng),
+            damping_ratio=_log_uniform((0.005, 0.05), rng),
+            axis=tuple((axis / np.linalg.norm(axis)).tolist()),
+        )
+    if effect.name == "liquid_slosh":
+        return replace(
+            effect,
+            length=_log_uniform(LENGTHS, rng),
+            damping_ratio=_log_uniform((0.005, 0.05), rng),
+            pivot=tuple(rng.uniform(-0.2, 0.2, 3).tolist()),
+        )
+    if effect.name == "room_draft":
+        return replace(
+            effect,
+            point=tuple(rng.uniform(-0.3, 0.3, 3).tolist()),
+            frequency=_log_uniform(FREQUENCIES[effect.name], rng),
+            phase=float(rng.uniform(-3.0, 3.0)),
+        )
+    return effect
+
+
+def _log_uniform(ends: tuple[float, float], rng: np.random.Generator) -> float:
+    low, high = np.log(ends)
+    return float(np.exp(rng.uniform(low, high)))
+
+
+def drawn(bench: Bench, label: str, evidence: float, rng: np.random.Generator) -> Effect:
+    """An effect of a random shape in a random direction, of a size with that evidence.
+
+    Raises:
+        OutOfReach: that size is beyond its bounds.
+    """
+    measure = yardstick(bench)
+    weighing, index = measure.weighing, measure.labels.index(label)
+    effect = shaped(measure.effects[index], rng)
+    if effect != measure.effects[index]:
+        weighing, every = measure.beside(effect)
+        index = len(every) - 1
     size = amplitudes(effect)
     low, high = effect.bounds()
     scale = effect.scale()[size]
-    direction = rng.uniform(0.3, 1.0, len(scale)) * scale
-    two_sided = low[size] < 0.0
-    direction = direction * np.where(two_sided, rng.choice([-1.0, 1.0], len(scale)), 1.0)
-    shown = float(np.linalg.norm(weighing.signature(index, direction)))
     values = effect.values
-    values[size] = direction * np.sqrt(evidence) / shown
-    if np.any(values < low) or np.any(values > high):
-        return None
-    return effect.with_values(values)
+    for _ in range(TRIES):
+        direction = rng.uniform(0.3, 1.0, len(scale)) * scale
+        two_sided = low[size] < 0.0
+        direction = direction * np.where(two_sided, rng.choice([-1.0, 1.0], len(scale)), 1.0)
+        shown = float(np.linalg.norm(weighing.signature(index, direction)))
+        values[size] = direction * np.sqrt(evidence) / shown
+        if np.all(values >= low) and np.all(values <= high):
+            return effect.with_values(values)
+    raise OutOfReach(f"not detectable here: {label} at {evidence:g} is beyond its bounds")
 
 
-@dataclass(frozen=True)
-class Nameless(BodyEffect):
-    """A torque about x in proportion to the rates about x and z: no cause of the catalogue."""
-
-    name = "nameless"
-    domain = Domain.torque
-    observable = "nothing that the catalogue knows"
-    streams = ("gyro", "attitude")
-
-    size: float = parameter("torque per product of rates", "N m s^2", 3.0, source="any")
-
-    def torque(self, platform: Platform) -> TorqueLaw:
-        """See above."""
-
-        def law(state: State) -> np.ndarray:
-            torque = np.zeros_like(state.rate)
-            torque[:, 0] = self.size * state.rate[:, 0] * state.rate[:, 2]
-            return torque
-
-        return law
-
-
-def any_of(bench: Bench, evidence: float, rng: np.random.Generator) -> Effect:
-    """Any effect that this bench shows, of a size with that evidence."""
-    weighing, asked = yardstick(bench)
-    labels = [one.label for index, one in enumerate(asked) if weighing.shown(index)]
-    kinds = sorted({label.partition(":")[0] for label in labels} - set(SHAPED))
+def any_of(bench: Bench, evidence: float, rng: np.random.Generator, kind: str = "") -> Effect:
+    """Any effect that this bench shows, or any of a kind, of a size with that evidence."""
+    measure = yardstick(bench)
     while True:
-        kind = rng.choice(kinds)
-        label = rng.choice([one for one in labels if one.partition(":")[0] == kind])
-        found = drawn(bench, label, evidence, rng)
-        if found is not None:
-            return found
+        which = kind or rng.choice(sorted({_kind(label) for label in measure.labels}))
+        label = str(rng.choice(labels_of(measure, which)))
+        try:
+            return drawn(bench, label, evidence, rng)
+        except OutOfReach:
+            if kind:
+                raise
 
 
-def hide(bench: Bench, effects: tuple[Effect, ...], seed: int) -> Hidden | None:
-    """A log with these effects; None where the machine cannot have them."""
+def hide(bench: Bench, effects: tuple[Effect, ...], seed: int) -> Hidden:
+    """A log with these effects.
+
+    Raises:
+        OutOfReach: the machine cannot have them, or hits a stop with them.
+    """
     try:
         log = flown(bench, effects, seed)
-    except EffectError:
-        return None
+    except EffectError as problem:
+        raise OutOfReach(f"the machine cannot have it: {problem}") from problem
+    if log is None:
+        raise OutOfReach("with it the machine hits its stop, or its wheels their limits")
     return Hidden(bench, seed, effects, log, believed(bench, np.random.default_rng([seed, 1])))

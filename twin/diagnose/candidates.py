@@ -27,6 +27,8 @@ _BALL = ("attitude", "gyro")
 """What tells that of a ball, and what effects name that show in it."""
 _TILT = ("attitude", "inclinometer")
 """Either tells how a ball is tilted."""
+_GIMBAL = ("gimbal_angle", "gimbal_rate")
+"""Either tells the motion of a gimbal."""
 
 
 @dataclass(frozen=True)
@@ -140,6 +142,8 @@ def _enough(effect: Effect, stream: str, *, hinge: bool) -> tuple[str, ...]:
         return (stream,)
     if hinge:
         return _HINGE if stream in _BALL else (stream,)
+    if stream in _GIMBAL:
+        return _GIMBAL
     return _TILT if stream in _TILT else (stream,)
 
 
