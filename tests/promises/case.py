@@ -1,5 +1,6 @@
 """One case of the panel: drawn by its number, hidden, diagnosed, scored. All that is kept of it."""
 
+import signal
 import subprocess
 import time
 import traceback
@@ -7,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from types import FrameType
 from typing import Any
 from unittest.mock import patch
 
@@ -33,6 +35,8 @@ KINDS = {
 """What is hidden, and with how much evidence."""
 LONG = 6
 """One in so many logs is of 300 s at 100 Hz."""
+LIMIT = 1200
+"""After which a case has failed [s]."""
 
 
 @dataclass(frozen=True)
@@ -68,12 +72,20 @@ def run(case: Case) -> dict[str, Any]:
         "version": version(),
         "truth": [],
     }
+    signal.signal(signal.SIGALRM, _too_long)
+    signal.alarm(LIMIT)
     try:
         return row | _run(case, row)
     except OutOfReach as why:
         return row | {"skipped": str(why)}
     except Exception:
         return row | {"failed": traceback.format_exc()}
+    finally:
+        signal.alarm(0)
+
+
+def _too_long(number: int, frame: FrameType | None) -> None:
+    raise TimeoutError(f"not done in {LIMIT} s")
 
 
 def _run(case: Case, row: dict[str, Any]) -> dict[str, Any]:
