@@ -17,6 +17,7 @@ from twin.model import Machine
 from twin.plant.gas import thruster_arms
 from twin.plant.limits import Limits
 from twin.platform import Platform, Sensor
+from twin.predict.drive_faults import less_drive_faults
 from twin.predict.motion import Motion, smoothed_series
 from twin.predict.profiles import Course, profile
 from twin.predict.segments import Segment
@@ -80,7 +81,8 @@ class Inputs:
         """Of stages that were told to move, and seen."""
         self._stage = self._stages(recording)
         self.gimbal_error: Series | None = None
-        """The gimbals' measured angle beside the one that they were told to have."""
+        """The gimbals' measured angle beside the one that they were told to have, as far as no
+        fault of their drives explains it."""
         self._gimbal = self._gimbals(recording)
 
     @property
@@ -244,7 +246,7 @@ class Inputs:
         angle, rate = profile(self.machine, "command_gimbal_rate", told)
         if seen is not None:
             error = replace(seen, value=seen.value - angle.interpolated_at(seen.time))
-            self.gimbal_error = error
+            self.gimbal_error = less_drive_faults(self.machine, told, error)
             left = smoothed_series(error)[0].interpolated_at(angle.time)
             angle = replace(angle, value=angle.value + left)
         return angle, rate

@@ -75,7 +75,9 @@ Change = tuple[tuple[Effect, float], ...]
 
 def _changes(effect: Effect) -> list[Change]:
     """Of each component: of an amplitude, beside those before it, so that they add up."""
-    values, steps = effect.values, SMALL * effect.scale()
+    # play and dry friction do at a hundredth of their size nothing of what they do at all of it
+    drive = isinstance(effect, SeriesEffect) and effect.stream.startswith("command_")
+    values, steps = effect.values, (1.0 if drive else SMALL) * effect.scale()
     low, high = effect.bounds()
     size = amplitudes(effect)
     so_far = np.where(size, 0.0, values)
