@@ -16,12 +16,14 @@ import numpy as np
 
 from twin.clock import SimulatedClock
 from twin.diagnose import Diagnosis, diagnose
+from twin.diagnose.cause import Tried
 from twin.effects import Effect, parse_effects
 from twin.flight import prepare
 from twin.platform import load_platform
 from twin.recording import Recording
 from twin.report.words import interval
 from twin.stream.recorder import MemoryRecorder
+from twin.units import printed
 
 ROOT = Path(__file__).parents[1]
 PAGE, FOLDER = ROOT / "docs" / "papers_found.md", ROOT / "runs" / "papers"
@@ -100,8 +102,8 @@ FAULTS = {
         "aerodynamic_drag=0.05",
     ),
     "ringing plate": Fault(
-        "004", "a plate that rings", "sads", "quaternion_pd", "slew:0,0,60@10", 30.0,
-        "flexible_appendage=2/0.01/0.5/0/0/1",
+        "004", "a plate that rings", "sads", "quaternion_pd", "hold:0,0,40", 30.0,
+        "flexible_appendage=2/0.01/0.2/0/0/1",
     ),
     "stage backlash": Fault(
         "003", "stepper backlash", "cubesat", "mass_magnetic_pid", "", 30.0,
@@ -132,7 +134,7 @@ def row_of(name: str, seed: int) -> dict[str, Any]:
     log = fault.flown(effect, seed)
     begin = time.perf_counter()
     found = diagnose([log], load_platform(fault.platform))
-    units = {k.name: k.unit for k in effect.parameters()}
+    tried = next((one for one in found.tried if one.label == effect.label), None)
     return {
         "name": name,
         "seed": seed,
@@ -140,7 +142,7 @@ def row_of(name: str, seed: int) -> dict[str, Any]:
         "label": effect.label,
         "verdict": found.verdict,
         "why not": found.not_asked.get(effect.label, ""),
-        "units": units,
+        "found from": "" if tried is None else _from(tried),
         "causes": [
             {
                 "label": cause.effect.label,
@@ -152,6 +154,12 @@ def row_of(name: str, seed: int) -> dict[str, Any]:
         ],
         "seconds": time.perf_counter() - begin,
     }
+
+
+def _from(tried: Tried) -> str:
+    known = zip(tried.names, tried.detectable, tried.units, strict=True)
+    sizes = [f"{name} {printed(size, unit)}" for name, size, unit in known if np.isfinite(size)]
+    return f"nothing; it would be found from {', '.join(sizes)} on" if sizes else ""
 
 
 def _words(effect: Effect, half: np.ndarray) -> str:
@@ -166,7 +174,8 @@ def page(rows: list[dict[str, Any]]) -> str:
     lines = [HEAD.rstrip("\n")]
     for row in rows:
         fault = FAULTS[row["name"]]
-        named = "; ".join(c["words"] for c in row["causes"]) or row["why not"] or "nothing"
+        named = "; ".join(c["words"] for c in row["causes"]) or row["why not"]
+        named = named or row["found from"] or "nothing"
         ties = ", ".join(t for c in row["causes"] for t in c["ties"]) or "-"
         evidence = ", ".join(f"{c['evidence']:.0f}" for c in row["causes"]) or "-"
         lines.append(

@@ -7,7 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.diagnose.weighing import Trace
-from twin.effects import BodyEffect, Effect, SeriesEffect, able, catalogue, with_effects
+from twin.effects import (
+    BodyEffect,
+    Effect,
+    ScatterEffect,
+    SeriesEffect,
+    able,
+    catalogue,
+    with_effects,
+)
 from twin.effects.effect import targets
 from twin.errors import TwinError
 from twin.model import compile_model
@@ -85,7 +93,11 @@ def candidates_of(bodies: Sequence[Body], lines: Sequence[float] = ()) -> Candid
             usual = kind.typical(target).absent()
             found = candidate(usual, platform)
             if not found.perturbations:
-                not_asked[label] = "not observable: the prediction does not depend on it"
+                not_asked[label] = (
+                    "not observable: no scatter beyond chance follows it"
+                    if issubclass(kind, ScatterEffect)
+                    else "not observable: the prediction does not depend on it"
+                )
                 continue
             asked.append(found)
             for hertz in lines:

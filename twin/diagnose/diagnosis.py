@@ -15,6 +15,7 @@ from twin.diagnose.grounds import check_logs, check_numbers, check_seen
 from twin.diagnose.held_out import HeldOut, held_out
 from twin.diagnose.reasoning import Line, reason
 from twin.diagnose.remainder import Remainder
+from twin.diagnose.scatter import scatter_causes
 from twin.errors import UsageError
 from twin.identify.calibrate import calibrated
 from twin.identify.momentum import momentum_fit
@@ -106,7 +107,7 @@ def diagnose(
         plain = plain_of(logs, platform, follows=False)
         line = reason(plain, candidates.asked, say)
     now = line.now
-    causes = causes_of(now, line.search, line.nameless)
+    causes = (*causes_of(now, line.search, line.nameless), *scatter_causes(now))
     experiment = next_experiment(platform, now, causes, line.asked, say)
     tried = tried_of(line.search, now.own, line.asked)
     say("free runs")
@@ -119,7 +120,7 @@ def diagnose(
         now,
         causes,
         tried,
-        {**candidates.not_asked, **_silent(candidates, line, causes, tried)},
+        {**_unasked(candidates, causes), **_silent(candidates, line, causes, tried)},
         equation_of(now, line.nameless),
         line.left,
         held_out(now),
@@ -129,6 +130,12 @@ def diagnose(
     if found.verdict == "healthy":
         check_seen(plain)
     return found
+
+
+def _unasked(candidates: Candidates, causes: Sequence[Cause]) -> dict[str, str]:
+    """Why causes were not asked for, but those that were found by their scatter, by label."""
+    found = {cause.effect.label for cause in causes}
+    return {label: why for label, why in candidates.not_asked.items() if label not in found}
 
 
 def _silent(

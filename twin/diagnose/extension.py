@@ -45,10 +45,10 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
     for key in ("inertia", "center_of_mass_offset"):
         base[key].comment("fitted to its logs")
     document["title"] = f"{platform.title}, as its logs have it"
-    if found.effects:
+    if diagnosis.causes:
         effects = document.setdefault("effects", tomlkit.table())
-        for effect in found.effects:
-            _state(effects, effect)
+        for cause in diagnosis.causes:
+            _state(effects, cause.effect)
     path.write_text(tomlkit.dumps(document), encoding="utf-8")
     if diagnosis.equation is not None:
         write_law(diagnosis.equation, platform, folder / LAW)

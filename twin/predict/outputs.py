@@ -19,7 +19,7 @@ from twin.platform import Platform
 from twin.predict.profiles import Course
 from twin.predict.sensed import Sense
 from twin.predict.states import States
-from twin.recording import Recording
+from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -217,7 +217,7 @@ def outputs_of(
         k = len(columns)
         slot = width + rank[:, None] * k + np.arange(k)
         told = course if name == "stage_position" else None
-        counter = None if told is None else _counted(machine.platform, name)
+        counter = None if told is None else _counted(machine.platform, series)
         noise, stated, worth = counter or _noise(recording, machine.platform, name, k)
         found.append(
             Output(
@@ -258,13 +258,16 @@ def _noise(
     return np.broadcast_to(np.asarray(stated, dtype=np.float64), (k,)).copy(), True, np.full(k, inf)
 
 
-def _counted(platform: Platform, name: str) -> tuple[Array, bool, Array] | None:
-    """Of a counter, whose noise cannot be told from its moves: as platform.toml states it.
+def _counted(platform: Platform, series: Series) -> tuple[Array, bool, Array] | None:
+    """Of stages' counters, whose noise cannot be told from their moves: as platform.toml states it.
 
-    What rests is off by the same rounding all the time, by half a step at most.
+    What rests is off by the same rounding all the time, by half a step at most: readings that
+    repeat are one.
     """
-    sensor = platform.sensors[name]
-    noise = np.hypot(sensor.noise, 0.5 * sensor.resolution)
+    sensor = platform.sensors["stage_position"]
+    changes = np.count_nonzero(np.diff(series.value, axis=0), axis=0)
+    alike = len(series) / (1.0 + changes)
+    noise = np.hypot(sensor.noise, 0.5 * sensor.resolution * np.sqrt(alike))
     return (noise, True, np.full(len(noise), inf)) if np.all(noise > 0.0) else None
 
 

@@ -1,0 +1,53 @@
+"""What the papers' authors met in their own machines is found in logs of ours. Seeds are printed.
+
+`python -m benchmarks.papers` writes what is answered to each, docs/papers_found.md.
+"""
+
+import numpy as np
+import pytest
+
+from benchmarks.papers import FAULTS, SEED
+from twin.diagnose import Diagnosis
+from twin.diagnose.cause import Cause
+
+
+def diagnosed(name: str, seed: int) -> tuple[Diagnosis, Cause]:
+    """What is found, and the cause that was hidden."""
+    effect = FAULTS[name].drawn(seed)
+    print(f"hidden: {effect.words()}, seed {seed}")
+    found = FAULTS[name].diagnosed(effect, seed)
+    print(found.verdict, [cause.effect.words() for cause in found.causes])
+    own = [cause for cause in found.causes if cause.effect.label == effect.label]
+    assert own, f"{effect.label} is not named"
+    sure = np.isfinite(own[0].half_widths)
+    off = np.abs(own[0].effect.values - effect.values)[sure]
+    # four standard deviations
+    assert np.all(off < 2.0 * own[0].half_widths[sure]), "the size is another"
+    return found, own[0]
+
+
+def test_wheel_speeds_that_come_late_are_found_to_be_and_nothing_else():
+    found, cause = diagnosed("late wheels", SEED)
+    assert found.verdict == "explained"
+    assert len(found.causes) == 1
+    assert cause.half_widths[0] < 0.05
+
+
+@pytest.mark.slow
+def test_a_flywheel_turned_by_a_few_degrees_is_seen_where_the_paper_could_not():
+    _, cause = diagnosed("turned flywheel", SEED)
+    assert np.nanmax(cause.half_widths) < np.radians(3.6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["inclinometer askew", "gimbal friction", "gimbal backlash", "gyro off balance", "drag"]
+)
+def test_a_fault_of_the_papers_machines_is_named_and_sized(name: str):
+    diagnosed(name, SEED)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["stage backlash", "stage vibration"])
+def test_steppers_are_found_to_have_play_and_to_shake(name: str):
+    diagnosed(name, SEED)

@@ -1,0 +1,91 @@
+"""Causes that change no expected value, but how far a sensor's readings scatter.
+
+What a fit leaves of a sensor has a variance a + declared(t) + g^2 s(t)^2, s being what the effect
+of size 1 adds. Twice the logarithm of the likelihood's ratio to g = 0 is the gain; declared is what
+the platform has of such effects already.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from twin.diagnose.cause import Cause
+from twin.diagnose.explanation import Explanation
+from twin.diagnose.search import FALSE_ALARM, price
+from twin.effects import Effect, ScatterEffect, catalogue, effects_of
+from twin.effects.effect import targets
+from twin.identify.prediction_error import NORMAL
+from twin.platform import Platform
+from twin.predict.body import Body
+
+Array = NDArray[np.float64]
+
+
+def scatter_causes(now: Explanation, taken: Sequence[Effect] = ()) -> tuple[Cause, ...]:
+    """The best one beyond chance, if any, and those beside it; none where no motion follows.
+
+    Args:
+        now: the explanation that stands.
+        taken: those that are found already.
+    """
+    platform = now.bodies[0].machine.platform
+    if not now.follows or len(now.bodies) != 1:
+        return ()
+    unit = [
+        kind(**kind.named([1.0]), target=target)
+        for kind in catalogue()
+        if issubclass(kind, ScatterEffect) and len(kind.parameters()) == 1
+        for target in targets(kind.takes, platform)
+    ]
+    known = [one.label for one in (*effects_of(platform), *taken)]
+    asked = [one for one in unit if not one.unfit(platform) and one.label not in known]
+    found = [one for effect in asked if (one := _cause(now, effect, taken)) is not None]
+    best = max(found, key=lambda cause: cause.evidence, default=None)
+    if best is None or np.exp(-0.5 * (best.alone)) > FALSE_ALARM / len(asked):
+        return ()
+    return (best, *scatter_causes(now, (*taken, best.effect)))
+
+
+def _cause(now: Explanation, effect: ScatterEffect, taken: Sequence[Effect]) -> Cause | None:
+    body, platform = now.bodies[0], now.bodies[0].machine.platform
+    parts = zip(body.outputs, now.account.left[0], strict=True)
+    seen = next((pair for pair in parts if pair[0].stream == effect.acts_on), None)
+    if seen is None:
+        return None
+    output, left = seen
+    square = np.square(left * output.noise)
+    more = _variance(effect, body, output.time, platform)
+    others = [one for one in (*effects_of(platform), *taken) if isinstance(one, ScatterEffect)]
+    known = [_variance(one, body, output.time, platform) for one in others]
+    declared = sum((one for one in known), start=np.zeros_like(more))
+    if not more.any():
+        return None
+
+    def cost(numbers: Array) -> float:
+        variance = np.exp(numbers[0]) + declared + np.square(numbers[1] / scale) * more
+        return float(np.sum(np.log(variance) + square / variance))
+
+    scale = np.sqrt(more.mean() / square.mean())
+    quiet = np.log(max(float(np.mean(square - declared)), 1e-3 * float(square.mean())))
+    none = minimize(lambda a: cost(np.array([a[0], 0.0])), [quiet], method="Nelder-Mead")
+    best = minimize(cost, [float(none.x[0]), 0.3], method="Nelder-Mead")
+    gain = float(none.fun - best.fun)
+    evidence = gain - price(gain, 1)
+    if evidence <= 0.0:
+        return None
+    size = abs(float(best.x[1]))
+    step = 0.02 * size
+    side = [cost(np.array([best.x[0], size + sign * step])) for sign in (-1.0, 1.0)]
+    bend = max((side[0] + side[1] - 2.0 * float(best.fun)) / step**2, 1e-300)
+    half = NORMAL * np.sqrt(2.0 / bend) / scale
+    there = effect.with_values(np.clip([size / scale], *effect.bounds()))
+    return Cause(there, np.array([True]), np.array([half]), evidence, gain, 1.0, ())
+
+
+def _variance(effect: ScatterEffect, body: Body, time: Array, platform: Platform) -> Array:
+    """(m, 1) that it adds at some instants."""
+    _, velocity, _ = body.inputs.joint_states(time)
+    cause = velocity[:, body.machine.stage_dof]
+    return np.square(effect.sigma(cause[None], platform))[0]
