@@ -106,12 +106,12 @@ FAULTS = {
         "flexible_appendage=2/0.01/0.2/0/0/1",
     ),
     "stage backlash": Fault(
-        "003", "stepper backlash", "cubesat", "mass_magnetic_pid", "", 30.0,
+        "003", "stepper backlash", "cubesat:offset_plus", "mass_magnetic_pid", "", 40.0,
         "stage_backlash:s1=3e-5",
     ),
     "stage vibration": Fault(
-        "003", "stepper vibration", "cubesat", "mass_magnetic_pid", "", 30.0,
-        "stage_vibration:s1=20",
+        "003", "stepper vibration, where a gyro is read while masses move", "astros", "mass_pid",
+        "multisine:3", 20.0, "stage_vibration:s1=1",
     ),
 }  # fmt: skip
 

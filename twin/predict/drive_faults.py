@@ -18,8 +18,8 @@ from twin.recording import Series
 Array = NDArray[np.float64]
 
 STREAM = "command_gimbal_rate"
-ROUNDS = 2
-"""Times that the faults' marks are formed, the second where the first found them."""
+ROUNDS = 5
+"""Times that the faults' marks are formed, each where the one before found them."""
 
 
 def less_drive_faults(machine: Machine, told: Series, error: Series) -> Series:

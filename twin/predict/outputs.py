@@ -19,7 +19,7 @@ from twin.platform import Platform
 from twin.predict.profiles import Course
 from twin.predict.sensed import Sense
 from twin.predict.states import States
-from twin.recording import Recording, Series
+from twin.recording import Recording
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -217,7 +217,7 @@ def outputs_of(
         k = len(columns)
         slot = width + rank[:, None] * k + np.arange(k)
         told = course if name == "stage_position" else None
-        counter = None if told is None else _counted(machine.platform, series)
+        counter = None if told is None else _counted(machine.platform, len(series))
         noise, stated, worth = counter or _noise(recording, machine.platform, name, k)
         found.append(
             Output(
@@ -258,16 +258,14 @@ def _noise(
     return np.broadcast_to(np.asarray(stated, dtype=np.float64), (k,)).copy(), True, np.full(k, inf)
 
 
-def _counted(platform: Platform, series: Series) -> tuple[Array, bool, Array] | None:
+def _counted(platform: Platform, count: int) -> tuple[Array, bool, Array] | None:
     """Of stages' counters, whose noise cannot be told from their moves: as platform.toml states it.
 
-    What rests is off by the same rounding all the time, by half a step at most: readings that
-    repeat are one.
+    Rounding is off by half a step at most, and where a drive's own steps are rounded it is off by
+    the same at every stop: so many readings say no more of it than one.
     """
     sensor = platform.sensors["stage_position"]
-    changes = np.count_nonzero(np.diff(series.value, axis=0), axis=0)
-    alike = len(series) / (1.0 + changes)
-    noise = np.hypot(sensor.noise, 0.5 * sensor.resolution * np.sqrt(alike))
+    noise = np.hypot(sensor.noise, 0.5 * sensor.resolution * np.sqrt(count))
     return (noise, True, np.full(len(noise), inf)) if np.all(noise > 0.0) else None
 
 
