@@ -172,13 +172,8 @@ class Explanation:
     @property
     def amplitudes(self) -> Array:
         """(a,) strengths by which the model differs from one without effects and laws."""
-        size = [
-            amplitudes(effect)[free] for effect, free in zip(self.effects, self.free, strict=True)
-        ]
-        every = np.concatenate(
-            [np.zeros(0, dtype=bool), *size, np.ones(len(self.laws), dtype=bool)]
-        )
-        return np.where(every, self.at.strengths[len(self.at.strengths) - len(every) :], 0.0)
+        own = sum(int(free.sum()) for free in self.free) + len(self.laws)
+        return self.at.strengths[len(self.at.strengths) - own :]
 
     @property
     def own(self) -> tuple[int, ...]:
@@ -187,11 +182,13 @@ class Explanation:
 
     def _trace(self, index: int) -> Trace:
         effect, free = self.effects[index], self.free[index]
+        first = sum(int(ones.sum()) for ones in self.free[:index])
+        strengths = np.zeros(len(free))
+        strengths[free] = self.amplitudes[first : first + int(free.sum())]
+        # a shape's strength counts from where the columns were formed
+        origin = np.where(amplitudes(effect), 0.0, effect.values - strengths)
         low, high = effect.bounds()
-        shape = ~amplitudes(effect)
-        low = np.where(shape, low - effect.values, low)[free]
-        high = np.where(shape, high - effect.values, high)[free]
-        return Trace(effect.label, low, high)
+        return Trace(effect.label, (low - origin)[free], (high - origin)[free])
 
 
 def explain(

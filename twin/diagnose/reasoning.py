@@ -20,8 +20,10 @@ from twin.predict.effect_columns import amplitudes, strengths_of, with_strengths
 
 Say = Callable[[str], None]
 
-ROUNDS = 4
+ROUNDS = 6
 """Searches, each where the fit of the one before stands."""
+WEAK = 0.03
+"""Share of another's evidence that may be no more than the error of its linearised column."""
 DOUBTFUL = 0.01
 """Chance below which laws without a name are tried; and always where one cause did not do."""
 NAMELESS = 6.0
@@ -49,15 +51,15 @@ class Line:
 def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     """From a model without causes to one that needs no more of them, and none of them less."""
     line = _searched(plain, tuple(asked), say)
+    if len(line.now.effects) > 1:
+        line = _with_laws(line, say)
     lines = () if line.nameless else lines_of(line.now)
     if lines:
         say("what rings")
         line = _searched(line.now, candidates_of(plain.bodies, lines).asked, say)
     say("what is left")
-    # where nothing makes the motion follow a model, a law more would only bend to what is left
-    if line.now.follows and not line.nameless and line.left.chance < DOUBTFUL:
-        say("laws without a name")
-        line = _with_laws(line, line.now.effects, line.now.own) or line
+    if not line.nameless and line.left.chance < DOUBTFUL:
+        line = _with_laws(line, say)
     needed = _needed_only(line.now)
     if needed is line.now:
         return line
@@ -73,17 +75,12 @@ def _searched(start: Explanation, asked: tuple[Candidate, ...], say: Say) -> Lin
     search = search_from(now, asked)
     seen = [frozenset(effect.label for effect in now.effects)]
     for _ in range(ROUNDS):
-        chosen = search.best()
+        chosen = _strong(search, search.best(), len(now.own))
         labels = frozenset(search.weighing.traces[index].label for index in chosen)
         if labels in seen:
             break
         seen.append(labels)
         guesses = _guesses(now, asked, search.weighing, chosen)
-        if len(guesses) > 1 and now.follows:
-            say("laws without a name")
-            better = _with_laws(Line(now, search, asked), guesses, chosen)
-            if better is not None:
-                return better
         say("fitting " + ", ".join(sorted(labels)))
         tried = _fitted(now, guesses)
         fitted = guesses if tried is None else tried.effects
@@ -94,6 +91,24 @@ def _searched(start: Explanation, asked: tuple[Candidate, ...], say: Say) -> Lin
         say("causes weighed")
         search = search_from(now, asked)
     return Line(now, search, asked)
+
+
+def _strong(search: Search, chosen: tuple[int, ...], own: int) -> tuple[int, ...]:
+    """Without new causes that can wait until a far stronger new one has been fitted.
+
+    Args:
+        search: where the reasoning stands.
+        chosen: the best set.
+        own: how many causes are fitted already; they come first.
+    """
+    whole = search.evidence(chosen)
+    worth = {
+        index: whole - search.evidence(tuple(other for other in chosen if other != index))
+        for index in chosen
+        if index >= own
+    }
+    most = max(worth.values(), default=0.0)
+    return tuple(i for i in chosen if i < own or worth[i] >= WEAK * most)
 
 
 def _fitted(
@@ -148,37 +163,27 @@ def _guesses(
     return found
 
 
-def _with_laws(line: Line, causes: Sequence[Effect], chosen: Sequence[int]) -> Line | None:
-    """With laws without a name, where they explain more than causes: in place of some or beside.
-
-    Args:
-        line: where the reasoning stands.
-        causes: that it would go on with.
-        chosen: the same, and the laws it has, among what it weighs.
-
-    Returns:
-        None where they do not.
-    """
+def _with_laws(line: Line, say: Say) -> Line:
+    """With laws without a name, where they explain more than causes: in place of some or beside."""
+    # where nothing makes the motion follow a model, a law more would only bend to what is left
+    if not line.now.follows:
+        return line
+    say("laws without a name")
     now, laws = line.now, laws_of(line.now.bodies)
     unlikely = NAMELESS + 2.0 * float(np.log(len(laws)))
-    new = [line.asked[index - len(now.own)] for index in chosen if index >= len(now.own)]
     weighing = now.weigh(
-        [*(one.perturbations for one in new), *((law.perturbation,) for law in laws)],
-        [*(one.trace for one in new), *(law.trace(unlikely) for law in laws)],
+        [(law.perturbation,) for law in laws], [law.trace(unlikely) for law in laws]
     )
     search = Search(weighing, range(len(weighing.traces)))
-    first = len(now.own) + len(new)
     best = search.best()
-    found = [laws[index - first] for index in best if index >= first]
-    labels = {weighing.traces[index].label for index in best if index < first}
-    without = [i for i in range(first) if weighing.traces[i].label in {c.label for c in causes}]
-    more = search.evidence(best) - search.evidence(tuple(without))
+    found = [laws[index - len(now.own)] for index in best if index >= len(now.own)]
+    more = search.evidence(best) - search.evidence(now.own)
     if not found or more < TIED:
-        return None
-    kept = [effect for effect in causes if effect.label in labels]
+        return line
+    kept = [effect for index, effect in enumerate(now.effects) if index in best]
     there = _fitted(now, kept, found)
     if there is None:
-        return None
+        return line
     return Line(there, search_from(there, line.asked), line.asked, more)
 
 
