@@ -206,6 +206,9 @@ def outputs_of(
         # a rate's change is felt at the end of a step
         segment, place = grid.place(series.time, ending=name in senses)
         inside = (place > -0.5) & (place < grid.steps + 0.5)
+        if name in senses and senses[name].feels_turning:
+            # how fast the rate changed before the log began nobody knows
+            inside &= (segment > 0) | (place > 0.5)
         segment, place = segment[inside], place[inside]
         instant = np.rint(place).astype(np.intp)
         # the how-manieth of its instant each sample is

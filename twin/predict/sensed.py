@@ -45,6 +45,11 @@ class Sense:
     memory: int
     """Steps before a segment that the low-pass remembers."""
 
+    @property
+    def feels_turning(self) -> bool:
+        """Whether a value depends on how the rate has changed over the step before."""
+        return self.stream != "magnetometer"
+
     def shown(self, path: States) -> Array:
         """Values (v, S, steps + 1, k) along paths (v, S, steps + 1, .)."""
         position, rate, turning = self._extended(path)
