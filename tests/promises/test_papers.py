@@ -41,7 +41,15 @@ def test_a_flywheel_turned_by_a_few_degrees_is_seen_where_the_paper_could_not():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", ["inclinometer askew", "gimbal friction", "gimbal backlash", "drag"]
+    "name",
+    [
+        "inclinometer askew",
+        "gimbal friction",
+        "gimbal backlash",
+        "gyro off balance",
+        "drag",
+        "late wheels gently",
+    ],
 )
 def test_a_fault_of_the_papers_machines_is_named_and_sized(name: str):
     diagnosed(name, SEED)

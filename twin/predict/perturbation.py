@@ -17,8 +17,9 @@ from twin.predict.states import States
 
 Array = NDArray[np.float64]
 
-SOON = 1e-4
-"""Lag over which a late stream is differenced [s]."""
+SOON = 0.1
+"""Lag over which a late stream is differenced, of its period. A law that answers to noise makes a
+motion jagged: its slope at an instant says little of what it was a part of a sample before."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +92,10 @@ class Added:
                 if one.late is not None:
                     # Into the past only: what a law commands at an instant answers to the noise of
                     # the sample that it read there, and would seem to explain it.
-                    past = output.residual(path, step, late + SOON)[0]
+                    soon = SOON * float(np.median(np.diff(output.time)))
+                    past = output.residual(path, step, late + soon)[0]
                     there = output.residual(path, step, late)[0]
-                    own[:] = (past - there) / SOON * one.late(output)[:, None]
+                    own[:] = (past - there) / soon * one.late(output)[:, None]
         found = body.scatter(parts)
         columns = np.zeros((*found.shape[1:], len(self.perturbations)))
         columns[..., faults] = np.moveaxis(found, 0, -1)
