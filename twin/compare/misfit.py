@@ -71,9 +71,11 @@ def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[
         left: (m, k) each.
         fitted: how many numbers were fitted to them.
     """
-    total = sum(values.size for log in left for values in log)
+    total = sum(body.samples for body in problem.bodies)
     found: list[Misfit] = []
     for index, output in enumerate(problem.bodies[0].outputs):
+        if not output.scatters:
+            continue
         values = np.concatenate([log[index] for log in left if index < len(log)])
         for k, column in enumerate(output.columns):
             steps = resolution_of(output.value[:, k]) / np.sqrt(12.0)

@@ -46,6 +46,7 @@ def held_out(found: Explanation) -> HeldOut:
         * (1.0 if output.stated else float(np.mean(1.0 / output.worth - 1.0)))
         for body in found.bodies
         for output in body.outputs
+        if output.scatters
     )
     half = NORMAL * float(np.sqrt(spread)) / samples
     states = sum(start.width for start in found.at.starts)

@@ -258,6 +258,8 @@ def _misfit(problem: Problem, found: Fit) -> tuple[Misfit, ...]:
     variance: dict[str, float] = {}
     for body, rows in zip(problem.bodies, found.innovations.left(), strict=True):
         for output, values in zip(body.outputs, body.gather(rows), strict=True):
+            if not output.scatters:
+                continue
             name = output.stream
             squares[name] = squares.get(name, 0.0) + float(np.sum(np.square(values)))
             counts[name] = counts.get(name, 0) + values.size

@@ -97,8 +97,8 @@ class Body:
 
     @property
     def samples(self) -> int:
-        """Numbers predicted."""
-        return sum(output.slot.size for output in self.outputs)
+        """Numbers predicted whose residuals are noise of a known size."""
+        return sum(output.slot.size for output in self.outputs if output.scatters)
 
     @property
     def bias_scale(self) -> Array:

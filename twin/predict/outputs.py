@@ -153,6 +153,11 @@ class Output:
             return rotation.to_rotation_vector(error) / self.noise
         return (self.value - predicted) / self.noise
 
+    @property
+    def scatters(self) -> bool:
+        """Whether its residual is noise of the size that is assumed: a counter's is less."""
+        return self.course is None
+
     def moved_by(self, change: Array, first: int, path: States) -> Array:
         """d residual (m, k, a) by changes (S, steps + 1, x, a) of the state at each instant.
 
