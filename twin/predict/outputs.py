@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.model import Machine
 from twin.noise import noise_and_worth
-from twin.platform import Platform
+from twin.platform import Platform, Sensor
 from twin.predict.profiles import Course
 from twin.predict.sensed import Sense
 from twin.predict.states import States
@@ -26,6 +26,9 @@ Index = NDArray[np.intp]
 
 FEWEST = 4
 """Shorter streams are not predicted."""
+FEW = 100
+"""An estimate of noise that is worth fewer samples is taken together with what platform.toml
+states, as that many more: by chance it is half of the truth, or twice as much."""
 
 
 @dataclass(frozen=True)
@@ -262,8 +265,22 @@ def _noise(
             rounding = platform.sensors[name].resolution / np.sqrt(12.0)
             still = np.ptp(recording[name].value, axis=0) == 0.0
             noise = np.where(still, np.maximum(noise, rounding), noise)
-        return noise, False, worth
+        return _with_statement(platform.sensors.get(name), noise, worth, len(recording[name]))
     return np.broadcast_to(np.asarray(stated, dtype=np.float64), (k,)).copy(), True, np.full(k, inf)
+
+
+def _with_statement(
+    sensor: Sensor | None, noise: Array, worth: Array, count: int
+) -> tuple[Array, bool, Array]:
+    """An estimate from few samples, with what platform.toml states as so many more."""
+    stated = np.zeros(1) if sensor is None else np.asarray(sensor.noise, dtype=np.float64)
+    enough = worth * count
+    few = (enough < FEW) & (stated > 0.0)
+    share = enough / (enough + FEW)
+    both = share * np.square(noise) + (1.0 - share) * np.square(stated)
+    # the residual's variance beside it is 2 / count (1 / worth - 1), as that of an estimate
+    worth_of_both = 1.0 / (2.0 - 2.0 * share + np.square(share) / worth)
+    return np.where(few, np.sqrt(both), noise), False, np.where(few, worth_of_both, worth)
 
 
 def _counted(platform: Platform, count: int) -> tuple[Array, bool, Array] | None:

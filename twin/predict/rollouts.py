@@ -5,6 +5,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from twin.errors import TwinError
 from twin.model import Machine
 from twin.predict.drive import Inputs
 from twin.predict.motion import Motion
@@ -55,6 +56,9 @@ class Rollouts:
             model: the machine's, with the base parameters to try.
             start: of each segment.
             push: (S, steps, nv) generalised force added to the drive.
+
+        Raises:
+            TwinError: the motion is unbounded.
         """
         machine, grid = self.machine, self.grid
         self.prepare(model)
@@ -80,6 +84,8 @@ class Rollouts:
             control_spec=_CONTROL | _FORCE,
             record=("qpos", "qvel"),
         )
+        if not (np.isfinite(run["qpos"]).all() and np.isfinite(run["qvel"]).all()):
+            raise TwinError("a machine with such parameters moves beyond all bounds")
 
         def along(first: Array, rest: Array, columns: slice | NDArray[np.intp]) -> Array:
             values = np.concatenate([first[:, None, columns], rest[:, :, columns]], axis=1)
