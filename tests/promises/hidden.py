@@ -8,12 +8,13 @@ its J and m r are off, and it moves on half the step.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from benches import LIBRARY, Bench, Yardstick, believed, flown, yardstick
+from benches import LIBRARY, Bench, Yardstick, believed, flown, machine, yardstick
 
-from twin.effects import Effect, catalogue
+from twin.effects import Effect, able, catalogue, with_effects
 from twin.effects.effect import targets
 from twin.effects.errors import EffectError
 from twin.errors import TwinError
+from twin.model import compile_model
 from twin.platform import Platform, load_platform
 from twin.predict.effect_columns import BLIND, amplitudes
 from twin.recording import Recording
@@ -134,11 +135,27 @@ def drawn(bench: Bench, label: str, evidence: float, rng: np.random.Generator) -
         direction = rng.uniform(0.3, 1.0, len(scale)) * scale
         two_sided = low[size] < 0.0
         direction = direction * np.where(two_sided, rng.choice([-1.0, 1.0], len(scale)), 1.0)
+        # a wheel's turn about its own axis is none: what no log shows stays absent
+        direction = np.where(weighing.seen(index) > 0.0, direction, 0.0)
         shown = float(np.linalg.norm(weighing.signature(index, direction)))
         values[size] = direction * np.sqrt(evidence) / shown
         if np.all(values >= low) and np.all(values <= high):
-            return effect.with_values(values)
+            return _possible(bench, effect.with_values(values))
     raise OutOfReach(f"not detectable here: {label} at {evidence:g} is beyond its bounds")
+
+
+def _possible(bench: Bench, effect: Effect) -> Effect:
+    """The effect.
+
+    Raises:
+        OutOfReach: no such machine can be.
+    """
+    platform = machine(bench)
+    try:
+        compile_model(with_effects(able(platform, effect), (effect,)))
+    except TwinError as problem:
+        raise OutOfReach(f"not detectable here: {effect.label}: {problem}") from problem
+    return effect
 
 
 def any_of(bench: Bench, evidence: float, rng: np.random.Generator, kind: str = "") -> Effect:

@@ -26,6 +26,8 @@ CONVERGED = 0.02
 SETTLED = 0.5
 """Likewise once no step makes the logs likelier. Under a disturbance that will do: where a model
 misses by far the steps do not become as small, and the intervals are wide."""
+SHRINKING = 0.9
+"""Ratio of a step to the smallest so far at which the iteration is still under way."""
 ENOUGH = 2.0
 """Segments a parameter that make their scatter worth looking at."""
 DECADES = (-14.0, 2.0)
@@ -131,7 +133,7 @@ def _iterate(
     steps go to and fro between two places: of those the likelier is kept, and is not converged.
     """
     tilted = False
-    best, idle = now, 0
+    best, idle, smallest = now, 0, np.inf
     for _ in range(ITERATIONS):
         if _size(now) < CONVERGED and not tilted:
             now, tilted = problem.tilted(now), True
@@ -142,9 +144,12 @@ def _iterate(
         if moved is None:
             break
         now = moved
-        likelier = now.chi2 + now.logarithm < best.chi2 + best.logarithm - CONVERGED**2
-        best, idle = (now, 0) if likelier else (best, idle + 1)
-        if idle > 1 and now.intensity == 0.0 and _size(now) < SETTLED:
+        likelier = now.chi2 + now.logarithm < best.chi2 + best.logarithm
+        best = now if likelier else best
+        size = _size(now)
+        idle = 0 if size < SHRINKING * smallest else idle + 1
+        smallest = min(size, smallest)
+        if idle > 3 and now.intensity == 0.0 and size < SETTLED:
             now = best
             break
     return Fit(now, converged=now.intensity > 0.0 and _size(now) < SETTLED)
