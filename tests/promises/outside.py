@@ -1,5 +1,6 @@
 """Torque laws that the catalogue has no name for, and the check that none of its names would do."""
 
+import abc
 import json
 from dataclasses import dataclass, replace
 from functools import cache
@@ -22,13 +23,19 @@ DEAD = 0.02
 
 
 @dataclass(frozen=True)
-class Nameless(BodyEffect):
-    """A torque about x in proportion to the rates about x and z."""
+class Outside(BodyEffect, abc.ABC):
+    """A torque law that the catalogue lacks."""
 
-    name = "nameless"
     domain = Domain.torque
     observable = "nothing that the catalogue knows"
     streams = ("gyro", "attitude")
+
+
+@dataclass(frozen=True)
+class Nameless(Outside):
+    """A torque about x in proportion to the rates about x and z."""
+
+    name = "nameless"
 
     size: float = parameter("torque per product of rates", "N m s^2", 3.0, source="any")
 
@@ -44,13 +51,10 @@ class Nameless(BodyEffect):
 
 
 @dataclass(frozen=True)
-class DeadZoneSpring(BodyEffect):
+class DeadZoneSpring(Outside):
     """A spring on roll and pitch that acts beyond a small angle only."""
 
     name = "dead_zone_spring"
-    domain = Domain.torque
-    observable = "nothing that the catalogue knows"
-    streams = ("gyro", "attitude")
 
     stiffness: float = parameter("beyond the dead zone", "N m/rad", 0.01, source="any")
 
@@ -66,13 +70,10 @@ class DeadZoneSpring(BodyEffect):
 
 
 @dataclass(frozen=True)
-class TiltedFriction(BodyEffect):
+class TiltedFriction(Outside):
     """A viscous friction that is there on one side of level and gone on the other."""
 
     name = "tilted_friction"
-    domain = Domain.torque
-    observable = "nothing that the catalogue knows"
-    streams = ("gyro", "attitude")
 
     damping: float = parameter("per sine of the tilt", "N m s", 0.1, source="any")
 
@@ -87,12 +88,10 @@ class TiltedFriction(BodyEffect):
 
 
 @dataclass(frozen=True)
-class WheelPump(BodyEffect):
+class WheelPump(Outside):
     """A torque about x in proportion to the square of the first wheel's speed."""
 
     name = "wheel_pump"
-    domain = Domain.torque
-    observable = "nothing that the catalogue knows"
     streams = ("gyro", "attitude", "wheel_speed")
 
     size: float = parameter("per square of the speed", "N m s^2", 1e-7, source="any")

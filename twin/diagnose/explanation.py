@@ -313,8 +313,8 @@ def _determined(
     whole = np.linalg.norm(now.columns, axis=0)
     columns = now.columns / np.maximum(whole, 1e-300)
     kept = columns.shape[1] - len(strengths)
-    reach = [np.subtract(*reversed(effect.bounds())) for effect in effects]
-    felt = whole[kept:] * np.concatenate([np.zeros(0), *reach]) > SLIGHT
+    reach = [high - low for low, high in (effect.bounds() for effect in effects)]
+    felt = whole[kept:] > SLIGHT / np.concatenate([np.zeros(0), *reach])
     basis = np.linalg.qr(columns[:, :kept])[0]
     first = kept
     for i, effect in enumerate(effects):

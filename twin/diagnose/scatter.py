@@ -43,7 +43,7 @@ def scatter_causes(now: Explanation, taken: Sequence[Effect] = ()) -> tuple[Caus
     asked = [one for one in unit if not one.unfit(platform) and one.label not in known]
     found = [one for effect in asked if (one := _cause(now, effect, taken)) is not None]
     best = max(found, key=lambda cause: cause.evidence, default=None)
-    if best is None or np.exp(-0.5 * (best.alone)) > FALSE_ALARM / len(asked):
+    if best is None or np.exp(-0.5 * best.alone) > FALSE_ALARM / len(asked):
         return ()
     return (best, *scatter_causes(now, (*taken, best.effect)))
 
@@ -59,7 +59,7 @@ def _cause(now: Explanation, effect: ScatterEffect, taken: Sequence[Effect]) -> 
     more = _variance(effect, body, output.time, platform)
     others = [one for one in (*effects_of(platform), *taken) if isinstance(one, ScatterEffect)]
     known = [_variance(one, body, output.time, platform) for one in others]
-    declared = sum((one for one in known), start=np.zeros_like(more))
+    declared = sum(known, start=np.zeros_like(more))
     if not more.any():
         return None
 

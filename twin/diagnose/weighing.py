@@ -63,7 +63,7 @@ class Weighing:
         self._own = [np.arange(i, j) for i, j in zip(edges, edges[1:], strict=False)]
         whole = np.linalg.norm(columns, axis=0)
         reach = [np.maximum(np.abs(trace.low), np.abs(trace.high)) for trace in self.traces]
-        felt = whole * np.concatenate([np.zeros(0), *reach]) > SLIGHT
+        felt = whole > SLIGHT / np.concatenate([np.zeros(0), *reach])
         self.size = np.where(felt, whole, 1.0)
         """(sum of k,) of each column before the base was projected out."""
         scaled = np.column_stack([base / _norms(base), columns / self.size, residual])

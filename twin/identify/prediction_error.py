@@ -24,8 +24,8 @@ HALVINGS = 6
 CONVERGED = 0.02
 """Largest step, in standard deviations, at which the iteration ends."""
 SETTLED = 0.5
-"""Likewise once no step makes the logs likelier. Under a disturbance that will do: where a model
-misses by far the steps do not become as small, and the intervals are wide."""
+"""Likewise once steps shrink no more. Under a disturbance that will do: where a model misses by far
+they do not become as small, and the intervals are wide."""
 SHRINKING = 0.9
 """Ratio of a step to the smallest so far at which the iteration is still under way."""
 ENOUGH = 2.0
@@ -133,11 +133,13 @@ def _iterate(
     steps go to and fro between two places: of those the likelier is kept, and is not converged.
     """
     tilted = False
+    size = _size(now)
     best, idle, smallest = now, 0, np.inf
     for _ in range(ITERATIONS):
-        if _size(now) < CONVERGED and not tilted:
+        if size < CONVERGED and not tilted:
             now, tilted = problem.tilted(now), True
-        if _size(now) < CONVERGED:
+            size = _size(now)
+        if size < CONVERGED:
             return Fit(now, converged=True)
         step = now.step()
         moved = _moved(now, step, innovations)
@@ -152,7 +154,7 @@ def _iterate(
         if idle > 3 and now.intensity == 0.0 and size < SETTLED:
             now = best
             break
-    return Fit(now, converged=now.intensity > 0.0 and _size(now) < SETTLED)
+    return Fit(now, converged=now.intensity > 0.0 and size < SETTLED)
 
 
 def _size(now: Innovations) -> float:

@@ -160,14 +160,15 @@ def _input_force(effect: Effect, body: Body) -> Array:
     recording, stream = body.recording, effect.stream
     predicted = [output.stream for output in body.outputs]
     measured = stream == "command_stage_position" and "stage_position" in predicted
+    none = np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
     if measured or stream not in body.inputs.used or stream in predicted:
-        return np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
+        return none
     series = recording[stream]
     samples = Samples(series.value[None], series.time[None], np.ones((1, len(series)), dtype=bool))
     act = effect.apply if stream.startswith("command_") else effect.undo
     true = act(samples, body.machine.platform)
     if np.array_equal(true.time, samples.time) and np.array_equal(true.value, samples.value):
-        return np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
+        return none
     driven = replace(series, time=true.time[0], value=true.value[0])
     inputs = Inputs(body.machine, replace(recording, streams={**recording.streams, stream: driven}))
     logged = body.commanded()

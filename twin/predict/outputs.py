@@ -272,7 +272,14 @@ def _noise(
 def _with_statement(
     sensor: Sensor | None, noise: Array, worth: Array, count: int
 ) -> tuple[Array, bool, Array]:
-    """An estimate from few samples, with what platform.toml states as so many more."""
+    """An estimate from few samples, with what platform.toml states as so many more.
+
+    Args:
+        sensor: as platform.toml has it.
+        noise: (k,) as estimated, in the stream's unit.
+        worth: (k,) share of the samples that would tell as much of it.
+        count: of samples.
+    """
     stated = np.zeros(1) if sensor is None else np.asarray(sensor.noise, dtype=np.float64)
     enough = worth * count
     few = (enough < FEW) & (stated > 0.0)

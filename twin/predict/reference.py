@@ -13,7 +13,6 @@ from twin.effects import BodyEffect, Effect
 from twin.predict.body import Body
 from twin.predict.effect_forces import force_of
 from twin.predict.perturbation import Perturbation
-from twin.recording import Recording
 
 Array = NDArray[np.float64]
 
@@ -39,25 +38,21 @@ def references_of(effect: Effect, bodies: Sequence[Body]) -> tuple[Perturbation,
 
 
 def _turned(effect: BodyEffect, of: Body, axis: int, log: int) -> Perturbation:
-    log_of = of.recording
+    recording = of.recording
 
     def force(body: Body) -> Array:
-        return _difference(effect, body, axis, log_of)
+        grid = body.grid
+        if body.recording is not recording:
+            return np.zeros((grid.segments, grid.steps, body.machine.model.nv))
+        turn = np.zeros(body.start.rate.shape[-1])
+        turn[axis] = TURN
+        return (force_of(effect, body, turn) - force_of(effect, body, -turn)) / (2.0 * TURN)
 
     name = f"{effect.label} rest of log {log} about {'xyz'[axis]}"
     return Perturbation(name, "rad", _known(of), force=force)
 
 
-def _difference(effect: BodyEffect, body: Body, axis: int, of: Recording) -> Array:
-    grid = body.grid
-    if body.recording is not of:
-        return np.zeros((grid.segments, grid.steps, body.machine.model.nv))
-    turn = np.zeros(body.start.rate.shape[-1])
-    turn[axis] = TURN
-    return (force_of(effect, body, turn) - force_of(effect, body, -turn)) / (2.0 * TURN)
-
-
 def _known(body: Body) -> float:
-    """1 sigma of the first attitude, before a motion is followed."""
+    """1 sigma of the first attitude, before a motion is followed [rad]."""
     seen = [o.noise.max() for o in body.outputs if o.stream in ("attitude", "joint_angle")]
     return float(min(seen, default=UNSEEN))
