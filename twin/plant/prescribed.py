@@ -12,8 +12,13 @@ from numpy.typing import NDArray
 from twin.model import Machine
 from twin.plant.gimbals import ramp
 from twin.plant.stages import plan
+from twin.platform import Platform
 
 Array = NDArray[np.float64]
+
+DRIVE = 0.01
+"""Longest time for which a drive holds an acceleration [s]. A profile depends on it, so it must not
+depend on how finely the physics is stepped."""
 
 
 class PrescribedJoints:
@@ -24,7 +29,8 @@ class PrescribedJoints:
         platform = machine.platform
         self._machine = machine
         self._qpos, self._qvel = qpos, qvel
-        self._step = platform.step
+        self._held = _held(platform)
+        self._period = self._held * platform.step
         self._inertia = machine.stage_inertia, machine.gimbal_inertia
         stages, gimbals = platform.stages, platform.gimbals
         self._has_stages, self._has_gimbals = bool(stages), bool(gimbals)
@@ -54,7 +60,7 @@ class PrescribedJoints:
         self._gimbal_target = rate
 
     def forces(self, steps: int) -> Array | None:
-        """Forces (n, steps, nv) on the joints in the next steps; None while none accelerates."""
+        """Forces (n, steps, nv) on the joints in the next tick; None while none accelerates."""
         if self._coming:
             self._stage_target = self._coming.popleft()
             self._coming.append(self._coming[-1] if self._coming else self._stage_target)
@@ -66,27 +72,31 @@ class PrescribedJoints:
                 self.stage_position,
                 self._stage_speed,
                 self._stage_target,
-                steps=steps,
-                step=self._step,
+                steps=steps // self._held,
+                step=self._period,
                 max_speed=self._max_speed,
                 max_acceleration=self._max_acceleration,
             )
             force = self.no_forces(steps)
-            force[:, :, self._machine.stage_dof] = acceleration * self._inertia[0]
+            push = np.repeat(acceleration, self._held, axis=1) * self._inertia[0]
+            force[:, :, self._machine.stage_dof] = push
         if self._has_gimbals:
             if (self._gimbal_rate == self._gimbal_target).all():
-                self._gimbal_angle = self._gimbal_angle + self._gimbal_rate * (steps * self._step)
+                self._gimbal_angle = self._gimbal_angle + (
+                    self._gimbal_rate * (steps * self._machine.platform.step)
+                )
                 return force
             acceleration, self._gimbal_angle, self._gimbal_rate = ramp(
                 self._gimbal_angle,
                 self._gimbal_rate,
                 self._gimbal_target,
-                steps=steps,
-                step=self._step,
+                steps=steps // self._held,
+                step=self._period,
                 max_acceleration=self._gimbal_acceleration,
             )
             force = self.no_forces(steps) if force is None else force
-            force[:, :, self._machine.gimbal_dof] = acceleration * self._inertia[1]
+            push = np.repeat(acceleration, self._held, axis=1) * self._inertia[1]
+            force[:, :, self._machine.gimbal_dof] = push
         return force
 
     def pin(self) -> None:
@@ -102,3 +112,10 @@ class PrescribedJoints:
     def no_forces(self, steps: int) -> Array:
         """Zeros of the shape of `forces`."""
         return np.zeros((len(self._qpos), steps, self._machine.model.nv))
+
+
+def _held(platform: Platform) -> int:
+    """Physics steps for which a drive holds an acceleration; a tick has a whole number of such."""
+    steps = platform.steps_per_tick
+    most = max(1, int(DRIVE / platform.step + 1e-6))
+    return max(k for k in range(1, min(most, steps) + 1) if steps % k == 0)
