@@ -163,7 +163,7 @@ class Yardstick:
 
 @cache
 def yardstick(bench: Bench) -> Yardstick:
-    """Of a bench; kept on disk for as long as the code is the same.
+    """Of a bench; kept on disk for as long as machines, laws and effects are the same.
 
     Raises:
         TwinError: the bench cannot be flown without a stop, or not be diagnosed.
@@ -219,10 +219,11 @@ def noiseless(weighing: Weighing, signal: np.ndarray) -> Weighing:
 
 @cache
 def tree() -> str:
-    """Of all that a yardstick depends on."""
+    """Of what is flown and asked. How it is predicted changes, and with it by a little how much
+    evidence a size has; that is as it was when a yardstick was made."""
     here = Path(__file__).parent
     git = subprocess.run(
-        ["git", "rev-parse", "HEAD:twin", "HEAD:models", "HEAD:controllers"],
+        ["git", "rev-parse", "HEAD:models", "HEAD:controllers", "HEAD:twin/effects"],
         cwd=here.parents[1], capture_output=True, check=False,
     )  # fmt: skip
     own = [(here / name).read_bytes() for name in ("benches.py", "shaken.py")]

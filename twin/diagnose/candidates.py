@@ -72,14 +72,8 @@ class Candidates:
     """Why, by label."""
 
 
-def candidates_of(bodies: Sequence[Body], lines: Sequence[float] = ()) -> Candidates:
-    """Everything in the catalogue, held against what these logs hold.
-
-    Args:
-        bodies: the logs.
-        lines: frequencies at which what a model leaves stands out [Hz]; effects that ring or push
-            at one frequency are tried there too.
-    """
+def candidates_of(bodies: Sequence[Body]) -> Candidates:
+    """Everything in the catalogue, held against what these logs hold."""
     platform = bodies[0].machine.platform
     asked: list[Candidate] = []
     not_asked: dict[str, str] = {}
@@ -100,9 +94,16 @@ def candidates_of(bodies: Sequence[Body], lines: Sequence[float] = ()) -> Candid
                 )
                 continue
             asked.append(found)
-            for hertz in lines:
-                asked += _ringing(usual, hertz, platform)
     return Candidates(tuple(asked), not_asked)
+
+
+def ringing(
+    asked: Sequence[Candidate], lines: Sequence[float], platform: Platform
+) -> tuple[Candidate, ...]:
+    """Those that ring or push at one frequency, there where what a model leaves stands out [Hz]."""
+    return tuple(
+        one for known in asked for hertz in lines for one in _ringing(known.effect, hertz, platform)
+    )
 
 
 def candidate(effect: Effect, platform: Platform) -> Candidate:

@@ -24,7 +24,7 @@ from twin.predict.effect_columns import (
     with_strengths,
 )
 from twin.predict.innovations import Innovations, Problem, Unknowns
-from twin.predict.perturbation import Perturbation
+from twin.predict.perturbation import Formed, Perturbation, formed, with_formed
 from twin.predict.reference import references_of
 from twin.predict.retrace import retraced
 
@@ -163,11 +163,17 @@ class Explanation:
 
     def rows_with(self, perturbations: Sequence[Perturbation]) -> Rows:
         """Whitened where it stands, with further columns."""
-        along = Problem(self.following, self.base)
-        exact = along.with_perturbations(self.now.exact, perturbations)
+        new = [one for one in perturbations if one not in self._formed]
+        self._formed.update(zip(new, formed(self.following, self.now.exact, new), strict=True))
+        exact = with_formed(self.now.exact, [self._formed[one] for one in perturbations])
         if isinstance(self.now, Innovations):
             return self._rows(self.problem.whiten(self.at, exact, self.now.intensity))
         return self._rows(apart(self.problem, self.at, exact))
+
+    @cached_property
+    def _formed(self) -> dict[Perturbation, Formed]:
+        """Columns of all that was asked here; most of it is asked again."""
+        return {}
 
     @property
     def amplitudes(self) -> Array:

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from twin.diagnose.candidates import Candidate, candidates_of
+from twin.diagnose.candidates import Candidate, ringing
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.laws import Law, laws_of
 from twin.diagnose.lines import lines_of
@@ -56,7 +56,8 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     lines = () if line.nameless else lines_of(line.now)
     if lines:
         say("what rings")
-        line = _searched(line.now, candidates_of(plain.bodies, lines).asked, say)
+        more = ringing(asked, lines, plain.bodies[0].machine.platform)
+        line = _searched(line.now, (*asked, *more), say)
     say("what is left")
     if not line.nameless and line.left.chance < DOUBTFUL:
         line = _with_laws(line, say)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, cast
 
 import mujoco
@@ -80,10 +81,10 @@ class Inputs:
         self.stage_course: Course | None = None
         """Of stages that were told to move, and seen."""
         self._stage = self._stages(recording)
-        self.gimbal_error: Series | None = None
-        """The gimbals' measured angle beside the one that they were told to have, as far as no
-        fault of their drives explains it."""
-        self._gimbal = self._gimbals(recording)
+        width = len(platform.gimbals)
+        self._gimbal_told = self._stream(recording, "command_gimbal_rate", width)
+        self._gimbal_seen = self._stream(recording, "gimbal_angle", width)
+        self._gimbal = self._gimbals()
 
     @property
     def wheels_predicted(self) -> bool:
@@ -101,6 +102,16 @@ class Inputs:
         """Whether nobody recorded what drove the gimbals: their rate is white noise of the
         intensity that their angle shows."""
         return "command_gimbal_rate" not in self.used
+
+    @cached_property
+    def gimbal_error(self) -> Series | None:
+        """The gimbals' measured angle beside the one that they were told to have, as far as no
+        fault of their drives explains it."""
+        told, seen = self._gimbal_told, self._gimbal_seen
+        if told is None or seen is None:
+            return seen
+        there, _ = profile(self.machine, "command_gimbal_rate", told)
+        return less_drive_faults(self.machine, told, there, seen)
 
     def prepare(self, model: mujoco.MjModel) -> None:
         """Leave all torque on undriven wheels to what their speed shows; let coils feel the log's
@@ -226,18 +237,15 @@ class Inputs:
         left, left_rate = (s.interpolated_at(place.time) for s in _travelled(error, sensor))
         return replace(place, value=place.value + left), replace(rate, value=rate.value + left_rate)
 
-    def _gimbals(self, recording: Recording) -> tuple[Series, Series] | None:
+    def _gimbals(self) -> tuple[Series, Series] | None:
         """Angle and rate: as told, moved to where they were measured; else as measured.
 
         Raises:
             UsageError: the log says neither.
         """
-        width = len(self.machine.platform.gimbals)
-        told = self._stream(recording, "command_gimbal_rate", width)
-        seen = self._stream(recording, "gimbal_angle", width)
-        self.gimbal_error = seen
+        told, seen = self._gimbal_told, self._gimbal_seen
         if told is None:
-            if width and seen is None:
+            if self.machine.platform.gimbals and seen is None:
                 raise UsageError(
                     "the log has neither gimbal_angle nor command_gimbal_rate, without which the "
                     f"motion of {self.machine.platform.name} cannot be predicted"
@@ -246,7 +254,6 @@ class Inputs:
         angle, rate = profile(self.machine, "command_gimbal_rate", told)
         if seen is not None:
             error = replace(seen, value=seen.value - angle.interpolated_at(seen.time))
-            self.gimbal_error = less_drive_faults(self.machine, told, error)
             left = smoothed_series(error)[0].interpolated_at(angle.time)
             angle = replace(angle, value=angle.value + left)
         return angle, rate

@@ -4,6 +4,7 @@ A fault that the model lacks is no random walk. Taken for one, it would be belie
 that it goes astray at every instant, and no cause could explain what is expected anyhow.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,32 +23,50 @@ ROUNDS = 5
 """Times that the faults' marks are formed, each where the one before found them."""
 
 
-def less_drive_faults(machine: Machine, told: Series, error: Series) -> Series:
-    """The error of gimbals' angles (m, gimbals) that no fault of a drive explains [rad].
+def less_drive_faults(machine: Machine, told: Series, there: Series, seen: Series) -> Series:
+    """What gimbals' angles (m, gimbals) are beside their command, and no fault explains [rad].
 
     Args:
         machine: compiled.
         told: the commanded rates.
-        error: measured angles less those that the commands lead to.
+        there: the angles that they lead to.
+        seen: the measured angles.
     """
     kinds = [k for k in catalogue() if issubclass(k, SeriesEffect) and k.acts_on == STREAM]
-    left = error.value - error.value.mean(axis=0)
-    for column, gimbal in enumerate(machine.platform.gimbals):
-        faults: list[Effect] = [kind.typical(gimbal.name) for kind in kinds]
-        for _ in range(ROUNDS):
-            marks = [_mark(machine, fault, told, error.time)[:, column] for fault in faults]
-            marks = np.stack([mark - mark.mean() for mark in marks], axis=1)
-            sizes, _ = nnls(marks, error.value[:, column] - error.value[:, column].mean())
-            left[:, column] = error.value[:, column] - error.value[:, column].mean() - marks @ sizes
-            faults = [
-                fault.with_values(np.clip(fault.values * max(float(size), 1e-3), *fault.bounds()))
-                for fault, size in zip(faults, sizes, strict=True)
-            ]
-    return replace(error, value=left)
+    gimbals = [gimbal.name for gimbal in machine.platform.gimbals]
+    error = _from_mean(seen.value - there.interpolated_at(seen.time))
+    left = error
+    # one of each kind on each gimbal, which is felt there alone
+    faults: list[list[Effect]] = [[kind.typical(name) for name in gimbals] for kind in kinds]
+    for _ in range(ROUNDS):
+        marks = [_mark(machine, every, told, there, seen.time) for every in faults]
+        sizes = np.stack(
+            [
+                nnls(np.stack([mark[:, i] for mark in marks], axis=1), error[:, i])[0]
+                for i in range(len(gimbals))
+            ],
+            axis=1,
+        )
+        left = error - sum(mark * size for mark, size in zip(marks, sizes, strict=True))
+        faults = [
+            [_sized(fault, float(one)) for fault, one in zip(every, size, strict=True)]
+            for every, size in zip(faults, sizes, strict=True)
+        ]
+    return replace(seen, value=left)
 
 
-def _mark(machine: Machine, fault: Effect, told: Series, time: Array) -> Array:
+def _mark(
+    machine: Machine, faults: Sequence[Effect], told: Series, there: Series, time: Array
+) -> Array:
     """(m, gimbals) [rad]."""
-    faulty = replace(machine, effects=(*machine.effects, fault))
-    there, here = (profile(one, STREAM, told)[0] for one in (faulty, machine))
-    return there.interpolated_at(time) - here.interpolated_at(time)
+    faulty = replace(machine, effects=(*machine.effects, *faults))
+    astray = profile(faulty, STREAM, told)[0]
+    return _from_mean(astray.interpolated_at(time) - there.interpolated_at(time))
+
+
+def _from_mean(values: Array) -> Array:
+    return values - values.mean(axis=0)
+
+
+def _sized(fault: Effect, size: float) -> Effect:
+    return fault.with_values(np.clip(fault.values * max(size, 1e-3), *fault.bounds()))

@@ -17,7 +17,7 @@ from twin.predict.body import Body, Exact
 from twin.predict.chain import Chain, chain, growth
 from twin.predict.kalman import whitened
 from twin.predict.linearised import Linearised
-from twin.predict.perturbation import Added, Perturbation
+from twin.predict.perturbation import Added, Perturbation, formed, with_formed
 from twin.predict.states import States
 
 Array = NDArray[np.float64]
@@ -228,11 +228,7 @@ class Problem:
 
         The last entries of a step over their standard deviations are score tests.
         """
-        more = tuple(perturbations)
-        return tuple(
-            _with(one, Added.to(body, more), np.zeros(len(more)))
-            for body, one in zip(self.bodies, exact, strict=True)
-        )
+        return with_formed(exact, formed(self.bodies, exact, perturbations))
 
     def with_columns(self, now: Innovations, columns: Sequence[Array]) -> Innovations:
         """With further unknowns, shared by all logs, that no motion depends on: a sensor's.
@@ -361,9 +357,7 @@ def _with(one: Exact, added: Added, strengths: Array) -> Exact:
     """With the columns of perturbations."""
     if not len(strengths):
         return one
-    columns, jumps = added.force_columns(one)
-    columns += added.sensor_columns(one.path, strengths)
-    return replace(one, linear=one.linear.with_columns(columns, jumps))
+    return replace(one, linear=one.linear.with_columns(*added.columns(one, strengths)))
 
 
 def _disturbed(one: Exact, intensity: float) -> tuple[Linearised, float]:

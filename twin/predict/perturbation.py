@@ -5,8 +5,8 @@ sensor is what the sensor shows, and when. Either way it is a column of the whit
 it can be scored where the model stands, and fitted beside the base.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,6 +101,11 @@ class Added:
         columns[..., faults] = np.moveaxis(found, 0, -1)
         return columns
 
+    def columns(self, exact: Exact, strengths: Array) -> tuple[Array, Array]:
+        """d residual (S, N, a), d segment's end (S - 1, x, a) / d strength."""
+        columns, jumps = self.force_columns(exact)
+        return columns + self.sensor_columns(exact.path, strengths), jumps
+
     def force_columns(self, exact: Exact) -> tuple[Array, Array]:
         """What the forces do, as `Body.force_columns`; those that are zero do nothing."""
         acting = np.any(self.forces, axis=(0, 1, 2))
@@ -119,3 +124,37 @@ class Added:
             if one.late is not None:
                 late = late + strengths[i] * one.late(output)
         return late
+
+
+Formed = tuple[tuple[Array, Array], ...]
+"""What one perturbation does to each log: d residual (S, N), d segment's end (S - 1, x)."""
+
+
+def formed(
+    bodies: Sequence[Body], exact: Sequence[Exact], perturbations: Sequence[Perturbation]
+) -> list[Formed]:
+    """Each perturbation's columns, at a strength of 0, where the logs were linearised."""
+    more = tuple(perturbations)
+    logs = [
+        Added.to(body, more).columns(one, np.zeros(len(more)))
+        for body, one in zip(bodies, exact, strict=True)
+    ]
+    return [
+        tuple((columns[..., i], jumps[..., i]) for columns, jumps in logs) for i in range(len(more))
+    ]
+
+
+def with_formed(exact: Sequence[Exact], every: Sequence[Formed]) -> tuple[Exact, ...]:
+    """What was linearised, with columns that were formed there; to be whitened."""
+    if not every:
+        return tuple(exact)
+    return tuple(
+        replace(
+            one,
+            linear=one.linear.with_columns(
+                np.stack([logs[i][0] for logs in every], axis=-1),
+                np.stack([logs[i][1] for logs in every], axis=-1),
+            ),
+        )
+        for i, one in enumerate(exact)
+    )

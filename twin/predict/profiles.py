@@ -5,6 +5,7 @@ nothing else is known, a gimbal at home; effects that the platform states of the
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from twin.signals import Samples
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Course:
     """Where stages should be by what they were told."""
 
@@ -29,10 +30,16 @@ class Course:
 
     def less(self, effect: Effect, time: Array) -> Array:
         """(m, k) how far an effect on the command takes the stages from there [m]."""
-        machine = replace(self.machine, effects=(*self.machine.effects, effect))
-        name, start = "command_stage_position", self.place.value[0]
-        there, _ = profile(machine, name, self.command, start)
+        there = _told_otherwise(self, effect)
         return there.interpolated_at(time) - self.place.interpolated_at(time)
+
+
+@lru_cache(maxsize=64)
+def _told_otherwise(course: Course, effect: Effect) -> Series:
+    """Positions [m] with an effect on the command."""
+    machine = replace(course.machine, effects=(*course.machine.effects, effect))
+    name, start = "command_stage_position", course.place.value[0]
+    return profile(machine, name, course.command, start)[0]
 
 
 def profile(
