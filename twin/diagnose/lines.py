@@ -22,7 +22,8 @@ def lines_of(found: Explanation) -> tuple[float, ...]:
     lines: list[tuple[float, float]] = []
     for body, parts in zip(found.bodies, found.account.left, strict=True):
         for output, values in zip(body.outputs, parts, strict=True):
-            if len(values) < 8:
+            # what a counter leaves repeats with its command, however small it is
+            if len(values) < 8 or not output.scatters:
                 continue
             rate = (len(output.time) - 1) / float(output.time[-1] - output.time[0])
             frequency, power = periodogram(values, rate, detrend="linear", axis=0)
