@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from twin.diagnose import Diagnosis
-from twin.diagnose.candidates import candidates_of
 from twin.diagnose.held_out import held_out
 from twin.diagnose.search import TIED, price
 from twin.effects import Effect
@@ -23,7 +22,7 @@ def named_by_others(found: Diagnosis, truth: str, alike: Sequence[str]) -> dict[
       parameters free does where the problem is linear; the one that is most standard deviations
       from 0.
     """
-    asked = candidates_of(found.plain.bodies).asked
+    asked = found.asked
     weighing = found.plain.weighing(asked)
     shown = [index for index in range(len(asked)) if weighing.shown(index)]
     evidence: dict[str, float] = {}

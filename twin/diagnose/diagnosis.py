@@ -7,7 +7,7 @@ import numpy as np
 
 from twin.compare.free_run import HORIZONS, FreeRun, free_run
 from twin.conventions import ConventionFinding, check_conventions, corrected
-from twin.diagnose.candidates import Candidates, candidates_of
+from twin.diagnose.candidates import Candidate, Candidates, candidates_of
 from twin.diagnose.cause import Cause, Equation, Tried, causes_of, equation_of, tried_of
 from twin.diagnose.experiment import Experiment, next_experiment
 from twin.diagnose.explanation import Explanation, explain
@@ -19,6 +19,7 @@ from twin.diagnose.scatter import scatter_causes
 from twin.errors import UsageError
 from twin.identify.calibrate import calibrated
 from twin.identify.momentum import momentum_fit
+from twin.identify.prediction_error import Fit, fit_disturbed
 from twin.identify.start import base_of, first_biases, first_theta
 from twin.model import compile_model
 from twin.noise import NoiseFinding, noise_findings
@@ -53,8 +54,10 @@ class Diagnosis:
     causes: tuple[Cause, ...]
     tried: tuple[Tried, ...]
     """The best first."""
+    asked: tuple[Candidate, ...]
+    """What the logs could be asked for, at its usual shape."""
     not_asked: Mapping[str, str]
-    """Why, by label."""
+    """What had no answer, and why, by label."""
     equation: Equation | None
     remainder: Remainder
     held_out: HeldOut
@@ -120,6 +123,7 @@ def diagnose(
         now,
         causes,
         tried,
+        candidates.asked,
         {**_unasked(candidates, causes), **_silent(candidates, line, causes, tried)},
         equation_of(now, line.nameless),
         line.left,
@@ -164,5 +168,12 @@ def plain_of(logs: Sequence[Recording], platform: Platform, *, follows: bool = T
     pairs = [(log, body.motion) for log, body in zip(logs, bodies, strict=True)]
     first = first_theta(plain, momentum_fit(pairs, plain))
     theta = np.concatenate([first, base.as_stated[len(first) :]])
-    start = Problem(bodies, base).start(theta, [first_biases(body) for body in bodies])
-    return explain(bodies, base, (), start, follows=follows)
+    problem = Problem(bodies, base)
+    start = problem.start(theta, [first_biases(body) for body in bodies])
+    first = explain(bodies, base, (), start, follows=follows)
+    if first.converged:
+        return first
+    # a motion that may stray from the model leads closer, however bad the start
+    near = fit_disturbed(problem, Fit(first.problem.innovations(start), converged=False), start)
+    again = explain(bodies, base, (), near.at, follows=follows)
+    return min(first, again, key=lambda one: one.cost)
