@@ -13,10 +13,11 @@ from twin.diagnose.candidates import Candidate
 from twin.diagnose.laws import Law
 from twin.diagnose.weighing import SLIGHT, Trace, Weighing
 from twin.effects import Effect
+from twin.errors import TwinError
 from twin.identify.prediction_error import fit
 from twin.predict.apart import Apart, apart, fit_apart
 from twin.predict.base import BaseParameters
-from twin.predict.body import Body
+from twin.predict.body import Body, Exact
 from twin.predict.effect_columns import (
     amplitudes,
     perturbations_of,
@@ -165,10 +166,29 @@ class Explanation:
         """Whitened where it stands, with further columns."""
         new = [one for one in perturbations if one not in self._formed]
         self._formed.update(zip(new, formed(self.following, self.now.exact, new), strict=True))
-        exact = with_formed(self.now.exact, [self._formed[one] for one in perturbations])
+        exact = with_formed(self._bare, [self._formed[one] for one in perturbations])
         if isinstance(self.now, Innovations):
             return self._rows(self.problem.whiten(self.at, exact, self.now.intensity))
         return self._rows(apart(self.problem, self.at, exact))
+
+    @cached_property
+    def _bare(self) -> tuple[Exact, ...]:
+        """Where it stands, the base's columns as they are without its effects and laws.
+
+        Where nothing but an effect turns a body, a heavier body under more of it moves the same:
+        its size is open, which is no reason to doubt that it is there.
+        """
+        if not self.own:
+            return self.now.exact
+        try:
+            bare = self.problem.exact(replace(self.at, strengths=np.zeros_like(self.at.strengths)))
+        except TwinError:
+            return self.now.exact
+        count = bare[0].linear.shared.shape[-1] - len(self.at.strengths)
+        return tuple(
+            replace(one, linear=one.linear.with_first(other.linear, count))
+            for one, other in zip(self.now.exact, bare, strict=True)
+        )
 
     @cached_property
     def _formed(self) -> dict[Perturbation, Formed]:

@@ -47,3 +47,13 @@ class Linearised:
             shared=np.concatenate([self.shared, columns], axis=-1),
             jump_shared=np.concatenate([self.jump_shared, jumps], axis=-1),
         )
+
+    def with_first(self, other: "Linearised", count: int) -> "Linearised":
+        """With so many of another's shared unknowns, the first ones, in place of its own."""
+        return replace(
+            self,
+            shared=np.concatenate([other.shared[..., :count], self.shared[..., count:]], axis=-1),
+            jump_shared=np.concatenate(
+                [other.jump_shared[..., :count], self.jump_shared[..., count:]], axis=-1
+            ),
+        )

@@ -123,13 +123,33 @@ class Output:
         if self.course is not None:
             value = self.course.place.interpolated_at(self.time - late)
             return np.broadcast_to(value, (len(path.rate), *value.shape))
-        steps = path.rate.shape[2] - 1
+        segments, steps = path.rate.shape[1], path.rate.shape[2] - 1
         place = self.place - (late + self.delay) / step
+        found = self._at(path, step, self.segment, place)
+        # what was true in another segment than it is stamped in lies on that one's path; how it
+        # answers to a change is told along its own, on which its row stands
+        whole = np.floor(place / steps + 1e-9) * (place < 0.0)
+        whole += (np.ceil(place / steps - 1e-9) - 1.0) * (place > steps)
+        other = np.clip(self.segment + whole.astype(np.intp), 0, segments - 1)
+        away = np.flatnonzero(other != self.segment)
+        if away.size:
+            there = self._at(path[:1], step, other, place - (other - self.segment) * steps)
+            near, far = found[:1, away], there[:, away]
+            if self.stream == "attitude":
+                change = rotation.multiply(rotation.conjugate(near), found[:, away])
+                found[:, away] = rotation.multiply(far, change)
+            else:
+                found[:, away] += far - near
+        return found
+
+    def _at(self, path: States, step: float, segment: Index, place: Array) -> Array:
+        """Of v paths, so many steps into a segment; before and after it as it goes there."""
+        steps = path.rate.shape[2] - 1
         before = np.clip(np.floor(place + 1e-9).astype(np.intp), 0, steps - 1)
         part = (place - before)[:, None]
 
         def ends(values: Array) -> tuple[Array, Array]:
-            return values[:, self.segment, before], values[:, self.segment, before + 1]
+            return values[:, segment, before], values[:, segment, before + 1]
 
         if self.sense is not None:
             first, last = ends(self.sense.shown(path))
