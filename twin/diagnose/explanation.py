@@ -35,6 +35,9 @@ ROUNDS = 4
 """Times that the effects' columns are formed anew where the last fit found them."""
 SETTLED = 0.1
 """Move of an effect, in standard deviations, at which they need not be."""
+NEAR = 0.1
+"""Where a fit is likelier by no more than this a sample, its path is a third of the noise away at
+most, and what else was asked does there what it did before."""
 BLURRED = 1e-2
 """A component of which less than this share is left beside base and the others stays as it is."""
 
@@ -125,7 +128,12 @@ class Explanation:
 
     def instead(self, effects: Sequence[Effect], laws: Sequence[Law] = ()) -> "Explanation":
         """Other effects and laws, fitted from where this one stands."""
-        return explain(self.following, self.base, effects, self.at, laws, follows=self.follows)
+        found = explain(self.following, self.base, effects, self.at, laws, follows=self.follows)
+        if isinstance(self.now, Innovations) and isinstance(found.now, Innovations):
+            likelier = abs(self.cost - found.cost) / self.now.samples
+            if likelier < NEAR:
+                found._formed.update(self._formed)
+        return found
 
     @cached_property
     def following(self) -> tuple[Body, ...]:
