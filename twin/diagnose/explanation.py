@@ -80,6 +80,8 @@ class Explanation:
     strengths are where springs rest and what of an effect is not seen, then those of the free
     components, then the laws' coefficients."""
     converged: bool
+    blurred: int = 0
+    """Amplitudes that were not fitted, and have a strength all the same."""
 
     @property
     def at(self) -> Unknowns:
@@ -157,12 +159,19 @@ class Explanation:
 
     def weigh(self, more: Sequence[Sequence[Perturbation]], traces: Sequence[Trace]) -> Weighing:
         """Its own effects and laws, then others by their perturbations."""
-        now = self.rows_with([part for parts in more for part in parts])
-        own = len(self.amplitudes)
-        kept = now.columns.shape[1] - sum(map(len, more)) - own
-        without = now.residual - now.columns[:, kept : kept + own] @ self.amplitudes
-        every = [*self.traces, *traces]
-        return Weighing(without, now.columns[:, :kept], now.columns[:, kept:], every)
+        bare, columns = self.without([part for parts in more for part in parts])
+        return Weighing(bare.residual, bare.columns, columns, [*self.traces, *traces])
+
+    def without(self, more: Sequence[Perturbation] = ()) -> tuple[Rows, Array]:
+        """Base and biases where it stands, without its effects and laws; the columns of those, then
+        of more."""
+        now = self._rows_of(self._bare, more)
+        edge = now.columns.shape[1] - len(more)
+        taken = len(self.amplitudes) + self.blurred
+        away = self.at.strengths[len(self.at.strengths) - taken :]
+        residual = now.residual - now.columns[:, edge - taken : edge] @ away
+        bare = Rows(residual, now.columns[:, : edge - taken], now.cluster)
+        return bare, now.columns[:, edge - len(self.amplitudes) :]
 
     @property
     def traces(self) -> list[Trace]:
@@ -172,9 +181,12 @@ class Explanation:
 
     def rows_with(self, perturbations: Sequence[Perturbation]) -> Rows:
         """Whitened where it stands, with further columns."""
+        return self._rows_of(self.now.exact, perturbations)
+
+    def _rows_of(self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]) -> Rows:
         new = [one for one in perturbations if one not in self._formed]
         self._formed.update(zip(new, formed(self.following, self.now.exact, new), strict=True))
-        exact = with_formed(self._bare, [self._formed[one] for one in perturbations])
+        exact = with_formed(exact, [self._formed[one] for one in perturbations])
         if isinstance(self.now, Innovations):
             return self._rows(self.problem.whiten(self.at, exact, self.now.intensity))
         return self._rows(apart(self.problem, self.at, exact))
@@ -286,8 +298,12 @@ def _fitted(
         if one
     ]
     rests = [part for effect in effects for part in references_of(effect, bodies)]
-    for effect, parts, ones in zip(effects, every, free, strict=True):
-        rests += _unseen(effect, parts, ones)
+    blurred = [
+        part
+        for effect, parts, ones in zip(effects, every, free, strict=True)
+        for part in _unseen(effect, parts, ones)
+    ]
+    rests += blurred
     problem = Problem(bodies, base, [*rests, *own, *(law.perturbation for law in laws)])
     first = [strengths_of(effect)[ones] for effect, ones in zip(effects, free, strict=True)]
     strengths = np.concatenate([np.zeros(len(rests)), *first, np.zeros(len(laws))])
@@ -303,7 +319,9 @@ def _fitted(
         with_strengths(effect, _all_of(effect, ones, part))
         for effect, ones, part in zip(effects, free, parts, strict=False)
     )
-    return Explanation(tuple(bodies), base, moved, free, laws, problem, now, converged)
+    return Explanation(
+        tuple(bodies), base, moved, free, laws, problem, now, converged, len(blurred)
+    )
 
 
 def _unseen(

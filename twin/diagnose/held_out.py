@@ -34,10 +34,8 @@ class HeldOut:
 
 def held_out(found: Explanation) -> HeldOut:
     """Measure it."""
-    now, own = found.rows, len(found.amplitudes)
-    kept = now.columns.shape[1] - own
-    absent = now.residual - now.columns[:, kept:] @ found.amplitudes
-    before = _chi2(now.cluster, absent, now.columns[:, :kept])
+    now, (bare, _) = found.rows, found.without()
+    before = _chi2(bare.cluster, bare.residual, bare.columns)
     after = _chi2(now.cluster, now.residual, now.columns)
     samples = sum(body.samples for body in found.bodies)
     spread = sum(
