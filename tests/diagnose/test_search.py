@@ -75,7 +75,7 @@ def test_of_two_that_look_alike_both_are_told(rng):
     found = weighing(rng, np.array([1.0, 0.0, 0.0]), [trace(n) for n in "abc"], columns)
     search = Search(found, range(3))
     (chosen,) = search.best()
-    other, behind, _ = search.instead((chosen,), chosen)[0]
+    other, behind = search.instead((chosen,), chosen)[0]
     assert {chosen, other} == {0, 1}
     assert abs(behind) < 6.0
 

@@ -100,10 +100,10 @@ def causes_of(now: Explanation, search: Search, nameless: float) -> tuple[Cause,
         instead = search.instead(now.own, index)
         ties = tuple(
             Tie(search.weighing.traces[other].label, behind)
-            for other, behind, less_likely in instead
-            if min(behind, less_likely) < TIED
+            for other, behind in instead
+            if behind < TIED
         )
-        rivals = [behind for _, behind, _ in instead] + [max(evidence, 0.0)]
+        rivals = [behind for _, behind in instead] + [max(evidence, 0.0)]
         half = np.full(len(free), np.nan)
         half[free] = NORMAL * np.sqrt(np.maximum(np.diag(spread), 0.0))
         share = _share(rivals) * (0.5 if unnamed else 1.0)

@@ -147,9 +147,9 @@ def behind(
         rest = tuple(other for other in own if other != index)
         # of a rival that no log shows, all that the cause explains is left
         nearest = dict.fromkeys(rivals, search.evidence(own) - search.evidence(rest))
-        for other, evidence, likelihood in search.instead(own, index):
+        for other, evidence in search.instead(own, index):
             if labels[other] in nearest:
-                near = min(evidence, likelihood, nearest[labels[other]])
+                near = min(evidence, nearest[labels[other]])
                 nearest[labels[other]] = max(near, 0.0)
         for label, size in nearest.items():
             found[label] = min(size, found.get(label, np.inf))

@@ -101,20 +101,15 @@ class Search:
             chosen = _less(chosen, min(weak, key=lambda s: s.evidence).index)
         return chosen
 
-    def instead(self, chosen: tuple[int, ...], index: int) -> list[tuple[int, float, float]]:
-        """Each other cause in one's place: which, evidence that is lost, likelihood that is lost.
+    def instead(self, chosen: tuple[int, ...], index: int) -> list[tuple[int, float]]:
+        """Each other cause in one's place: which, and the evidence that is lost; the best first.
 
-        The best first. Evidence prefers the cause with fewer numbers; a likelihood that loses
-        nothing says that the logs themselves do not.
+        A vector that would have to point just so to do what a number does loses by its freedom.
         """
         rest = _less(chosen, index)
-        evidence, gain = self.evidence(chosen), self._gain(chosen)
+        evidence = self.evidence(chosen)
         found = [
-            (
-                other,
-                evidence - self.evidence((*rest, other)),
-                gain - self._gain((*rest, other)),
-            )
+            (other, evidence - self.evidence((*rest, other)))
             for other in self._others(rest)
             if self.weighing.traces[other].label != self.weighing.traces[index].label
         ]
