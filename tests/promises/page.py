@@ -34,7 +34,7 @@ simulated moves on half the step, and its J and m r are up to 5 % off what the d
 
 An answer counts in full where the cause is named alone, or in a tie of at most three in which
 nobody could tell the others from it: with the true effect and no noise they would be less than 6
-behind in evidence. In any other tie it counts half. Shares come with their
+behind in evidence, or in likelihood alone. In any other tie it counts half. Shares come with their
 95 % bounds (Wilson).
 
 - *oracle*: knows that it is the true cause or one that nobody could tell from it

@@ -20,8 +20,9 @@ SURE = 0.9
 def behind(measure: Yardstick, truth: Effect) -> dict[str, float]:
     """How far behind the truth each cause would be, by label, were there no noise at all.
 
-    In evidence, with the price that the search takes; a cause that has a frequency at that of the
-    truth too.
+    In evidence, with the price that the search takes, or in likelihood alone if that is less: what
+    only its freedom speaks against could be it. A cause that has a frequency at that of the truth
+    too.
     """
     platform = machine(measure.bench)
     frequency = _frequency(truth, platform.gravity)
@@ -50,10 +51,10 @@ def _behind(weighing: Weighing, own: int, truth: Effect) -> dict[str, float]:
     traces = weighing.traces
     silent = noiseless(weighing, weighing.signature(own, values))
     best: dict[str, float] = {}
-    top = _evidence(silent, own)
+    top, most = _evidence(silent, own), silent.weigh((own,)).gain
     for index, trace in enumerate(traces):
         if weighing.shown(index) and trace.label != truth.label:
-            far = top - _evidence(silent, index)
+            far = min(top - _evidence(silent, index), most - silent.weigh((index,)).gain)
             best[trace.label] = min(far, best.get(trace.label, np.inf))
     return best
 

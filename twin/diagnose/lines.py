@@ -19,7 +19,7 @@ BROAD = 3.0
 
 def lines_of(found: Explanation) -> tuple[float, ...]:
     """The strongest lines beyond chance [Hz], of all streams and columns of each log together."""
-    lines: list[tuple[float, float]] = []
+    lines: list[tuple[float, float, Array, float]] = []
     for body, parts in zip(found.bodies, found.account.left, strict=True):
         for output, values in zip(body.outputs, parts, strict=True):
             # what a counter leaves repeats with its command, however small it is
@@ -33,10 +33,23 @@ def lines_of(found: Explanation) -> tuple[float, ...]:
             heights = heights * float(gamma.ppf(0.5, k))
             limit = float(gamma.isf(FALSE_ALARM / (len(heights) * len(parts)), k))
             out = np.flatnonzero(heights > limit)
-            lines += [(float(heights[i]) / limit, float(frequency[1 + i])) for i in out]
+            lines += [
+                (float(heights[i]) / limit, float(frequency[1 + i]), values, rate) for i in out
+            ]
     span = min(body.grid.length * body.grid.segments for body in found.bodies)
     chosen: list[float] = []
-    for _, hertz in sorted(lines, reverse=True):
+    for _, hertz, values, rate in sorted(lines, key=lambda line: -line[0]):
+        if len(chosen) == MOST:
+            break
         if all(abs(hertz - other) > BROAD / span for other in chosen):
-            chosen.append(hertz)
-    return tuple(chosen[:MOST])
+            chosen.append(_between_bins(values, rate, hertz))
+    return tuple(chosen)
+
+
+def _between_bins(values: Array, rate: float, hertz: float) -> float:
+    """Where near a bin (m, k) values are strongest: over a log, half a bin off is half a turn."""
+    bin_width = rate / len(values)
+    near = hertz + bin_width * np.linspace(-0.75, 0.75, 25)
+    turns = np.exp(-2j * np.pi * np.outer(near, np.arange(len(values)) / rate))
+    power = np.sum(np.square(np.abs(turns @ (values - values.mean(axis=0)))), axis=1)
+    return float(near[np.argmax(power)])

@@ -50,16 +50,21 @@ class Line:
 
 def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     """From a model without causes to one that needs no more of them, and none of them less."""
-    line = _searched(plain, tuple(asked), say)
-    if len(line.now.effects) > 1:
-        line = _with_laws(line, say)
-    lines = () if line.nameless else lines_of(line.now)
+    platform = plain.bodies[0].machine.platform
+    say("causes weighed")
+    first = search_from(plain, asked)
+    # what rings or blows at another frequency than usual looks like many causes
+    lines = lines_of(plain) if len(first.best()) > 1 else ()
+    if lines:
+        first = search_from(plain, asked := (*asked, *ringing(asked, lines, platform)))
+    line = _searched(plain, first, tuple(asked), say)
+    lines = lines_of(line.now)
     if lines:
         say("what rings")
-        more = ringing(asked, lines, plain.bodies[0].machine.platform)
-        line = _searched(line.now, (*asked, *more), say)
+        asked = (*asked, *ringing(asked, lines, platform))
+        line = _searched(line.now, search_from(line.now, asked), asked, say)
     say("what is left")
-    if not line.nameless and line.left.chance < DOUBTFUL:
+    if len(line.now.effects) > 1 or line.left.chance < DOUBTFUL:
         line = _with_laws(line, say)
     needed = _needed_only(line.now)
     if needed is line.now:
@@ -69,11 +74,8 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     return Line(needed, search, line.asked, nameless)
 
 
-def _searched(start: Explanation, asked: tuple[Candidate, ...], say: Say) -> Line:
+def _searched(now: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line:
     """After searches and fits in turn, until the causes stay, or come back."""
-    now = start
-    say("causes weighed")
-    search = search_from(now, asked)
     seen = [frozenset(effect.label for effect in now.effects)]
     for _ in range(ROUNDS):
         chosen = _strong(search, search.best(), len(now.own))
