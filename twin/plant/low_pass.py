@@ -1,4 +1,9 @@
-"""The low-pass filter in a sensor: Butterworth, on every physics step."""
+"""The low-pass filter in a sensor: Butterworth, on every physics step.
+
+Discretised for an input that is straight within a step (first-order hold): slow signals come late
+by the analogue filter's delay, however long the step. The usual bilinear form, warped to meet the
+cutoff, is early by 3 % at a tenth of the rate of steps.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +17,9 @@ class LowPass:
     """In rest at the first value that it sees."""
 
     def __init__(self, sensor: Sensor, step: float) -> None:
-        from scipy.signal import butter, sosfilt_zi  # takes a while, and few sensors need it
+        from scipy.signal import sosfilt_zi  # takes a while, and few sensors need it
 
-        self._sections = butter(sensor.order, sensor.cutoff, fs=1.0 / step, output="sos")
+        self._sections = sections_of(sensor, step)
         self._rest = sosfilt_zi(self._sections)[:, None, :, None]
         self._memory: Array | None = None
 
@@ -26,3 +31,12 @@ class LowPass:
             self._memory = self._rest * truth[None, :, :1]
         passed, self._memory = sosfilt(self._sections, truth, axis=1, zi=self._memory)
         return passed
+
+
+def sections_of(sensor: Sensor, step: float) -> Array:
+    """(sections, 6) of second order, as SciPy's `sosfilt` takes them."""
+    from scipy.signal import butter, cont2discrete, tf2sos
+
+    analogue = butter(sensor.order, 2.0 * np.pi * sensor.cutoff, analog=True)
+    top, bottom, _ = cont2discrete(analogue, step, method="foh")
+    return np.asarray(tf2sos(np.squeeze(top), bottom), dtype=np.float64)

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, sosfilt_zi
+from scipy.signal import sosfilt, sosfilt_zi
 
 from twin import rotation
 from twin.model import Machine
 from twin.plant.derived import elevations, site_places, specific_force
+from twin.plant.low_pass import sections_of
 from twin.platform import Sensor
 from twin.predict.states import States
 
@@ -143,8 +144,7 @@ def _low_pass(sensor: Sensor, step: float) -> tuple[Array | None, int]:
     if not np.isfinite(sensor.cutoff) or sensor.cutoff * step >= 0.5:
         return None, 0
     memory = int(np.ceil(SETTLED / (2.0 * np.pi * sensor.cutoff * step)))
-    sections = butter(sensor.order, sensor.cutoff, fs=1.0 / step, output="sos")
-    return np.asarray(sections, dtype=np.float64), memory
+    return sections_of(sensor, step), memory
 
 
 def _crossed(vector: Array) -> Array:
