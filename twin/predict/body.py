@@ -67,7 +67,7 @@ class Body:
         self.inputs = Inputs(self.machine, recording)
         self.grid = grid
         senses = senses_of(machine, grid.step, self.inputs.field_world)
-        streams = (*self._predicted(), *senses)
+        streams = tuple(dict.fromkeys((*self._predicted(), *senses)))
         self.outputs, self._width = outputs_of(
             recording, self.machine, self.grid, streams, senses, self.inputs.stage_course
         )

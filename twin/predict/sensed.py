@@ -21,7 +21,8 @@ from twin.predict.states import States
 Array = NDArray[np.float64]
 
 SENSED = ("inclinometer", "accelerometer", "magnetometer")
-"""Streams that follow from attitude, rate and the change of the rate."""
+"""Streams that follow from attitude, rate and the change of the rate. So does a gyro with a filter,
+which takes from the rate what the drives' steps shake it by."""
 
 SETTLED = 8.0
 """Time constants of a low-pass before a segment over which its motion is carried back: what the
@@ -49,12 +50,14 @@ class Sense:
     @property
     def feels_turning(self) -> bool:
         """Whether a value depends on how the rate has changed over the step before."""
-        return self.stream != "magnetometer"
+        return self.stream in ("inclinometer", "accelerometer")
 
     def shown(self, path: States) -> Array:
         """Values (v, S, steps + 1, k) along paths (v, S, steps + 1, .)."""
         position, rate, turning = self._extended(path)
-        if self.stream == "magnetometer":
+        if self.stream == "gyro":
+            value = rate
+        elif self.stream == "magnetometer":
             value = rotation.rotate(rotation.conjugate(position), self.field_world)
         else:
             push = np.zeros_like(rate)
@@ -85,6 +88,8 @@ class Sense:
         """(S, steps + 1, k, 9) d value / d (turn, rate, its derivative)."""
         position, rate = path.position[0], path.rate[0]
         none = np.zeros((*rate.shape[:-1], 3, 3))
+        if self.stream == "gyro":
+            return np.concatenate([none, none + np.eye(3), none], axis=-1)
         if self.stream == "magnetometer":
             field_body = rotation.rotate(rotation.conjugate(position), self.field_world)
             return np.concatenate([_crossed(field_body), none, none], axis=-1)
@@ -130,11 +135,13 @@ def senses_of(machine: Machine, step: float, field_world: Array) -> dict[str, Se
         return {}
     sites = site_places(machine)
     found: dict[str, Sense] = {}
-    for name in SENSED:
+    for name in ("gyro", *SENSED):
         sensor = platform.sensors.get(name)
         if sensor is None or (name == "magnetometer" and not field_world.any()):
             continue
         sections, memory = _low_pass(sensor, step)
+        if name == "gyro" and sections is None:
+            continue
         site = sites.get(sensor.site, np.zeros(3))
         found[name] = Sense(name, step, platform.gravity, field_world, site, sections, memory)
     return found
