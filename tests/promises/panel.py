@@ -5,6 +5,8 @@ docs/diagnosis.md from whatever is there. What is there is not done again: it gr
 and one that is killed loses a case of each worker at most. By itself:
 
     python tests/promises/panel.py runs/panel --kinds single,null --evidence 60 --cases 20 --jobs 2
+
+Cases are numbered. Those from 1000 on have logs of 300 s at 100 Hz: `--kinds single --first 1000`.
 """
 
 import argparse
