@@ -25,7 +25,7 @@ from twin.model import compile_model
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform
 from twin.predict.body import body_of
-from twin.predict.innovations import Problem
+from twin.predict.innovations import Innovations, Problem
 from twin.predict.motion import motion_of
 from twin.recording import Recording
 
@@ -170,10 +170,10 @@ def plain_of(logs: Sequence[Recording], platform: Platform, *, follows: bool = T
     theta = np.concatenate([first, base.as_stated[len(first) :]])
     problem = Problem(bodies, base)
     start = problem.start(theta, [first_biases(body) for body in bodies])
-    first = explain(bodies, base, (), start, follows=follows)
-    if first.converged:
-        return first
+    found = explain(bodies, base, (), start, follows=follows)
+    if found.converged or not isinstance(found.now, Innovations):
+        return found
     # a motion that may stray from the model leads closer, however bad the start
-    near = fit_disturbed(problem, Fit(first.problem.innovations(start), converged=False), start)
+    near = fit_disturbed(problem, Fit(found.now, converged=False), start)
     again = explain(bodies, base, (), near.at, follows=follows)
-    return min(first, again, key=lambda one: one.cost)
+    return min(found, again, key=lambda one: one.cost)

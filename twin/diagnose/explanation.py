@@ -163,8 +163,12 @@ class Explanation:
         return Weighing(bare.residual, bare.columns, columns, [*self.traces, *traces])
 
     def without(self, more: Sequence[Perturbation] = ()) -> tuple[Rows, Array]:
-        """Base and biases where it stands, without its effects and laws; the columns of those, then
-        of more."""
+        """The model that lacks its effects and laws, and what those add.
+
+        Returns:
+            Rows of base and biases, whitened, where it stands; and columns (m, a) of its effects
+            and laws, then of more.
+        """
         now = self._rows_of(self._bare, more)
         edge = now.columns.shape[1] - len(more)
         taken = len(self.amplitudes) + self.blurred

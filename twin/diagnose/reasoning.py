@@ -50,19 +50,20 @@ class Line:
 
 def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     """From a model without causes to one that needs no more of them, and none of them less."""
-    platform = plain.bodies[0].machine.platform
+    platform, every = plain.bodies[0].machine.platform, tuple(asked)
     say("causes weighed")
-    first = search_from(plain, asked)
+    search = search_from(plain, every)
     # what rings or blows at another frequency than usual looks like many causes
-    lines = lines_of(plain) if len(first.best()) > 1 else ()
+    lines = lines_of(plain) if len(search.best()) > 1 else ()
     if lines:
-        first = search_from(plain, asked := (*asked, *ringing(asked, lines, platform)))
-    line = _searched(plain, first, tuple(asked), say)
+        every = (*every, *ringing(asked, lines, platform))
+        search = search_from(plain, every)
+    line = _searched(plain, search, every, say)
     lines = lines_of(line.now)
     if lines:
         say("what rings")
-        asked = (*asked, *ringing(asked, lines, platform))
-        line = _searched(line.now, search_from(line.now, asked), asked, say)
+        every = (*every, *ringing(asked, lines, platform))
+        line = _searched(line.now, search_from(line.now, every), every, say)
     say("what is left")
     if len(line.now.effects) > 1 or line.left.chance < DOUBTFUL:
         line = _with_laws(line, say)

@@ -1,9 +1,10 @@
-"""Motion of sliding masses: trapezoidal moves, planned one physics step at a time.
+"""Motion of sliding masses: trapezoidal moves, planned one step of the drive at a time.
 
-Each step holds one acceleration, so the motion that is fed to MuJoCo as a prescribed joint is
-exact on the step grid. The acceleration is Han's discrete time-optimal feedback ("From PID to
-Active Disturbance Rejection Control", IEEE Trans. Ind. Electron. 56(3), 2009): it brings distance
-and speed to rest in the fewest steps, past the target by less than a tenth of limit * step^2.
+Each such step holds one acceleration and is one physics step or several, so the motion that is fed
+to MuJoCo as a prescribed joint is exact on the grid of those. The acceleration is Han's discrete
+time-optimal feedback ("From PID to Active Disturbance Rejection Control", IEEE Trans. Ind.
+Electron. 56(3), 2009): it brings distance and speed to rest in the fewest steps, past the target by
+less than a tenth of limit * step^2.
 """
 
 import numpy as np
