@@ -1,13 +1,14 @@
 """A cable hidden in a run is named, sized, written into a platform and worth what it should."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from twin.cli.main import main
-from twin.diagnose import Experiment, diagnose, extend, validate
+from twin.diagnose import Experiment, diagnose, extend, reasoning, validate
+from twin.diagnose.explanation import Explanation
 from twin.effects import effects_of
 from twin.errors import UsageError
 from twin.platform import load_platform
@@ -49,6 +50,26 @@ def test_the_gain_is_measured_on_time_that_was_not_fitted(found):
     gain = found.held_out
     assert gain.log_likelihood > 200.0
     assert gain.low < gain.after < gain.high + 0.02 < gain.before
+
+
+def test_a_fit_that_has_lost_the_motion_names_nothing(found, monkeypatch):
+    fitted = reasoning._fitted
+
+    def lost(*args):
+        there = fitted(*args)
+        parts = {one.name: getattr(there, one.name) for one in fields(Explanation)}
+        return Lost(**parts)
+
+    monkeypatch.setattr(reasoning, "_fitted", lost)
+    line = reasoning.reason(found.plain, found.asked, lambda _: None)
+    assert line.now.effects == ()
+    assert line.left.chance < 1e-4
+
+
+class Lost(Explanation):
+    """A fit that ended in another motion than the log's."""
+
+    cost = 1e12
 
 
 def test_the_document_keeps_its_contract(found):

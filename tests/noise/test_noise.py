@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from twin.noise import measure_noise, noise_of
+from twin.noise import measure_noise, noise_left, noise_of
 from twin.noise.white import white_noise
 from twin.recording import Series
 from twin.rotation import from_rotation_vector, multiply
@@ -154,6 +154,25 @@ def test_noise_is_neither_over_nor_underestimated_and_known_as_well_as_is_said()
     # of 200: the mean is known to 0.07, the scatter to 5 %
     assert abs(off.mean()) < 0.25
     assert 0.8 < off.std() < 1.2
+
+
+def test_what_a_law_makes_of_noise_is_none_once_it_is_predicted():
+    draw = np.random.default_rng(SEED)
+    time = np.arange(10000) * 0.01
+    moved = 0.4 * np.repeat(draw.standard_normal((5000, 1)), 2, axis=0)
+    measured = moved + draw.standard_normal((10000, 1))
+    raw = white_noise(time, measured)[0]
+    noise, _ = noise_left(time, measured, measured - moved)
+    assert raw > 1.03
+    np.testing.assert_allclose(noise, 1.0, rtol=0.02)
+
+
+def test_noise_is_never_less_than_rounding():
+    time = np.arange(4000) * 0.05
+    true = 0.002 * np.sin(0.1 * time)[:, None]
+    counted = 1e-4 * np.round(true / 1e-4)
+    noise, _ = noise_left(time, counted, counted - true)
+    np.testing.assert_allclose(noise, 1e-4 / np.sqrt(12.0), rtol=0.02)
 
 
 def test_what_a_law_makes_of_the_noise_is_not_taken_for_noise():

@@ -13,6 +13,7 @@ from twin.model import compile_model
 from twin.platform import Platform, load_platform
 from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
+from twin.predict.effect_columns import perturbations_of, strengths_of
 from twin.predict.innovations import Problem
 from twin.predict.motion import motion_of
 from twin.predict.retrace import retraced
@@ -20,6 +21,7 @@ from twin.recording import Recording
 
 SEED = 20261121
 SECONDS = 8.0
+PANEL = "flexible_appendage=1.5/0.005/2/1/0/0"
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +78,15 @@ def test_wheels_that_nobody_recorded_a_command_of_leave_a_motion_as_it_was(sads)
     streams = {k: v for k, v in log.streams.items() if k != "command_wheel_torque"}
     problem, found = fitted(replace(log, streams=streams), sads)
     assert retraced(problem, found.innovations, 0) is problem.bodies[0]
+
+
+def test_a_panel_that_is_heavy_beside_its_bus_rings_as_both_do_together(sads):
+    (panel,) = parse_effects(PANEL)
+    log = kicked(sads, PANEL).without_truth()
+    body = body_of(compile_model(sads), log, motion_of(log, sads))
+    plain = Problem([body], base_parameters(body.machine), held=True)
+    start = plain.start(plain.base.as_stated, [np.zeros(0)])
+    followed = retraced(plain, plain.innovations(start), 0)
+    ringing = Problem([followed], plain.base, perturbations_of(panel, sads), held=True)
+    known = ringing.innovations(replace(start, strengths=strengths_of(panel)))
+    assert known.chi2 < 1.1 * known.samples

@@ -171,9 +171,15 @@ def plain_of(logs: Sequence[Recording], platform: Platform, *, follows: bool = T
     problem = Problem(bodies, base)
     start = problem.start(theta, [first_biases(body) for body in bodies])
     found = explain(bodies, base, (), start, follows=follows)
-    if found.converged or not isinstance(found.now, Innovations):
+    if not isinstance(found.now, Innovations):
         return found
-    # a motion that may stray from the model leads closer, however bad the start
-    near = fit_disturbed(problem, Fit(found.now, converged=False), start)
-    again = explain(bodies, base, (), near.at, follows=follows)
-    return min(found, again, key=lambda one: one.cost)
+    if not found.converged:
+        # a motion that may stray from the model leads closer, however bad the start
+        near = fit_disturbed(problem, Fit(found.now, converged=False), start)
+        again = explain(bodies, base, (), near.at, follows=follows)
+        found = min(found, again, key=lambda one: one.cost)
+    left = found.account.left
+    known = [body.with_noise_of(parts) for body, parts in zip(bodies, left, strict=True)]
+    if all(new is body for new, body in zip(known, bodies, strict=True)):
+        return found
+    return explain(known, base, (), found.at, follows=follows)

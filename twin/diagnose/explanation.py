@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from twin.compare.account import Account
 from twin.compare.misfit import misfits, misfits_of
 from twin.diagnose.candidates import Candidate
+from twin.diagnose.determined import determined
 from twin.diagnose.laws import Law
-from twin.diagnose.weighing import SLIGHT, Trace, Weighing
+from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import Effect
 from twin.errors import TwinError
 from twin.identify.prediction_error import fit
@@ -31,15 +32,17 @@ from twin.predict.retrace import retraced
 
 Array = NDArray[np.float64]
 
-ROUNDS = 4
+ROUNDS = 6
 """Times that the effects' columns are formed anew where the last fit found them."""
+WORSE = 3.0
+"""Cost by which that may not do as well as the last fit foretold; else they had moved too far."""
+LEAST = 0.1
+"""Share of such a move below which no more is tried."""
 SETTLED = 0.1
 """Move of an effect, in standard deviations, at which they need not be."""
 NEAR = 0.1
 """Where a fit is likelier by no more than this a sample, its path is a third of the noise away at
 most, and what else was asked does there what it did before."""
-BLURRED = 1e-2
-"""A component of which less than this share is left beside base and the others stays as it is."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +135,7 @@ class Explanation:
         """Other effects and laws, fitted from where this one stands."""
         found = explain(self.following, self.base, effects, self.at, laws, follows=self.follows)
         if isinstance(self.now, Innovations) and isinstance(found.now, Innovations):
-            likelier = abs(self.cost - found.cost) / self.now.samples
+            likelier = abs(self.cost - found.cost) / self.samples
             if likelier < NEAR:
                 found._formed.update(self._formed)
         return found
@@ -149,6 +152,11 @@ class Explanation:
     def cost(self) -> float:
         """-2 log L up to a constant."""
         return self.now.cost / self.account.inflation
+
+    @property
+    def samples(self) -> int:
+        """Measured numbers."""
+        return sum(body.samples for body in self.bodies)
 
     def weighing(self, candidates: Sequence[Candidate]) -> Weighing:
         """Its own effects and laws, then candidates, weighed where it stands."""
@@ -265,19 +273,37 @@ def explain(
     """
     bodies = tuple(bodies)
     now = _fitted(bodies, base, tuple(effects), tuple(laws), start, follows=follows)
-    before = tuple(effects)
+    formed_at, share = tuple(effects), 1.0
     for _ in range(ROUNDS if effects else 0):
-        far = [
-            _distance((after.values - first.values)[free], spread)
-            for after, first, free, spread in zip(
-                now.effects, before, now.free, now.covariances, strict=True
-            )
-        ]
-        if max(far) < SETTLED:
+        if _far(formed_at, now) < SETTLED or share < LEAST:
             break
-        before = now.effects
-        now = _fitted(now.following, base, before, now.laws, now.at, follows=follows, free=now.free)
+        there = _between(formed_at, now.effects, share)
+        tried = _fitted(
+            now.following, base, there, now.laws, now.at, follows=follows, free=now.free
+        )
+        if follows and tried.cost > now.cost + WORSE:
+            share *= 0.5
+            continue
+        now, formed_at, share = tried, there, 1.0
     return now
+
+
+def _far(formed_at: Sequence[Effect], now: Explanation) -> float:
+    """How far effects have moved from where their columns were formed, in standard deviations."""
+    return max(
+        _distance((after.values - first.values)[free], spread)
+        for after, first, free, spread in zip(
+            now.effects, formed_at, now.free, now.covariances, strict=True
+        )
+    )
+
+
+def _between(first: Sequence[Effect], last: Sequence[Effect], share: float) -> tuple[Effect, ...]:
+    """So much of the way from one to the other."""
+    return tuple(
+        end.with_values(begin.values + share * (end.values - begin.values))
+        for begin, end in zip(first, last, strict=True)
+    )
 
 
 def _fitted(
@@ -294,7 +320,7 @@ def _fitted(
     platform = bodies[0].machine.platform
     every = [perturbations_of(effect, platform) for effect in effects]
     if free is None:
-        free = _determined(bodies, base, effects, every, start)
+        free = determined(bodies, base, effects, every, start)
     own = [
         part
         for parts, ones in zip(every, free, strict=True)
@@ -349,40 +375,3 @@ def _all_of(effect: Effect, free: NDArray[np.bool_], own: Array) -> Array:
     strengths = strengths_of(effect)
     strengths[free] = own
     return strengths
-
-
-def _determined(
-    bodies: Sequence[Body],
-    base: BaseParameters,
-    effects: tuple[Effect, ...],
-    every: Sequence[Sequence[Perturbation]],
-    start: Unknowns,
-) -> tuple[NDArray[np.bool_], ...]:
-    """Which components logs show beside base and the components before them, amplitudes first."""
-    free = [np.ones(len(parts), dtype=bool) for parts in every]
-    doubtful = [i for i, parts in enumerate(every) if len(parts) > 1]
-    if not doubtful:
-        return tuple(free)
-    problem = Problem(bodies, base, [part for parts in every for part in parts])
-    strengths = np.concatenate([np.zeros(0), *(strengths_of(effect) for effect in effects)])
-    now = problem.innovations(replace(start, strengths=strengths))
-    whole = np.linalg.norm(now.columns, axis=0)
-    columns = now.columns / np.maximum(whole, 1e-300)
-    kept = columns.shape[1] - len(strengths)
-    reach = [high - low for low, high in (effect.bounds() for effect in effects)]
-    felt = whole[kept:] > SLIGHT / np.concatenate([np.zeros(0), *reach])
-    basis = np.linalg.qr(columns[:, :kept])[0]
-    first = kept
-    for i, effect in enumerate(effects):
-        order = np.argsort(~amplitudes(effect), kind="stable")
-        for j in order.tolist():
-            column = columns[:, first + j]
-            for _ in range(2):
-                column = column - basis @ (basis.T @ column)
-            size = float(np.linalg.norm(column))
-            if size < BLURRED or not felt[first - kept + j]:
-                free[i][j] = False
-            else:
-                basis = np.column_stack([basis, column / size])
-        first += len(every[i])
-    return tuple(free)

@@ -26,6 +26,8 @@ WEAK = 0.03
 """Share of another's evidence that may be no more than the error of its linearised column."""
 DOUBTFUL = 0.01
 """Chance below which laws without a name are tried; and always where one cause did not do."""
+ASTRAY = 0.1
+"""A fit that is less likely by more than this a sample than the one it began from has lost it."""
 NAMELESS = 6.0
 """-2 log of how probable a law without a name is beforehand, beside all those of the catalogue."""
 
@@ -47,6 +49,14 @@ class Line:
         """What it does not explain."""
         return remainder(self.now)
 
+    @property
+    def score(self) -> float:
+        """-2 log L, and the price of all that was set to have it so; the lower the better."""
+        own = self.now.own
+        gain = self.search.weighing.weigh(own).gain
+        laws = len(self.now.laws) and _unlikely(laws_of(self.now.bodies)) * len(self.now.laws)
+        return self.now.cost + gain - self.search.evidence(own) + laws
+
 
 def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     """From a model without causes to one that needs no more of them, and none of them less."""
@@ -58,15 +68,20 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     if lines:
         every = (*every, *ringing(asked, lines, platform))
         search = search_from(plain, every)
-    line = _searched(plain, search, every, say)
+    line = _simplest(plain, search, every, say)
     lines = lines_of(line.now)
     if lines:
         say("what rings")
         every = (*every, *ringing(asked, lines, platform))
-        line = _searched(line.now, search_from(line.now, every), every, say)
+        line = _simplest(line.now, search_from(line.now, every), every, say)
     say("what is left")
-    if len(line.now.effects) > 1 or line.left.chance < DOUBTFUL:
-        line = _with_laws(line, say)
+    if line.now.follows and (len(line.now.effects) > 1 or line.left.chance < DOUBTFUL):
+        say("laws without a name")
+        line = _with_laws(line)
+        if len(line.now.effects) > 1:
+            # causes that stand in for a law may have hidden it
+            alone = _with_laws(Line(plain, search_from(plain, every), every))
+            line = min(line, alone, key=lambda one: one.score)
     needed = _needed_only(line.now)
     if needed is line.now:
         return line
@@ -75,8 +90,28 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     return Line(needed, search, line.asked, nameless)
 
 
+def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line:
+    """Searched, also from each new cause alone whose shape a fit may better: what it lacks where
+    its columns were formed looks like a second cause."""
+    line = _searched(now, search, asked, say)
+    if len(line.now.effects) < 2 or not now.follows:
+        return line
+    for index in search.best():
+        if index < len(now.own) or not search.weighing.traces[index].shapes:
+            continue
+        (guess,) = _guesses(now, asked, search.weighing, (index,))
+        say(f"fitting {guess.label} alone")
+        alone = _fitted(now, (guess,))
+        if alone is None or _astray(now, alone):
+            continue
+        found = _searched(alone, search_from(alone, asked), asked, say)
+        line = min(line, found, key=lambda one: one.score)
+    return line
+
+
 def _searched(now: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line:
-    """After searches and fits in turn, until the causes stay, or come back."""
+    """The best of those that searches and fits in turn come by, until the causes stay or return."""
+    best = Line(now, search, asked)
     seen = [frozenset(effect.label for effect in now.effects)]
     for _ in range(ROUNDS):
         chosen = _strong(search, search.best(), len(now.own))
@@ -90,11 +125,20 @@ def _searched(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
         fitted = guesses if tried is None else tried.effects
         if tried is None or not all(_possible_alone(now, effect) for effect in fitted):
             asked = _possible(now, asked, fitted)
+        elif _astray(now, tried):
+            break
         else:
             now = tried
         say("causes weighed")
         search = search_from(now, asked)
-    return Line(now, search, asked)
+        line = Line(now, search, asked)
+        best = line if not now.follows or line.score < best.score else best
+    return best
+
+
+def _astray(now: Explanation, tried: Explanation) -> bool:
+    """Whether a fit has lost the motion that it should follow."""
+    return now.follows and not tried.cost < now.cost + ASTRAY * now.samples
 
 
 def _strong(search: Search, chosen: tuple[int, ...], own: int) -> tuple[int, ...]:
@@ -167,14 +211,10 @@ def _guesses(
     return found
 
 
-def _with_laws(line: Line, say: Say) -> Line:
+def _with_laws(line: Line) -> Line:
     """With laws without a name, where they explain more than causes: in place of some or beside."""
-    # where nothing makes the motion follow a model, a law more would only bend to what is left
-    if not line.now.follows:
-        return line
-    say("laws without a name")
     now, laws = line.now, laws_of(line.now.bodies)
-    unlikely = NAMELESS + 2.0 * float(np.log(len(laws)))
+    unlikely = _unlikely(laws)
     weighing = now.weigh(
         [(law.perturbation,) for law in laws], [law.trace(unlikely) for law in laws]
     )
@@ -186,9 +226,14 @@ def _with_laws(line: Line, say: Say) -> Line:
         return line
     kept = [effect for index, effect in enumerate(now.effects) if index in best]
     there = _fitted(now, kept, found)
-    if there is None:
+    if there is None or _astray(now, there):
         return line
     return Line(there, search_from(there, line.asked), line.asked, more)
+
+
+def _unlikely(laws: Sequence[Law]) -> float:
+    """-2 log of how probable each of them is beforehand."""
+    return NAMELESS + 2.0 * float(np.log(len(laws)))
 
 
 def _needed_only(now: Explanation) -> Explanation:

@@ -58,6 +58,21 @@ def noise_and_worth(series: Series) -> tuple[Array, Array]:
     return white, worth
 
 
+def noise_left(time: Array, value: Array, left: Array) -> tuple[Array, Array]:
+    """The same of a stream whose motion is known.
+
+    Args:
+        time: (m,) [s].
+        value: (m, n) as measured.
+        left: (m, k) measured less predicted, in the stream's unit.
+    """
+    white, worth = white_noise(time, left)
+    rounding = np.array([resolution_of(column) for column in value.T]) / np.sqrt(12.0)
+    if rounding.shape != white.shape:
+        rounding = np.full(white.shape, 2.0 * rounding.max(initial=0.0))
+    return np.maximum(np.maximum(white, rounding), FLOOR), worth
+
+
 def measure_noise(series: Series) -> StreamNoise:
     """Everything that a stream says of its own noise."""
     white, _, resolution, flagged, moved = _white(series)

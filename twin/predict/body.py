@@ -7,6 +7,7 @@ lose nothing against one long prediction, which an unstable machine would not al
 """
 
 import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -34,6 +35,9 @@ Array = NDArray[np.float64]
 
 STEP = 1e-6
 """Of finite differences of a state [SI]."""
+
+LESS = 0.005
+"""Share by which a noise must be smaller than it was taken to be, for a fit to be done again."""
 
 EXACT = 0.1
 """By how many of its standard deviations a longer step may move an estimate at the very most."""
@@ -64,6 +68,7 @@ class Body:
         self.recording = recording
         self.motion = motion
         self.predicted: States | None = None
+        self.pushes: Mapping[str, Array] | None = None
         self.inputs = Inputs(self.machine, recording)
         self.grid = grid
         senses = senses_of(machine, grid.step, self.inputs.field_world)
@@ -85,15 +90,37 @@ class Body:
         self._pushed = self.rollouts.answer(stated)[:, 0][..., machine.base_dof]
         self._wander = np.concatenate(self._walks())
 
-    def following(self, path: States) -> "Body":
+    def following(self, path: States, pushes: Mapping[str, Array] | None = None) -> "Body":
         """The same log; what acts along its motion does so along a prediction (1, S, steps + 1, .).
 
         A prediction that a fit has settled is free of the sensors' noise and constant errors, which
         a smoothed reading has, and keeps what smoothing takes out.
+
+        Args:
+            path: the prediction.
+            pushes: (S, steps, nv) what perturbations have pushed it with, by name, where nothing
+                else makes it differ from the model's; None where the logs have drawn it to them.
         """
         following = copy.copy(self)
         following.predicted = path
+        following.pushes = pushes
         return following
+
+    def with_noise_of(self, left: Sequence[Array]) -> "Body":
+        """The same log, its noise found again in what a prediction leaves; itself where it is as
+        large as it was taken to be.
+
+        Args:
+            left: residuals (m, k) of each output.
+        """
+        outputs = tuple(o.with_noise_of(part) for o, part in zip(self.outputs, left, strict=True))
+        pairs = zip(outputs, self.outputs, strict=True)
+        if all(np.all(new.noise > (1.0 - LESS) * old.noise) for new, old in pairs):
+            return self
+        known = copy.copy(self)
+        known.outputs = outputs
+        known._wander = np.concatenate(known._walks())
+        return known
 
     @property
     def samples(self) -> int:

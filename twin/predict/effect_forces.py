@@ -4,10 +4,10 @@ What the machine with the effect needs to move as it did, less what it needs wit
 dynamics, and the torques and pushes that no model holds. Parts that only the machine with the
 effect has, a panel or a liquid, are carried along first, from rest at the log's first instant.
 
-What rings needs a motion with the kicks that make it ring (`twin.predict.retrace`). And it rings as
-it would on a body that does not give way: true to first order, and good as long as what the body
-gives way, I / 2 J of the frequency, is no more than the width of the resonance, its damping ratio.
-Sharper ones are found by simulating anew.
+What rings needs a motion with the kicks that make it ring (`twin.predict.retrace`). Along a motion
+that a fit predicts, the body gives way to it, and it rings faster, by 1 / sqrt(1 - I / J); what it
+made the body do already is taken out of that motion first. A motion that was measured holds all of
+this, as far as it was seen.
 """
 
 import copy
@@ -66,7 +66,7 @@ def force_of(effect: BodyEffect, body: Body, turn: Array | None = None) -> Array
     here, plainly = plain_forces(body)
     along = shared.along(here)
     if shared.hidden_dof.size:
-        _carry(shared, body, along)
+        _carry(effect, shared, body, along)
     needed = np.zeros_like(plainly)
     if machine.model is not plain.model:
         needed += plainly - inverse(machine, along)[:, shared.dof]
@@ -263,7 +263,7 @@ def _pushes(effect: BodyEffect, machine: Machine, along: Along, times: Array) ->
     return force
 
 
-def _carry(shared: _Shared, body: Body, along: Along) -> None:
+def _carry(effect: BodyEffect, shared: _Shared, body: Body, along: Along) -> None:
     """Let the hidden joints swing on the measured motion, segment by segment; write theirs.
 
     Their acceleration is the change of their rate over a step, so that the impulse on the rest is
@@ -275,12 +275,20 @@ def _carry(shared: _Shared, body: Body, along: Along) -> None:
     model = copy.copy(machine.model)
     model.opt.timestep = step
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    given = np.zeros((grid.segments, grid.steps + 1, body.start.rate.shape[-1]))
+    if body.pushes is not None:
+        held, between = _masses(shared)
+        # the base moves by what keeps the whole's momentum, and is gone from the equations
+        model.dof_armature[shared.hidden_dof] -= np.einsum(
+            "bh,bh->h", between, np.linalg.solve(held, between)
+        )
+        given = _given(effect, body, held)
     model.dof_armature[shared.dof] = _CARRIED
     batch = Batch(model, 1)
     batch.bind("qpos")[:] = model.qpos0
     edges = step * np.arange(grid.steps * finer + 1)
     for segment, start in enumerate(grid.starts.tolist()):
-        position, rate = _moving(body, segment, start + edges)
+        position, rate = _moving(body, segment, start + edges, given[segment])
         batch.bind("qpos")[:, machine.base_qpos] = position
         batch.bind("qvel")[:, machine.base_dof] = rate[0]
         before = np.concatenate([batch.bind("qpos"), batch.bind("qvel")], axis=1)
@@ -296,12 +304,35 @@ def _carry(shared: _Shared, body: Body, along: Along) -> None:
         along.acceleration[rows, shared.hidden_dof] = np.diff(ends[:, rates], axis=0) / grid.step
 
 
-def _moving(body: Body, segment: int, times: Array) -> tuple[Array, Array]:
+def _masses(shared: _Shared) -> tuple[Array, Array]:
+    """Inertia of the base (b, b), and between it and the hidden joints (b, h), as they rest."""
+    model = shared.machine.model
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    whole = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, whole)
+    base = np.arange(model.nv)[shared.machine.base_dof]
+    return whole[np.ix_(base, base)], whole[np.ix_(base, shared.hidden_dof)]
+
+
+def _given(effect: BodyEffect, body: Body, held: Array) -> Array:
+    """(S, steps + 1, b) rate that an effect has already given the base of a predicted motion."""
+    grid = body.grid
+    own = [push for name, push in (body.pushes or {}).items() if name.startswith(effect.label)]
+    if not own:
+        return np.zeros((grid.segments, grid.steps + 1, len(held)))
+    push = np.sum(own, axis=0)[..., body.machine.base_dof].reshape(-1, len(held))
+    after = grid.step * np.cumsum(np.linalg.solve(held, push.T).T, axis=0)
+    edges = np.concatenate([np.zeros((1, len(held))), after])
+    return np.stack([edges[i * grid.steps :][: grid.steps + 1] for i in range(grid.segments)])
+
+
+def _moving(body: Body, segment: int, times: Array, given: Array) -> tuple[Array, Array]:
     """Position (nq of the base,) at the first of some times in a segment; rates (m, k) at all."""
     if body.predicted is None:
         moving = body.motion.at(times)
         return moving.position[0], moving.rate
-    rates = body.predicted.rate[0, segment]
+    rates = body.predicted.rate[0, segment] - given
     known = body.grid.starts[segment] + body.grid.step * np.arange(len(rates))
     rate = np.stack([np.interp(times, known, column) for column in rates.T], axis=-1)
     return body.predicted.position[0, segment, 0], rate

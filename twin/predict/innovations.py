@@ -221,6 +221,15 @@ class Problem:
         """(S, steps, nv) what the perturbations add to the forces on a log's machine."""
         return self._added[log].push(strengths)
 
+    def pushes(self, log: int, strengths: Array) -> dict[str, Array]:
+        """The same, of each perturbation by its name."""
+        added = self._added[log]
+        return {
+            one.name: added.forces[..., i] * strengths[i]
+            for i, one in enumerate(added.perturbations)
+            if one.force is not None
+        }
+
     def with_perturbations(
         self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]
     ) -> tuple[Exact, ...]:

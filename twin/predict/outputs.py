@@ -5,7 +5,7 @@ segment by segment, and within one in the order of the grid instants that they a
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, cast
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.model import Machine
-from twin.noise import noise_and_worth
+from twin.noise import noise_and_worth, noise_left
 from twin.platform import Platform, Sensor
 from twin.predict.profiles import Course
 from twin.predict.sensed import Sense
@@ -175,6 +175,25 @@ class Output:
             error = rotation.multiply(rotation.conjugate(predicted), self.value)
             return rotation.to_rotation_vector(error) / self.noise
         return (self.value - predicted) / self.noise
+
+    def with_noise_of(self, left: Array) -> "Output":
+        """Its noise found again, in what a prediction leaves.
+
+        A control law that answers to noise, and the rounding of what moves slowly, look like more
+        of it than there is.
+
+        Args:
+            left: (m, k) residual of a prediction that follows the log.
+        """
+        if self.stated or not self.scatters:
+            return self
+        noise, worth = noise_left(self.time, self.value, left * self.noise)
+        less = noise < self.noise
+        return replace(
+            self,
+            noise=np.where(less, noise, self.noise),
+            worth=np.where(less, worth, self.worth),
+        )
 
     @property
     def scatters(self) -> bool:

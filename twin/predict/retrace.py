@@ -30,7 +30,8 @@ def retraced(problem: Problem, now: Innovations, log: int) -> Body:
     if body.inputs.wheels_undriven or (gimbals and body.inputs.gimbals_undriven):
         return body
     path = _path(problem, now, log)
-    followed = body.following(path)
+    pushes = None if now.intensity > 0.0 else problem.pushes(log, now.at.strengths)
+    followed = body.following(path, pushes)
     followed.start = path[0, :, 0]
     return followed
 

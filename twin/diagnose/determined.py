@@ -1,0 +1,55 @@
+"""Which components of effects the logs show at all, beside base and the other components."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.diagnose.weighing import SLIGHT
+from twin.effects import Effect
+from twin.predict.base import BaseParameters
+from twin.predict.body import Body
+from twin.predict.effect_columns import amplitudes, strengths_of
+from twin.predict.innovations import Problem, Unknowns
+from twin.predict.perturbation import Perturbation
+
+BLURRED = 1e-2
+"""A component of which less than this share is left beside base and the others stays as it is."""
+
+
+def determined(
+    bodies: Sequence[Body],
+    base: BaseParameters,
+    effects: tuple[Effect, ...],
+    every: Sequence[Sequence[Perturbation]],
+    start: Unknowns,
+) -> tuple[NDArray[np.bool_], ...]:
+    """Which components logs show beside base and the components before them, amplitudes first."""
+    free = [np.ones(len(parts), dtype=bool) for parts in every]
+    doubtful = [i for i, parts in enumerate(every) if len(parts) > 1]
+    if not doubtful:
+        return tuple(free)
+    problem = Problem(bodies, base, [part for parts in every for part in parts])
+    strengths = np.concatenate([np.zeros(0), *(strengths_of(effect) for effect in effects)])
+    now = problem.innovations(replace(start, strengths=strengths))
+    whole = np.linalg.norm(now.columns, axis=0)
+    columns = now.columns / np.maximum(whole, 1e-300)
+    kept = columns.shape[1] - len(strengths)
+    reach = [high - low for low, high in (effect.bounds() for effect in effects)]
+    felt = whole[kept:] > SLIGHT / np.concatenate([np.zeros(0), *reach])
+    basis = np.linalg.qr(columns[:, :kept])[0]
+    first = kept
+    for i, effect in enumerate(effects):
+        order = np.argsort(~amplitudes(effect), kind="stable")
+        for j in order.tolist():
+            column = columns[:, first + j]
+            for _ in range(2):
+                column = column - basis @ (basis.T @ column)
+            size = float(np.linalg.norm(column))
+            if size < BLURRED or not felt[first - kept + j]:
+                free[i][j] = False
+            else:
+                basis = np.column_stack([basis, column / size])
+        first += len(every[i])
+    return tuple(free)
