@@ -18,6 +18,7 @@ from twin.diagnose.weighing import Weighing
 from twin.effects import Effect, able, catalogue, with_effects
 from twin.errors import UsageError
 from twin.platform import Platform, Sensor, load_platform
+from twin.predict.effect_columns import amplitudes
 from twin.recording import Recording
 
 GRADES = {"fine": (1e-4, 1e-4), "middle": (1e-3, 1e-3), "coarse": (4.4e-3, 3.5e-2)}
@@ -159,6 +160,20 @@ class Yardstick:
         every = [candidate(effect.absent(), platform) for effect in (*self.effects, *others)]
         every = [one for one in every if one.perturbations]
         return _plain(self.bench).weighing(every), tuple(every)
+
+    def evidence(self, effect: Effect) -> float:
+        """That an effect of this size has, in a run with it: a law answers to what rings.
+
+        Raises:
+            UsageError: such a run ends at a stop or a limit.
+        """
+        platform, size = machine(self.bench), amplitudes(effect)
+        log = flown(self.bench, (effect,), seed=0)
+        if log is None:
+            raise UsageError(f"{self.bench.words} ends at a stop or a limit with {effect.words()}")
+        weighing = diagnosis.plain_of([log], platform).weighing([candidate(effect, platform)])
+        signature = weighing.signature(0, effect.values[size])
+        return float(signature @ signature)
 
 
 @cache

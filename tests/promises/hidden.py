@@ -26,6 +26,10 @@ FREQUENCIES = {"flexible_appendage": (0.3, 5.0), "room_draft": (0.02, 0.5)}
 LENGTHS = (0.02, 0.5)
 """[m]."""
 TRIES = 20
+CLOSE = 0.2
+"""Share of its evidence to which a size is sought."""
+RESIZED = 6
+"""Times that a size is sought."""
 """Shapes, signs and directions, before an effect is too large for its bounds."""
 
 
@@ -140,8 +144,31 @@ def drawn(bench: Bench, label: str, evidence: float, rng: np.random.Generator) -
         shown = float(np.linalg.norm(weighing.signature(index, direction)))
         values[size] = direction * np.sqrt(evidence) / shown
         if np.all(values >= low) and np.all(values <= high):
-            return _possible(bench, effect.with_values(values))
+            found = _possible(bench, effect.with_values(values))
+            return found if amplitudes(found).all() else _resized(bench, found, evidence)
     raise OutOfReach(f"not detectable here: {label} at {evidence:g} is beyond its bounds")
+
+
+def _resized(bench: Bench, effect: Effect, evidence: float) -> Effect:
+    """Of the size that has that evidence where a large one does not do what a small one does more:
+    a heavy panel rings faster.
+
+    Raises:
+        OutOfReach: none near it has.
+    """
+    size = amplitudes(effect)
+    for _ in range(RESIZED):
+        try:
+            shown = yardstick(bench).evidence(effect)
+        except TwinError as problem:
+            raise OutOfReach(f"not detectable here: {effect.label}: {problem}") from problem
+        if abs(np.log(shown / evidence)) < CLOSE:
+            return effect
+        values = effect.values
+        values[size] *= np.sqrt(evidence / shown)
+        low, high = effect.bounds()
+        effect = _possible(bench, effect.with_values(np.clip(values, low, high)))
+    raise OutOfReach(f"not detectable here: no {effect.label} has evidence {evidence:g}")
 
 
 def _possible(bench: Bench, effect: Effect) -> Effect:

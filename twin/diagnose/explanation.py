@@ -36,6 +36,8 @@ ROUNDS = 6
 """Times that the effects' columns are formed anew where the last fit found them."""
 WORSE = 3.0
 """Cost by which that may not do as well as the last fit foretold; else they had moved too far."""
+IDLE = 0.5
+"""Change of the cost that says that the columns were right."""
 LEAST = 0.1
 """Share of such a move below which no more is tried."""
 SETTLED = 0.1
@@ -281,10 +283,14 @@ def explain(
         tried = _fitted(
             now.following, base, there, now.laws, now.at, follows=follows, free=now.free
         )
-        if follows and tried.cost > now.cost + WORSE:
+        settled = _far(there, tried) < SETTLED
+        if follows and not settled and tried.cost > now.cost + WORSE:
             share *= 0.5
             continue
+        fallen = abs(now.cost - tried.cost)
         now, formed_at, share = tried, there, 1.0
+        if follows and fallen < IDLE:
+            break
     return now
 
 

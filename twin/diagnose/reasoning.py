@@ -80,8 +80,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
         line = _with_laws(line)
         if len(line.now.effects) > 1:
             # causes that stand in for a law may have hidden it
-            alone = _with_laws(Line(plain, search_from(plain, every), every))
-            line = min(line, alone, key=lambda one: one.score)
+            line = _with_laws(Line(plain, search, every), than=line)
     needed = _needed_only(line.now)
     if needed is line.now:
         return line
@@ -211,9 +210,15 @@ def _guesses(
     return found
 
 
-def _with_laws(line: Line) -> Line:
-    """With laws without a name, where they explain more than causes: in place of some or beside."""
+def _with_laws(line: Line, than: Line | None = None) -> Line:
+    """With laws without a name, where they explain more than causes: in place of some or beside.
+
+    Args:
+        line: what they are weighed beside.
+        than: what they must be better than, if not that.
+    """
     now, laws = line.now, laws_of(line.now.bodies)
+    than = than or line
     unlikely = _unlikely(laws)
     weighing = now.weigh(
         [(law.perturbation,) for law in laws], [law.trace(unlikely) for law in laws]
@@ -222,13 +227,14 @@ def _with_laws(line: Line) -> Line:
     best = search.best()
     found = [laws[index - len(now.own)] for index in best if index >= len(now.own)]
     more = search.evidence(best) - search.evidence(now.own)
-    if not found or more < TIED:
-        return line
+    if not found or line.score - more > than.score - TIED:
+        return than
     kept = [effect for index, effect in enumerate(now.effects) if index in best]
     there = _fitted(now, kept, found)
     if there is None or _astray(now, there):
-        return line
-    return Line(there, search_from(there, line.asked), line.asked, more)
+        return than
+    lawful = Line(there, search_from(there, line.asked), line.asked, more)
+    return lawful if than is line or lawful.score < than.score else than
 
 
 def _unlikely(laws: Sequence[Law]) -> float:

@@ -136,15 +136,18 @@ def chain(linear: Linearised) -> Chain:
 
 
 def _triangle(linear: Linearised, segment: int) -> Array:
-    """(min(N, k), k) of a segment's k = x + 1 + u columns: all that its rows say.
+    """(k, k) of a segment's k = x + 1 + u columns: all that its rows say.
 
     LAPACK called in place: as `np.linalg.qr`, which copies the rows twice, and there are many.
     """
-    n, x = linear.state.shape[1:]
-    columns = np.empty((n, x + 1 + linear.shared.shape[-1]), order="F")
-    columns[:, :x] = linear.state[segment]
-    columns[:, x] = linear.residual[segment]
-    columns[:, x + 1 :] = linear.shared[segment]
+    x = linear.state.shape[2]
+    parts = linear.state[segment], linear.residual[segment, :, None], linear.shared[segment]
+    # a segment has far more rows than samples
+    held = np.any([part.any(axis=-1) for part in parts], axis=0)
+    n, k = int(held.sum()), x + 1 + linear.shared.shape[-1]
+    columns = np.zeros((max(n, k), k), order="F")
+    for part, first in zip(parts, (0, x, x + 1), strict=True):
+        columns[:n, first : first + part.shape[-1]] = part[held]
     work = int(dgeqrf_lwork(*columns.shape)[0])
     factored = dgeqrf(columns, lwork=work, overwrite_a=True)[0]
     return np.triu(factored[: columns.shape[1]])

@@ -53,24 +53,28 @@ def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linear
     noise = force @ local.pushed.transpose(0, 2, 1)
     mean = np.zeros((segments, x, stack.shape[-1]))
     spread = np.zeros((segments, x, x))
-    white = np.empty_like(stack)
+    white = stack.copy()
     logarithm = 0.0
-    eye = np.eye(width)
+    telling = np.any(local.measured != 0.0, axis=(0, 3))
     for k in range(instants):
         if k:
             carry = local.carried[:, k - 1]
             mean = carry @ mean
             mean[..., x] += local.drift[:, k - 1]
             spread = carry @ spread @ carry.transpose(0, 2, 1) + noise + local.wander[:, k - 1]
-        h = local.measured[:, k]
+        rows = np.flatnonzero(telling[k])
+        if not rows.size:
+            continue
+        h = local.measured[:, k, rows]
         across = h @ spread
-        covariance = across @ h.transpose(0, 2, 1) + eye
+        covariance = across @ h.transpose(0, 2, 1) + np.eye(len(rows))
         lower = np.linalg.cholesky(covariance)
-        both = np.concatenate([stack[:, k] - h @ mean, across], axis=-1)
+        both = np.concatenate([stack[:, k, rows] - h @ mean, across], axis=-1)
         both = np.linalg.solve(lower, both)
-        white[:, k] = both[..., : stack.shape[-1]]
+        told = both[..., : stack.shape[-1]]
+        white[:, k, rows] = told
         gain = both[..., stack.shape[-1] :].transpose(0, 2, 1)
-        mean = mean + gain @ white[:, k]
+        mean = mean + gain @ told
         spread = spread - gain @ gain.transpose(0, 2, 1)
         logarithm += 2.0 * float(np.log(np.diagonal(lower, axis1=1, axis2=2)).sum())
     white = white.reshape(segments, instants * width, -1)
