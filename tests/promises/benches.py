@@ -16,7 +16,8 @@ from twin.diagnose.excitation import Angles, Excitation
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.weighing import Weighing
 from twin.effects import Effect, able, catalogue, with_effects
-from twin.errors import UsageError
+from twin.errors import PlatformError, UsageError
+from twin.model import compile_model
 from twin.platform import Platform, Sensor, load_platform
 from twin.predict.effect_columns import amplitudes
 from twin.recording import Recording
@@ -127,16 +128,22 @@ def flown(bench: Bench, effects: tuple[Effect, ...], seed: int) -> Recording | N
 
 
 def believed(bench: Bench, rng: np.random.Generator) -> Platform:
-    """The machine with J and m r a little wrong."""
+    """The machine with J and m r a little wrong, as a rigid body has them."""
     platform = machine(bench)
-    scale = 1.0 + OFF * rng.uniform(-1.0, 1.0, 3)
-    inertia = platform.inertia * np.sqrt(np.outer(scale, scale))
-    shift = OFF * np.linalg.norm(platform.center_of_mass_offset) * rng.uniform(-1.0, 1.0, 3)
-    return replace(
-        platform,
-        inertia=inertia,
-        center_of_mass_offset=platform.center_of_mass_offset + shift,
-    )
+    while True:
+        scale = 1.0 + OFF * rng.uniform(-1.0, 1.0, 3)
+        inertia = platform.inertia * np.sqrt(np.outer(scale, scale))
+        shift = OFF * np.linalg.norm(platform.center_of_mass_offset) * rng.uniform(-1.0, 1.0, 3)
+        off = replace(
+            platform,
+            inertia=inertia,
+            center_of_mass_offset=platform.center_of_mass_offset + shift,
+        )
+        try:
+            compile_model(off)
+        except PlatformError:
+            continue
+        return off
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from twin.diagnose.laws import Law
 from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import Effect
 from twin.errors import TwinError
-from twin.identify.prediction_error import fit
+from twin.identify.prediction_error import Fit, fit, fit_disturbed
 from twin.predict.apart import Apart, apart, fit_apart
 from twin.predict.base import BaseParameters
 from twin.predict.body import Body, Exact
@@ -141,6 +141,13 @@ class Explanation:
             if likelier < NEAR:
                 found._formed.update(self._formed)
         return found
+
+    def disturbed(self) -> "Explanation":
+        """The same under a white torque, as large as the logs ask for, that draws the motion to
+        them."""
+        assert isinstance(self.now, Innovations)
+        near = fit_disturbed(self.problem, Fit(self.now, converged=False), self.at)
+        return replace(self, now=near.innovations, converged=near.converged)
 
     @cached_property
     def following(self) -> tuple[Body, ...]:

@@ -26,6 +26,9 @@ WEAK = 0.03
 """Share of another's evidence that may be no more than the error of its linearised column."""
 DOUBTFUL = 0.01
 """Chance below which laws without a name are tried; and always where one cause did not do."""
+LED = 4
+"""Causes that are fitted alone where a model without any loses the motion, of those that promise
+most by either reckoning."""
 ASTRAY = 0.1
 """A fit that is less likely by more than this a sample than the one it began from has lost it."""
 NAMELESS = 6.0
@@ -63,12 +66,16 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     platform, every = plain.bodies[0].machine.platform, tuple(asked)
     say("causes weighed")
     search = search_from(plain, every)
-    # what rings or blows at another frequency than usual looks like many causes
-    lines = lines_of(plain) if len(search.best()) > 1 else ()
-    if lines:
-        every = (*every, *ringing(asked, lines, platform))
-        search = search_from(plain, every)
-    line = _simplest(plain, search, every, say)
+    lost = plain.follows and not plain.converged
+    line = _led(plain, search, every, say) if lost else None
+    if line is None or line.left.chance < DOUBTFUL:
+        # what rings or blows at another frequency than usual looks like many causes
+        lines = lines_of(plain) if len(search.best()) > 1 else ()
+        if lines:
+            every = (*every, *ringing(asked, lines, platform))
+            search = search_from(plain, every)
+        simplest = _simplest(plain, search, every, say)
+        line = min(line or simplest, simplest, key=lambda one: one.score)
     lines = lines_of(line.now)
     if lines:
         say("what rings")
@@ -87,6 +94,31 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     search = search_from(needed, line.asked)
     nameless = line.nameless if needed.laws else 0.0
     return Line(needed, search, line.asked, nameless)
+
+
+def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line | None:
+    """Searched from the likeliest single cause, where a model without any loses the motion.
+
+    Columns along another motion say little; and what leads it to the logs, a disturbance, hides
+    much of the causes. So those that promise most by either are fitted, each alone.
+    """
+    lead = plain.disturbed()
+    near = search_from(lead, asked)
+    tries: dict[str, Effect] = {}
+    for now, one in ((lead, near), (plain, search)):
+        for score in one.scores()[:LED]:
+            (guess,) = _guesses(now, asked, one.weighing, (score.index,))
+            tries.setdefault(guess.label, guess)
+    lines: list[Line] = []
+    for label, guess in tries.items():
+        say(f"fitting {label} alone")
+        there = _fitted(lead, (guess,))
+        if there is not None:
+            lines.append(Line(there, search_from(there, asked), asked))
+    best = min(lines, key=lambda line: line.score, default=None)
+    if best is None or best.left.chance > DOUBTFUL:
+        return best
+    return _searched(best.now, best.search, asked, say)
 
 
 def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line:
