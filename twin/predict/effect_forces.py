@@ -6,7 +6,8 @@ effect has, a panel or a liquid, are carried along first, from rest at the log's
 
 What rings needs a motion with the kicks that make it ring (`twin.predict.retrace`). Along a motion
 that a fit predicts, the body gives way to it, and it rings faster, by 1 / sqrt(1 - I / J); what it
-made the body do already is taken out of that motion first. A motion that was measured holds all of
+made the body do already is taken out of that motion first. What has weight, a liquid, rings as on a
+body that does not: true to first order. A motion that was measured holds all of
 this, as far as it was seen.
 """
 
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.effects import BodyEffect, State, able, with_effects
+from twin.effects.on_body import CARRIER_MASS
 from twin.model import Machine, compile_model
 from twin.plant.gas import thruster_arms
 from twin.predict.base import hinge_axis
@@ -276,7 +278,7 @@ def _carry(effect: BodyEffect, shared: _Shared, body: Body, along: Along) -> Non
     model.opt.timestep = step
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     given = np.zeros((grid.segments, grid.steps + 1, body.start.rate.shape[-1]))
-    if body.pushes is not None:
+    if body.pushes is not None and _weightless(shared):
         held, between = _masses(shared)
         # the base moves by what keeps the whole's momentum, and is gone from the equations
         model.dof_armature[shared.hidden_dof] -= np.einsum(
@@ -302,6 +304,14 @@ def _carry(effect: BodyEffect, shared: _Shared, body: Body, along: Along) -> Non
         along.position[rows, places] = 0.5 * (ends[1:, places] + ends[:-1, places])
         along.velocity[rows, shared.hidden_dof] = 0.5 * (ends[1:, rates] + ends[:-1, rates])
         along.acceleration[rows, shared.hidden_dof] = np.diff(ends[:, rates], axis=0) / grid.step
+
+
+def _weightless(shared: _Shared) -> bool:
+    """Whether hidden parts push the base by turning against it alone: what has weight pulls at it
+    from outside too, and so slowly that the base does not give way as a free one would."""
+    model = shared.machine.model
+    parts = model.jnt_bodyid[model.dof_jntid[shared.hidden_dof]]
+    return bool(np.all(model.body_mass[parts] <= CARRIER_MASS))
 
 
 def _masses(shared: _Shared) -> tuple[Array, Array]:
