@@ -29,6 +29,8 @@ DOUBTFUL = 0.01
 LED = 4
 """Causes that are fitted alone where a model without any loses the motion, of those that promise
 most by either reckoning."""
+FEW = 3
+"""Causes that one of them, of another shape, may be: more stand in for something else."""
 ASTRAY = 0.1
 """A fit that is less likely by more than this a sample than the one it began from has lost it."""
 NAMELESS = 6.0
@@ -109,23 +111,23 @@ def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: 
         for score in one.scores()[:LED]:
             (guess,) = _guesses(now, asked, one.weighing, (score.index,))
             tries.setdefault(guess.label, guess)
-    lines: list[Line] = []
+    best = plain
     for label, guess in tries.items():
         say(f"fitting {label} alone")
         there = _fitted(lead, (guess,))
-        if there is not None:
-            lines.append(Line(there, search_from(there, asked), asked))
-    best = min(lines, key=lambda line: line.score, default=None)
-    if best is None or best.left.chance > DOUBTFUL:
-        return best
-    return _searched(best.now, best.search, asked, say)
+        # NaN is no better
+        best = there if there is not None and there.cost < best.cost else best
+    if best is plain:
+        return None
+    line = Line(best, search_from(best, asked), asked)
+    return line if line.left.chance > DOUBTFUL else _searched(best, line.search, asked, say)
 
 
 def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line:
     """Searched, also from each new cause alone whose shape a fit may better: what it lacks where
     its columns were formed looks like a second cause."""
     line = _searched(now, search, asked, say)
-    if len(line.now.effects) < 2 or not now.follows:
+    if not 2 <= len(line.now.effects) <= FEW or not now.follows:
         return line
     for index in search.best():
         if index < len(now.own) or not search.weighing.traces[index].shapes:
