@@ -3,7 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from twin.errors import TwinError
 from twin.predict.chain import chain, growth
 from twin.predict.linearised import Linearised
 
@@ -126,3 +128,11 @@ def test_growth_is_that_of_the_directions_that_grow():
     np.testing.assert_allclose(grown, 0.5 * 39, atol=3.0)
     turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
     assert growth(replace(linear, transition=np.tile(turn, (39, 1, 1)))) < 1e-9
+
+
+def test_a_motion_that_grows_beyond_what_numbers_hold_is_refused_with_a_sentence():
+    for growth_of in (1e200, np.nan):
+        linear = random_chain(0)
+        wild = replace(linear, transition=growth_of * linear.transition)
+        with np.errstate(over="ignore", invalid="ignore"), pytest.raises(TwinError, match="grows"):
+            chain(wild)

@@ -25,7 +25,18 @@ def determined(
     every: Sequence[Sequence[Perturbation]],
     start: Unknowns,
 ) -> tuple[NDArray[np.bool_], ...]:
-    """Which components logs show beside base and the components before them, amplitudes first."""
+    """Which components logs show beside base and the components before them, amplitudes first.
+
+    Args:
+        bodies: the logs.
+        base: what is fitted of the machine.
+        effects: at the values where their columns are formed.
+        every: their perturbations, one a component.
+        start: where the base, the biases and the states stand; its strengths are not used.
+
+    Returns:
+        (p,) of each effect.
+    """
     free = [np.ones(len(parts), dtype=bool) for parts in every]
     doubtful = [i for i, parts in enumerate(every) if len(parts) > 1]
     if not doubtful:

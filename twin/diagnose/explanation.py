@@ -313,8 +313,9 @@ def _far(formed_at: Sequence[Effect], now: Explanation) -> float:
 
 def _between(first: Sequence[Effect], last: Sequence[Effect], share: float) -> tuple[Effect, ...]:
     """So much of the way from one to the other."""
+    # a sum may end a rounding beyond a bound
     return tuple(
-        end.with_values(begin.values + share * (end.values - begin.values))
+        end.with_values(np.clip(begin.values + share * (end.values - begin.values), *end.bounds()))
         for begin, end in zip(first, last, strict=True)
     )
 

@@ -58,9 +58,10 @@ class Line:
     def score(self) -> float:
         """-2 log L, and the price of all that was set to have it so; the lower the better."""
         own = self.now.own
-        gain = self.search.weighing.weigh(own).gain
-        laws = len(self.now.laws) and _unlikely(laws_of(self.now.bodies)) * len(self.now.laws)
-        return self.now.cost + gain - self.search.evidence(own) + laws
+        price = self.search.weighing.weigh(own).gain - self.search.evidence(own)
+        if self.now.laws:
+            price += len(self.now.laws) * _unlikely(laws_of(self.now.bodies))
+        return self.now.cost + price
 
 
 def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
@@ -134,8 +135,8 @@ def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
             continue
         (guess,) = _guesses(now, asked, search.weighing, (index,))
         say(f"fitting {guess.label} alone")
-        alone = _fitted(now, (guess,))
-        if alone is None or _astray(now, alone):
+        alone = _followed(now, (guess,))
+        if alone is None:
             continue
         found = _searched(alone, search_from(alone, asked), asked, say)
         line = min(line, found, key=lambda one: one.score)
@@ -202,6 +203,14 @@ def _fitted(
         return None
 
 
+def _followed(
+    now: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
+) -> Explanation | None:
+    """Likewise; None too where the fit loses the motion."""
+    found = _fitted(now, effects, laws)
+    return None if found is None or _astray(now, found) else found
+
+
 def _possible(
     now: Explanation, asked: Sequence[Candidate], guesses: Sequence[Effect]
 ) -> tuple[Candidate, ...]:
@@ -264,8 +273,8 @@ def _with_laws(line: Line, than: Line | None = None) -> Line:
     if not found or line.score - more > than.score - TIED:
         return than
     kept = [effect for index, effect in enumerate(now.effects) if index in best]
-    there = _fitted(now, kept, found)
-    if there is None or _astray(now, there):
+    there = _followed(now, kept, found)
+    if there is None:
         return than
     lawful = Line(there, search_from(there, line.asked), line.asked, more)
     return lawful if than is line or lawful.score < than.score else than
@@ -286,7 +295,7 @@ def _needed_only(now: Explanation) -> Explanation:
         count = len(now.effects)
         effects = [effect for index, effect in enumerate(now.effects) if index in kept]
         laws = [law for index, law in enumerate(now.laws) if index + count in kept]
-        fewer = _fitted(now, effects, laws)
+        fewer = _followed(now, effects, laws)
         if fewer is None:
             break
         now = fewer

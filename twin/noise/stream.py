@@ -63,14 +63,14 @@ def noise_left(time: Array, value: Array, left: Array) -> tuple[Array, Array]:
 
     Args:
         time: (m,) [s].
-        value: (m, n) as measured.
-        left: (m, k) measured less predicted, in the stream's unit.
+        value: (m, k) as measured, or (m, 4) of an attitude.
+        left: (m, k) measured less predicted, in the stream's unit; of an attitude (m, 3) [rad].
+
+    Returns:
+        (k,) white noise, 1 sigma a sample, and (k,) what it is worth.
     """
     white, worth = white_noise(time, left)
-    rounding = np.array([resolution_of(column) for column in value.T]) / np.sqrt(12.0)
-    if rounding.shape != white.shape:
-        rounding = np.full(white.shape, 2.0 * rounding.max(initial=0.0))
-    return np.maximum(np.maximum(white, rounding), FLOOR), worth
+    return _no_less_than_rounding(white, _resolution(value, left.shape[1])), worth
 
 
 def measure_noise(series: Series) -> StreamNoise:
@@ -85,9 +85,7 @@ def _white(series: Series) -> tuple[Array, Array, Array, Mask, Array]:
     """White noise, what it is worth, resolution, outliers, and the values as numbers that
     differences make sense of."""
     attitude = series.columns == ("w", "x", "y", "z")
-    steps = np.array([resolution_of(column) for column in series.value.T])
-    # a rotation vector is twice the vector part of its quaternion
-    resolution = np.full(3, 2.0 * steps.max(initial=0.0)) if attitude else steps
+    resolution = _resolution(series.value, 3 if attitude else len(series.columns))
     finite = np.isfinite(series.value).all(axis=1)
     value = np.full((len(series), len(resolution)), np.nan)
     value[finite] = angles(series.value[finite]) if attitude else series.value[finite]
@@ -98,8 +96,19 @@ def _white(series: Series) -> tuple[Array, Array, Array, Mask, Array]:
     if 1.0 - fresh.mean() > HELD and np.all(resolution <= white):
         kept = fresh & ~flagged
         white, worth = white_noise(series.time[kept], value[kept])
-    white = np.maximum(np.maximum(white, resolution / np.sqrt(12.0)), FLOOR)
-    return white, worth, resolution, flagged, value
+    return _no_less_than_rounding(white, resolution), worth, resolution, flagged, value
+
+
+def _resolution(value: Array, k: int) -> Array:
+    """(k,) steps of a stream (m, k), or of the turns of an attitude (m, 4)."""
+    steps = np.array([resolution_of(column) for column in value.T])
+    # a rotation vector is twice the vector part of its quaternion
+    return steps if len(steps) == k else np.full(k, 2.0 * steps.max(initial=0.0))
+
+
+def _no_less_than_rounding(white: Array, resolution: Array) -> Array:
+    least = np.maximum(resolution / np.sqrt(12.0), FLOOR)
+    return np.where(white > least, white, least)
 
 
 def angles(attitude: Array) -> Array:

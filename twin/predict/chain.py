@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgeqrf, dgeqrf_lwork
 
 from twin.predict.linearised import Linearised
+from twin.predict.spread import root
 
 Array = NDArray[np.float64]
 
@@ -106,7 +107,7 @@ def chain(linear: Linearised) -> Chain:
         mean, spread = step @ mean + push, step @ spread @ step.T + linear.spread[s - 1]
         h = of_state[s]
         innovation = affine[s] + h @ mean
-        lower = np.linalg.cholesky(h @ spread @ h.T + np.eye(x))
+        lower = root(h @ spread @ h.T + np.eye(x))
         logarithm += 2.0 * float(np.log(np.diag(lower)).sum())
         white = np.linalg.solve(lower, np.column_stack([innovation, h @ spread]))
         split = innovation.shape[1]

@@ -7,8 +7,8 @@ effect has, a panel or a liquid, are carried along first, from rest at the log's
 What rings needs a motion with the kicks that make it ring (`twin.predict.retrace`). Along a motion
 that a fit predicts, the body gives way to it, and it rings faster, by 1 / sqrt(1 - I / J); what it
 made the body do already is taken out of that motion first. What has weight, a liquid, rings as on a
-body that does not: true to first order. A motion that was measured holds all of
-this, as far as it was seen.
+body that does not: true to first order. A motion that was measured holds all of this, as far as it
+was seen.
 """
 
 import copy
@@ -28,6 +28,7 @@ from twin.plant.gas import thruster_arms
 from twin.predict.base import hinge_axis
 from twin.predict.body import Body
 from twin.predict.drive import Inputs
+from twin.predict.response import mass_matrix
 from twin.predict.states import States
 
 Array = NDArray[np.float64]
@@ -277,7 +278,7 @@ def _carry(effect: BodyEffect, shared: _Shared, body: Body, along: Along) -> Non
     model = copy.copy(machine.model)
     model.opt.timestep = step
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    given = np.zeros((grid.segments, grid.steps + 1, body.start.rate.shape[-1]))
+    given = np.zeros((grid.segments, 1, 1))
     if body.pushes is not None and _weightless(shared):
         held, between = _masses(shared)
         # the base moves by what keeps the whole's momentum, and is gone from the equations
@@ -315,25 +316,25 @@ def _weightless(shared: _Shared) -> bool:
 
 
 def _masses(shared: _Shared) -> tuple[Array, Array]:
-    """Inertia of the base (b, b), and between it and the hidden joints (b, h), as they rest."""
+    """Inertia of the base (b, b), and between it and the hidden joints (b, h), as they rest
+    [kg m^2]."""
     model = shared.machine.model
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    whole = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, whole)
+    whole = mass_matrix(model, mujoco.MjData(model), model.qpos0)
     base = np.arange(model.nv)[shared.machine.base_dof]
     return whole[np.ix_(base, base)], whole[np.ix_(base, shared.hidden_dof)]
 
 
 def _given(effect: BodyEffect, body: Body, held: Array) -> Array:
-    """(S, steps + 1, b) rate that an effect has already given the base of a predicted motion."""
+    """(S, steps + 1, b) rate that an effect has already given the base of a predicted motion
+    [rad/s]."""
     grid = body.grid
-    own = [push for name, push in (body.pushes or {}).items() if name.startswith(effect.label)]
-    if not own:
-        return np.zeros((grid.segments, grid.steps + 1, len(held)))
-    push = np.sum(own, axis=0)[..., body.machine.base_dof].reshape(-1, len(held))
+    none = np.zeros((grid.segments, grid.steps, body.machine.model.nv))
+    pushes = (body.pushes or {}).items()
+    own = sum((push for name, push in pushes if name.startswith(f"{effect.label} ")), start=none)
+    push = own[..., body.machine.base_dof].reshape(-1, len(held))
     after = grid.step * np.cumsum(np.linalg.solve(held, push.T).T, axis=0)
-    edges = np.concatenate([np.zeros((1, len(held))), after])
+    edges = np.zeros((1 + len(after), len(held)))
+    edges[1:] = after
     return np.stack([edges[i * grid.steps :][: grid.steps + 1] for i in range(grid.segments)])
 
 

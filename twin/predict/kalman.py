@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.predict.linearised import Linearised
+from twin.predict.spread import root
 
 Array = NDArray[np.float64]
 
@@ -68,7 +69,7 @@ def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linear
         h = local.measured[:, k, rows]
         across = h @ spread
         covariance = across @ h.transpose(0, 2, 1) + np.eye(len(rows))
-        lower = np.linalg.cholesky(covariance)
+        lower = root(covariance)
         both = np.concatenate([stack[:, k, rows] - h @ mean, across], axis=-1)
         both = np.linalg.solve(lower, both)
         told = both[..., : stack.shape[-1]]

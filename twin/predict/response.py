@@ -42,15 +42,15 @@ class Response:
         """d p / d angle."""
         data = mujoco.MjData(model)
         for at in np.ndindex(position.shape[:2]):
-            whole = self._mass_matrix(model, data, position[at])
+            whole = mass_matrix(model, data, position[at])
             self._mass[at] = whole[np.ix_(self._free, self._free)]
             self._across[at] = whole[np.ix_(self._free, machine.gimbal_dof)]
             for column, place in enumerate(machine.gimbal_qpos):
                 turned = position[at].copy()
                 turned[place] += TURN
-                after = self._mass_matrix(model, data, turned)[self._free] @ velocity[at]
+                after = mass_matrix(model, data, turned)[self._free] @ velocity[at]
                 turned[place] -= 2.0 * TURN
-                before = self._mass_matrix(model, data, turned)[self._free] @ velocity[at]
+                before = mass_matrix(model, data, turned)[self._free] @ velocity[at]
                 self._gyro[at][:, column] = (after - before) / (2.0 * TURN)
         self._home = self._at_home(model)
 
@@ -72,15 +72,16 @@ class Response:
         return answer
 
     def _at_home(self, model: mujoco.MjModel) -> Array:
-        whole = self._mass_matrix(model, mujoco.MjData(model), model.qpos0)
+        whole = mass_matrix(model, mujoco.MjData(model), model.qpos0)
         return whole[np.ix_(self._free, self._free)]
 
-    @staticmethod
-    def _mass_matrix(model: mujoco.MjModel, data: mujoco.MjData, position: Array) -> Array:
-        data.qpos[:] = position
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_crb(model, data)
-        whole = np.empty((model.nv, model.nv))
-        mujoco.mj_fullM(model, data, whole)
-        return whole
+
+def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData, position: Array) -> Array:
+    """(nv, nv) of a model in a position (nq,), armatures in it [kg m^2, kg m or kg]."""
+    data.qpos[:] = position
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_crb(model, data)
+    whole = np.empty((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, whole)
+    return whole

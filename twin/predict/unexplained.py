@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.predict.innovations import Innovations, Problem
+from twin.predict.spread import root
 
 Array = NDArray[np.float64]
 
@@ -63,7 +64,7 @@ def smoothed_torque(now: Innovations, log: int) -> Array:
             spread = carry @ spread @ carry.transpose(0, 2, 1) + noise + local.wander[:, k - 1]
         h = local.measured[:, k]
         across = h @ spread
-        lower = np.linalg.cholesky(across @ h.transpose(0, 2, 1) + eye)
+        lower = root(across @ h.transpose(0, 2, 1) + eye)
         left = (residual[:, k] - np.einsum("swx,sx->sw", h, mean))[..., None]
         white = np.linalg.solve(lower, np.concatenate([left, h, across], axis=-1))
         left, seen, gain = white[..., 0], white[..., 1 : 1 + x], white[..., 1 + x :]
