@@ -72,6 +72,23 @@ def test_a_chain_is_one_least_squares():
         np.testing.assert_allclose(left @ left, chi2, rtol=1e-8)
 
 
+def test_a_number_of_the_state_that_is_known_far_better_than_others_changes_nothing():
+    for seed in range(5):
+        linear = random_chain(seed, rows=14)
+        sharp = linear.state.copy()
+        # readings of the last number alone, to 1e-12 of the others' noise
+        sharp[:, 10:] = 0.0
+        sharp[:, 10:, -1] = 1e12
+        linear = replace(linear, state=sharp)
+        link = chain(linear)
+        states, shared, _, chi2 = solved_at_once(linear)
+        found = -np.linalg.lstsq(link.rows[:, 1:], link.rows[:, 0], rcond=None)[0]
+        np.testing.assert_allclose(found, shared, rtol=1e-3, atol=1e-5)
+        np.testing.assert_allclose(link.states(found), states, rtol=1e-3, atol=1e-5)
+        left = link.rows[:, 0] + link.rows[:, 1:] @ found
+        np.testing.assert_allclose(left @ left, chi2, rtol=1e-4)
+
+
 def test_hindsight_is_what_later_segments_still_change():
     for seed in range(5):
         linear = random_chain(seed, u=0)

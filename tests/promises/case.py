@@ -15,7 +15,7 @@ from unittest.mock import patch
 import numpy as np
 from baselines import named_by_others, oracle_gain
 from benches import GRADES, LIBRARY, Bench, yardstick
-from hidden import OutOfReach, any_of, bench_for, graded, hide, kinds
+from hidden import OutOfReach, any_of, bench_for, graded, hide, kinds, shows
 from outside import LAWS, law_for
 from scoring import behind, facts, siblings
 
@@ -105,6 +105,8 @@ def _run(case: Case, row: dict[str, Any]) -> dict[str, Any]:
     if case.kind == "left_out" and any(_name(one) != _name(effects[0].label) for one in alike):
         raise OutOfReach(f"{effects[0].label} has siblings: {', '.join(alike)}")
     hidden = hide(bench, effects, case.seed + 1000)
+    if case.kind == "single":
+        shows(hidden, case.evidence)
     begin = time.perf_counter()
     with without(_name(effects[0].label) if case.kind == "left_out" else ""):
         found = diagnose([hidden.log], hidden.believed)

@@ -26,11 +26,13 @@ FREQUENCIES = {"flexible_appendage": (0.3, 5.0), "room_draft": (0.02, 0.5)}
 LENGTHS = (0.02, 0.5)
 """[m]."""
 TRIES = 20
+"""Shapes, signs and directions, before an effect is too large for its bounds."""
 CLOSE = 0.2
 """Share of its evidence to which a size is sought."""
 RESIZED = 6
 """Times that a size is sought."""
-"""Shapes, signs and directions, before an effect is too large for its bounds."""
+ENOUGH = 0.5
+"""Share of its evidence that readings with and without an effect must differ by."""
 
 
 @dataclass(frozen=True)
@@ -211,3 +213,39 @@ def hide(bench: Bench, effects: tuple[Effect, ...], seed: int) -> Hidden:
     if log is None:
         raise OutOfReach("with it the machine hits its stop, or its wheels their limits")
     return Hidden(bench, seed, effects, log, believed(bench, np.random.default_rng([seed, 1])))
+
+
+def shows(secret: Hidden, evidence: float) -> None:
+    """Whether readings with and without the effects differ enough to hold that evidence.
+
+    The size was drawn along the motion of a machine without them; friction that brings a wheel to
+    rest does far less than there.
+
+    Raises:
+        OutOfReach: no method could have it.
+    """
+    quiet = flown(secret.bench, (), secret.seed)
+    most = np.inf if quiet is None else _difference(machine(secret.bench), secret.log, quiet)
+    if most < ENOUGH * evidence:
+        names = " and ".join(effect.label for effect in secret.effects)
+        raise OutOfReach(f"{names} changes nothing: of {evidence:g} no more than {most:.2g}")
+
+
+def _difference(platform: Platform, log: Recording, quiet: Recording) -> float:
+    """Squared, in standard deviations of the noise, which is the same in both; inf where the clocks
+    differ or a log tells no noise."""
+    total = 0.0
+    for name, sensor in platform.sensors.items():
+        if name not in log or name not in quiet:
+            continue
+        one, other = log[name], quiet[name]
+        least = sensor.resolution / np.sqrt(12.0)
+        noise = np.hypot(sensor.noise, least)
+        if not np.array_equal(one.time, other.time) or not noise.all():
+            return np.inf
+        # a turn is twice the chord between two quaternions
+        apart = 2.0 * np.linalg.norm(one.value - other.value, axis=1, keepdims=True)
+        apart = apart if name == "attitude" else one.value - other.value
+        noise = noise.min() if name == "attitude" else noise
+        total += float(np.nansum((apart / noise) ** 2))
+    return total

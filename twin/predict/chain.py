@@ -17,7 +17,8 @@ from twin.predict.spread import root
 Array = NDArray[np.float64]
 
 _NOTHING = 1e-7
-"""A direction of the state that a segment does not show is known this much worse than the best."""
+"""What the first segment does not show of its start is known this much worse than its numbers by
+themselves, each in its own unit: they may be known to 1 rad/s and to 1e-12 rad."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,9 @@ def _triangle(linear: Linearised, segment: int) -> Array:
 def _regular(triangle: Array) -> Array:
     """(x, x + 1 + u) rows, with what they do not show of the state held weakly where it is."""
     x = len(triangle)
-    floor = _NOTHING * float(np.abs(np.diag(triangle)).max())
-    weak = np.column_stack([floor * np.eye(x), np.zeros((x, triangle.shape[1] - x))])
+    shown = np.linalg.norm(triangle[:, :x], axis=0)
+    least = np.min(shown[shown > 0.0], initial=1.0)
+    floor = _NOTHING * np.where(shown > 0.0, shown, least)
+    weak = np.column_stack([np.diag(floor), np.zeros((x, triangle.shape[1] - x))])
     joined: Array = np.asarray(np.linalg.qr(np.concatenate([triangle, weak]), mode="r"))
     return joined[:x]
