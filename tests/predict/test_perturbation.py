@@ -43,6 +43,28 @@ def problem_of(log: Recording, platform: Platform, added: list[Perturbation]) ->
     return Problem([predictor(log, platform)], base, added)
 
 
+def test_where_a_push_turns_a_body_whatever_its_inertia_a_heavier_one_under_more_moves_as_that(
+    swing: Swings, pendulum: Platform
+):
+    body = predictor(swing(seed=SEED, duration=6.0), pendulum)
+    base = base_parameters(body.machine)
+    push = 0.3 * against_rate(body)
+    one = body.linearise(base, base.as_stated, np.zeros(0), body.start, push)
+    columns = body.without(base, one, push).linear.shared
+    k = one.path.rate.shape[-1]
+    turned = np.einsum("snkf,snf->snk", one.answer[:, :, k : 2 * k], push)
+    (place,) = np.flatnonzero([name.startswith("J") for name in base.names])
+    size = 1e-5 * base.scale[place]
+    theta = base.as_stated + size * np.eye(len(base.as_stated))[place]
+    more = push.copy()
+    more[..., body.machine.base_dof] += size * turned
+    path = body.rollouts.paths(base.model(theta), body.start.one(), more)
+    rolled = (body.rows(path)[0] - one.linear.residual) / size
+    np.testing.assert_allclose(columns[..., place], rolled, atol=2e-3 * np.abs(rolled).max())
+    with_it = np.abs(one.linear.shared[..., place] - rolled).max()
+    assert with_it > 0.01 * np.abs(rolled).max()
+
+
 def test_a_forces_column_is_what_a_rollout_with_it_gives(swing: Swings, pendulum: Platform):
     body = predictor(swing(seed=SEED, duration=6.0), pendulum)
     base = base_parameters(body.machine)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ from twin.diagnose.determined import determined
 from twin.diagnose.laws import Law
 from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import Effect
-from twin.errors import TwinError
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
 from twin.predict.apart import Apart, apart, fit_apart
 from twin.predict.base import BaseParameters
@@ -85,8 +85,8 @@ class Explanation:
     strengths are where springs rest and what of an effect is not seen, then those of the free
     components, then the laws' coefficients."""
     converged: bool
-    blurred: int = 0
-    """Amplitudes that were not fitted, and have a strength all the same."""
+    most: tuple[float, ...]
+    """Of each effect, how large its amplitudes may be that no log shows: 1 sigma about 0."""
 
     @property
     def at(self) -> Unknowns:
@@ -188,11 +188,21 @@ class Explanation:
         """
         now = self._rows_of(self._bare, more)
         edge = now.columns.shape[1] - len(more)
-        taken = len(self.amplitudes) + self.blurred
-        away = self.at.strengths[len(self.at.strengths) - taken :]
-        residual = now.residual - now.columns[:, edge - taken : edge] @ away
-        bare = Rows(residual, now.columns[:, : edge - taken], now.cluster)
-        return bare, now.columns[:, edge - len(self.amplitudes) :]
+        unseen = [int(away.sum()) for away in self._unseen]
+        own, hidden = len(self.amplitudes), sum(unseen)
+        first = edge - own - hidden
+        away = self.at.strengths[len(self.at.strengths) - own - hidden :]
+        residual = now.residual - now.columns[:, first:edge] @ away
+        columns = now.columns[:, first + hidden :].copy()
+        # what of an effect is not seen comes and goes with what is seen most
+        place, past = 0, 0
+        for effect, free, count in zip(self.effects, self.free, unseen, strict=True):
+            if count:
+                most = place + int(np.argmax(np.abs(strengths_of(effect)[free])))
+                share = away[past : past + count] / away[hidden + most]
+                columns[:, most] += now.columns[:, first + past : first + past + count] @ share
+            place, past = place + int(free.sum()), past + count
+        return Rows(residual, now.columns[:, :first], now.cluster), columns
 
     @property
     def traces(self) -> list[Trace]:
@@ -221,14 +231,9 @@ class Explanation:
         """
         if not self.own:
             return self.now.exact
-        try:
-            bare = self.problem.exact(replace(self.at, strengths=np.zeros_like(self.at.strengths)))
-        except TwinError:
-            return self.now.exact
-        count = bare[0].linear.shared.shape[-1] - len(self.at.strengths)
         return tuple(
-            replace(one, linear=one.linear.with_first(other.linear, count))
-            for one, other in zip(self.now.exact, bare, strict=True)
+            body.without(self.base, one, self.problem.push(log, self.at.strengths))
+            for log, (body, one) in enumerate(zip(self.bodies, self.now.exact, strict=True))
         )
 
     @cached_property
@@ -246,6 +251,10 @@ class Explanation:
     def own(self) -> tuple[int, ...]:
         """Its effects and laws among what it weighs."""
         return tuple(range(len(self.effects) + len(self.laws)))
+
+    @property
+    def _unseen(self) -> list[NDArray[np.bool_]]:
+        return _unseen(self.effects, self.free, self.most)
 
     def _trace(self, index: int) -> Trace:
         effect, free = self.effects[index], self.free[index]
@@ -287,9 +296,7 @@ def explain(
         if _far(formed_at, now) < SETTLED or share < LEAST:
             break
         there = _between(formed_at, now.effects, share)
-        tried = _fitted(
-            now.following, base, there, now.laws, now.at, follows=follows, free=now.free
-        )
+        tried = _fitted(now.following, base, there, now.laws, now.at, follows=follows, before=now)
         settled = _far(there, tried) < SETTLED
         if follows and not settled and tried.cost > now.cost + WORSE:
             share *= 0.5
@@ -328,64 +335,60 @@ def _fitted(
     start: Unknowns,
     *,
     follows: bool,
-    free: tuple[NDArray[np.bool_], ...] | None = None,
+    before: Explanation | None = None,
 ) -> Explanation:
-    """With the columns of the effects as they are where they are now."""
+    """With the columns of the effects as they are where they are now; `before` with them as they
+    were, where a fit of the same has ended."""
     platform = bodies[0].machine.platform
     every = [perturbations_of(effect, platform) for effect in effects]
-    if free is None:
-        free = determined(bodies, base, effects, every, start)
-    own = [
-        part
-        for parts, ones in zip(every, free, strict=True)
-        for part, one in zip(parts, ones.tolist(), strict=True)
-        if one
-    ]
+    free = before.free if before else determined(bodies, base, effects, every, start)
+    # as large as the largest; base and the others are no better known than that lets them be
+    most = before.most if before else tuple(map(_largest, effects, free))
+    unseen = _unseen(effects, free, most)
     rests = [part for effect in effects for part in references_of(effect, bodies)]
     blurred = [
-        part
-        for effect, parts, ones in zip(effects, every, free, strict=True)
-        for part in _unseen(effect, parts, ones)
+        replace(part, spread=size)
+        for parts, away, size in zip(every, unseen, most, strict=True)
+        for part in compress(parts, away)
     ]
-    rests += blurred
-    problem = Problem(bodies, base, [*rests, *own, *(law.perturbation for law in laws)])
-    first = [strengths_of(effect)[ones] for effect, ones in zip(effects, free, strict=True)]
-    strengths = np.concatenate([np.zeros(len(rests)), *first, np.zeros(len(laws))])
+    own = [part for parts, ones in zip(every, free, strict=True) for part in compress(parts, ones)]
+    problem = Problem(bodies, base, [*rests, *blurred, *own, *(law.perturbation for law in laws)])
+    sizes = [strengths_of(effect) for effect in effects]
+    masks = [*unseen, *free]
+    first = [size[places] for size, places in zip([*sizes, *sizes], masks, strict=True)]
+    # where columns are only formed anew, what else was fitted stays
+    stays = before.at.strengths if before else np.zeros(len(problem.perturbations))
+    strengths = np.concatenate([stays[: len(rests)], *first, stays[len(stays) - len(laws) :]])
     at = replace(start, strengths=strengths)
     if follows:
         found = fit(problem, at)
         now, converged = found.innovations, found.converged
     else:
         now, converged = fit_apart(problem, at), True
-    counts = [int(ones.sum()) for ones in free]
-    parts = np.split(now.at.strengths[len(rests) :], np.cumsum(counts)) if counts else []
-    moved = tuple(
-        with_strengths(effect, _all_of(effect, ones, part))
-        for effect, ones, part in zip(effects, free, parts, strict=False)
-    )
-    return Explanation(
-        tuple(bodies), base, moved, free, laws, problem, now, converged, len(blurred)
-    )
+    edges = np.cumsum([len(rests), *map(len, first)])
+    parts = [now.at.strengths[i:j] for i, j in zip(edges, edges[1:], strict=False)]
+    for size, places, part in zip([*sizes, *sizes], masks, parts, strict=True):
+        size[places] = part
+    moved = tuple(map(with_strengths, effects, sizes))
+    return Explanation(tuple(bodies), base, moved, free, laws, problem, now, converged, most)
+
+
+def _largest(effect: Effect, free: NDArray[np.bool_]) -> float:
+    """Of its amplitudes, if a log shows any."""
+    size = amplitudes(effect)
+    return float(np.abs(effect.values[size]).max()) if (size & free).any() else 0.0
 
 
 def _unseen(
-    effect: Effect, parts: Sequence[Perturbation], free: NDArray[np.bool_]
-) -> list[Perturbation]:
-    """Amplitudes that are not fitted. They may be as large as the others, and base and the others
-    are no better known than that lets them be."""
-    size = amplitudes(effect)
-    most = float(np.max(np.abs(effect.values[size & free]), initial=0.0))
-    away = zip(parts, (size & ~free).tolist(), strict=True)
-    return [replace(part, spread=most) for part, one in away if one and most > 0.0]
+    effects: Sequence[Effect], free: Sequence[NDArray[np.bool_]], most: Sequence[float]
+) -> list[NDArray[np.bool_]]:
+    """(p,) of each effect, amplitudes that no log shows beside the others."""
+    return [
+        amplitudes(effect) & ~ones & (size > 0.0)
+        for effect, ones, size in zip(effects, free, most, strict=True)
+    ]
 
 
 def _distance(step: Array, spread: Array) -> float:
     """Of a step, in standard deviations."""
     return float(np.sqrt(max(step @ np.linalg.pinv(spread, hermitian=True) @ step, 0.0)))
-
-
-def _all_of(effect: Effect, free: NDArray[np.bool_], own: Array) -> Array:
-    """Strengths (p,) of an effect of which only some components were fitted."""
-    strengths = strengths_of(effect)
-    strengths[free] = own
-    return strengths

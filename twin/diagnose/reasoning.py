@@ -277,7 +277,7 @@ def _with_laws(line: Line, than: Line | None = None) -> Line:
     if there is None:
         return than
     lawful = Line(there, search_from(there, line.asked), line.asked, more)
-    return lawful if than is line or lawful.score < than.score else than
+    return lawful if lawful.score < than.score else than
 
 
 def _unlikely(laws: Sequence[Law]) -> float:

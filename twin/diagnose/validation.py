@@ -75,10 +75,11 @@ def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation
         found.at.theta, [first_biases(body)], np.concatenate([rests, *strengths, laws])
     )
     free = tuple(np.ones(len(effect), dtype=bool) for effect in parts)
+    none = tuple(0.0 for _ in parts)
     if not found.follows:
         segments = fit_apart(problem, start)
         return Explanation(
-            (body,), found.base, found.effects, free, found.laws, problem, segments, converged=True
+            (body,), found.base, found.effects, free, found.laws, problem, segments, True, none
         )
     first = fit(problem, start)
     # once more along the motion that it gives the log, free of the sensors' noise
@@ -94,6 +95,7 @@ def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation
         problem,
         now.innovations,
         now.converged,
+        none,
     )
 
 

@@ -16,8 +16,18 @@ from twin.predict.states import States
 Array = NDArray[np.float64]
 
 
-def base_forces(base: BaseParameters, path: States, step: float) -> Array:
-    """(S, steps, nv, p) generalised force by each base parameter, along a path (1, S, ...)."""
+def base_forces(
+    base: BaseParameters, path: States, step: float, extra: Array | None = None
+) -> Array:
+    """(S, steps, nv, p) generalised force by each base parameter, along a path (1, S, ...).
+
+    Args:
+        base: J, m r and what else is fitted.
+        path: that the machine takes.
+        step: of its instants [s].
+        extra: (S, steps, k) part of the angular acceleration that would be as it is for any J
+            [rad/s^2].
+    """
     machine = base.machine
     rate, angle = path.rate[0], path.position[0]
     hinge = angle.shape[-1] == 1
@@ -26,7 +36,8 @@ def base_forces(base: BaseParameters, path: States, step: float) -> Array:
     turned = rate * axis if hinge else rate
     middle = rotation.normalized(attitude[:, :-1] + attitude[:, 1:])
     w = 0.5 * (turned[:, :-1] + turned[:, 1:])
-    acceleration = (turned[:, 1:] - turned[:, :-1]) / step
+    change = (rate[:, 1:] - rate[:, :-1]) / step - (0.0 if extra is None else extra)
+    acceleration = change * axis if hinge else change
     gravity = -machine.platform.gravity * rotation.vertical_body(middle)
     entries = np.zeros((*w.shape, 9))
     for place, (i, j) in enumerate(ENTRIES):

@@ -206,6 +206,15 @@ class Body:
         linear = linear.with_columns(*self.force_columns(exact, forces))
         return replace(exact, linear=linear.with_columns(self.bias_columns()))
 
+    def without(self, base: BaseParameters, exact: Exact, push: Array) -> Exact:
+        """With the base's columns as they are where a push (S, steps, nv) turns the body as it
+        does, whatever its J."""
+        k = exact.path.rate.shape[-1]
+        turned = np.einsum("snkf,snf->snk", exact.answer[:, :, k : 2 * k], push)
+        forces = base_forces(base, exact.path, self.grid.step, turned)
+        columns, jumps = self.force_columns(exact, forces)
+        return replace(exact, linear=exact.linear.with_first(columns, jumps))
+
     def force_columns(self, exact: Exact, forces: Array) -> tuple[Array, Array]:
         """What forces (S, steps, nv, a) do: d residual (S, N, a), d segment's end (S - 1, x, a).
 

@@ -48,12 +48,11 @@ class Linearised:
             jump_shared=np.concatenate([self.jump_shared, jumps], axis=-1),
         )
 
-    def with_first(self, other: "Linearised", count: int) -> "Linearised":
-        """With so many of another's shared unknowns, the first ones, in place of its own."""
+    def with_first(self, columns: Array, jumps: Array) -> "Linearised":
+        """With other columns (S, N, c) and (S - 1, x, c) for the first of its shared unknowns."""
+        count = columns.shape[-1]
         return replace(
             self,
-            shared=np.concatenate([other.shared[..., :count], self.shared[..., count:]], axis=-1),
-            jump_shared=np.concatenate(
-                [other.jump_shared[..., :count], self.jump_shared[..., count:]], axis=-1
-            ),
+            shared=np.concatenate([columns, self.shared[..., count:]], axis=-1),
+            jump_shared=np.concatenate([jumps, self.jump_shared[..., count:]], axis=-1),
         )
