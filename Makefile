@@ -7,6 +7,8 @@ READY := .venv/ready
 export UV_PROJECT_ENVIRONMENT := .venv
 export UV_PYTHON_DOWNLOADS := never
 export UV_SYSTEM_CERTS := 1
+# tests and panels fill the cores by themselves
+export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: demo test test-slow lint bench panel clean
 

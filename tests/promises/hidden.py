@@ -233,19 +233,17 @@ def shows(secret: Hidden, evidence: float) -> None:
 
 def _difference(platform: Platform, log: Recording, quiet: Recording) -> float:
     """Squared, in standard deviations of the noise, which is the same in both; inf where the clocks
-    differ or a log tells no noise."""
+    differ, or what has no noise."""
     total = 0.0
     for name, sensor in platform.sensors.items():
         if name not in log or name not in quiet:
             continue
         one, other = log[name], quiet[name]
-        least = sensor.resolution / np.sqrt(12.0)
-        noise = np.hypot(sensor.noise, least)
-        if not np.array_equal(one.time, other.time) or not noise.all():
+        noise = np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0))
+        if not np.array_equal(one.time, other.time):
             return np.inf
+        with np.errstate(divide="ignore", invalid="ignore"):
+            change = (one.value - other.value) / (noise.min() if name == "attitude" else noise)
         # a turn is twice the chord between two quaternions
-        apart = 2.0 * np.linalg.norm(one.value - other.value, axis=1, keepdims=True)
-        apart = apart if name == "attitude" else one.value - other.value
-        noise = noise.min() if name == "attitude" else noise
-        total += float(np.nansum((apart / noise) ** 2))
+        total += (4.0 if name == "attitude" else 1.0) * float(np.nansum(change**2))
     return total
