@@ -188,21 +188,28 @@ class Explanation:
         """
         now = self._rows_of(self._bare, more)
         edge = now.columns.shape[1] - len(more)
-        unseen = [int(away.sum()) for away in self._unseen]
-        own, hidden = len(self.amplitudes), sum(unseen)
-        first = edge - own - hidden
-        away = self.at.strengths[len(self.at.strengths) - own - hidden :]
-        residual = now.residual - now.columns[:, first:edge] @ away
-        columns = now.columns[:, first + hidden :].copy()
-        # what of an effect is not seen comes and goes with what is seen most
-        place, past = 0, 0
-        for effect, free, count in zip(self.effects, self.free, unseen, strict=True):
-            if count:
-                most = place + int(np.argmax(np.abs(strengths_of(effect)[free])))
-                share = away[past : past + count] / away[hidden + most]
-                columns[:, most] += now.columns[:, first + past : first + past + count] @ share
-            place, past = place + int(free.sum()), past + count
+        hidden = [int(away.sum()) for away in _unseen(self.effects, self.free, self.most)]
+        taken = sum(hidden) + len(self.amplitudes)
+        strengths = self.at.strengths[len(self.at.strengths) - taken :]
+        first = edge - taken
+        residual = now.residual - now.columns[:, first:edge] @ strengths
+        columns = self._whole(now.columns[:, first:], strengths, hidden)
         return Rows(residual, now.columns[:, :first], now.cluster), columns
+
+    def _whole(self, columns: Array, strengths: Array, hidden: Sequence[int]) -> Array:
+        """Columns without the first, of so many amplitudes of each effect that no log shows: they
+        come and go with the largest that one does."""
+        past, place = 0, sum(hidden)
+        found = columns[:, place:].copy()
+        for effect, free, count in zip(self.effects, self.free, hidden, strict=True):
+            own, beside = slice(place, place + int(free.sum())), slice(past, past + count)
+            sizes = np.where(amplitudes(effect)[free], np.abs(strengths[own]), 0.0)
+            if count and sizes.any():
+                most = place + int(np.argmax(sizes))
+                share = strengths[beside] / strengths[most]
+                found[:, most - sum(hidden)] += columns[:, beside] @ share
+            past, place = beside.stop, own.stop
+        return found
 
     @property
     def traces(self) -> list[Trace]:
@@ -251,10 +258,6 @@ class Explanation:
     def own(self) -> tuple[int, ...]:
         """Its effects and laws among what it weighs."""
         return tuple(range(len(self.effects) + len(self.laws)))
-
-    @property
-    def _unseen(self) -> list[NDArray[np.bool_]]:
-        return _unseen(self.effects, self.free, self.most)
 
     def _trace(self, index: int) -> Trace:
         effect, free = self.effects[index], self.free[index]

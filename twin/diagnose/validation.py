@@ -74,28 +74,25 @@ def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation
     start = problem.start(
         found.at.theta, [first_biases(body)], np.concatenate([rests, *strengths, laws])
     )
-    free = tuple(np.ones(len(effect), dtype=bool) for effect in parts)
-    none = tuple(0.0 for _ in parts)
-    if not found.follows:
-        segments = fit_apart(problem, start)
-        return Explanation(
-            (body,), found.base, found.effects, free, found.laws, problem, segments, True, none
-        )
-    first = fit(problem, start)
-    # once more along the motion that it gives the log, free of the sensors' noise
-    along = retraced(problem, first.innovations, 0)
-    problem = _posed(found, along, more)
-    now = fit(problem, first.at)
+    if found.follows:
+        first = fit(problem, start)
+        # once more along the motion that it gives the log, free of the sensors' noise
+        body = retraced(problem, first.innovations, 0)
+        problem = _posed(found, body, more)
+        second = fit(problem, first.at)
+        now, converged = second.innovations, second.converged
+    else:
+        now, converged = fit_apart(problem, start), True
     return Explanation(
-        (along,),
+        (body,),
         found.base,
         found.effects,
-        free,
+        tuple(np.ones(len(effect), dtype=bool) for effect in parts),
         found.laws,
         problem,
-        now.innovations,
-        now.converged,
-        none,
+        now,
+        converged,
+        most=tuple(0.0 for _ in parts),
     )
 
 

@@ -207,8 +207,8 @@ class Body:
         return replace(exact, linear=linear.with_columns(self.bias_columns()))
 
     def without(self, base: BaseParameters, exact: Exact, push: Array) -> Exact:
-        """With the base's columns as they are where a push (S, steps, nv) turns the body as it
-        does, whatever its J."""
+        """With the base's columns as they are where a push (S, steps, nv) [N m, N] turns the body
+        as it does whatever its J: a heavier body under more of it moves the same."""
         k = exact.path.rate.shape[-1]
         turned = np.einsum("snkf,snf->snk", exact.answer[:, :, k : 2 * k], push)
         forces = base_forces(base, exact.path, self.grid.step, turned)
