@@ -7,14 +7,15 @@ READY := .venv/ready
 export UV_PROJECT_ENVIRONMENT := .venv
 export UV_PYTHON_DOWNLOADS := never
 export UV_SYSTEM_CERTS := 1
-# tests and panels fill the cores by themselves
-export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: demo test test-slow lint bench panel clean
 
 demo: $(READY)
 	$(BIN)/twin run sads --controller quaternion_pd --duration 60 --rrd runs/demo/sads.rrd
 	$(BIN)/twin diagnose models/dfki_pendulum/logs/energy_shaping --report runs/demo/pendulum.html
+
+# these fill the cores with processes
+test test-slow panel: export OPENBLAS_NUM_THREADS := 1
 
 test: $(READY)
 	$(BIN)/pytest -n 2 --dist loadfile

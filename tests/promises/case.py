@@ -15,7 +15,7 @@ from unittest.mock import patch
 import numpy as np
 from baselines import named_by_others, oracle_gain
 from benches import GRADES, LIBRARY, Bench, yardstick
-from hidden import OutOfReach, any_of, bench_for, graded, hide, kinds, shows
+from hidden import OutOfReach, any_of, bench_for, check_shown, graded, hide, kinds
 from outside import LAWS, law_for
 from scoring import behind, facts, siblings
 
@@ -106,7 +106,7 @@ def _run(case: Case, row: dict[str, Any]) -> dict[str, Any]:
         raise OutOfReach(f"{effects[0].label} has siblings: {', '.join(alike)}")
     hidden = hide(bench, effects, case.seed + 1000)
     if case.kind == "single":
-        shows(hidden, case.evidence)
+        check_shown(hidden, case.evidence)
     begin = time.perf_counter()
     with without(_name(effects[0].label) if case.kind == "left_out" else ""):
         found = diagnose([hidden.log], hidden.believed)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from benches import LIBRARY, Bench, Yardstick, believed, flown, machine, yardstick
 
+from twin.contrast import difference
 from twin.effects import Effect, able, catalogue, with_effects
 from twin.effects.effect import targets
 from twin.effects.errors import EffectError
@@ -215,8 +216,8 @@ def hide(bench: Bench, effects: tuple[Effect, ...], seed: int) -> Hidden:
     return Hidden(bench, seed, effects, log, believed(bench, np.random.default_rng([seed, 1])))
 
 
-def shows(secret: Hidden, evidence: float) -> None:
-    """Whether readings with and without the effects differ enough to hold that evidence.
+def check_shown(secret: Hidden, evidence: float) -> None:
+    """Of half that evidence at least, readings with and without the effects must differ.
 
     The size was drawn along the motion of a machine without them; friction that brings a wheel to
     rest does far less than there.
@@ -225,25 +226,23 @@ def shows(secret: Hidden, evidence: float) -> None:
         OutOfReach: no method could have it.
     """
     quiet = flown(secret.bench, (), secret.seed)
-    most = np.inf if quiet is None else _difference(machine(secret.bench), secret.log, quiet)
+    most = np.inf if quiet is None else _apart(machine(secret.bench), quiet, secret.log)
     if most < ENOUGH * evidence:
         names = " and ".join(effect.label for effect in secret.effects)
         raise OutOfReach(f"{names} changes nothing: of {evidence:g} no more than {most:.2g}")
 
 
-def _difference(platform: Platform, log: Recording, quiet: Recording) -> float:
-    """Squared, in standard deviations of the noise, which is the same in both; inf where the clocks
-    differ, or what has no noise."""
+def _apart(platform: Platform, one: Recording, other: Recording) -> float:
+    """Squared difference, in standard deviations of the noise, which is the same in both; inf where
+    the clocks differ, or what has no noise."""
     total = 0.0
     for name, sensor in platform.sensors.items():
-        if name not in log or name not in quiet:
+        if name not in one or name not in other:
             continue
-        one, other = log[name], quiet[name]
-        noise = np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0))
-        if not np.array_equal(one.time, other.time):
+        if not np.array_equal(one[name].time, other[name].time):
             return np.inf
+        noise = np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0))
+        change = difference(name, one[name], other[name], one[name].time)
         with np.errstate(divide="ignore", invalid="ignore"):
-            change = (one.value - other.value) / (noise.min() if name == "attitude" else noise)
-        # a turn is twice the chord between two quaternions
-        total += (4.0 if name == "attitude" else 1.0) * float(np.nansum(change**2))
+            total += float(np.nansum((change / noise) ** 2))
     return total

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from twin.diagnose import Diagnosis, diagnose
+from twin.diagnose.diagnosis import plain_of
+from twin.diagnose.remainder import remainder
+from twin.effects import effect_named
 
 SEED = 20261121
 
@@ -70,6 +73,27 @@ def test_a_torque_on_a_body_whose_inertia_nothing_tells_is_named_though_its_size
     (cause,) = found.causes
     assert cause.half_widths[0] > 0.5 * abs(cause.effect.values[0])
     assert cause.confidence > 0.9
+
+
+@pytest.mark.slow
+def test_a_vector_of_which_a_log_shows_one_component_leaves_nothing_in_any_direction():
+    bench = Bench("whorl2", "free_float", duration=60.0, attitude=(45.0, 0.0, 0.0))
+    effect = hidden.drawn(bench, "residual_dipole", 6000.0, np.random.default_rng(SEED))
+    print(effect.words())
+    secret = hidden.hide(bench, (effect,), SEED)
+    found = plain_of([secret.log], secret.believed).disturbed().instead([effect])
+    print(found.effects[0].words(), found.free)
+    assert found.converged
+    assert remainder(found).chance > 1e-3
+
+
+def test_friction_of_a_wheel_that_stands_still_anyway_is_not_hidden():
+    bench = Bench("whorl2", "free_float", duration=20.0, attitude=(45.0, 0.0, 0.0))
+    friction = effect_named("wheel_friction").typical("w3").with_values(np.array([1e-6, 1e-4]))
+    secret = hidden.hide(bench, (friction,), SEED)
+    with pytest.raises(hidden.OutOfReach, match="changes nothing"):
+        hidden.check_shown(secret, 600.0)
+    hidden.check_shown(secret, 0.01)
 
 
 @pytest.mark.slow
