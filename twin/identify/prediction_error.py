@@ -129,23 +129,26 @@ def _iterate(
 ) -> Fit:
     """Gauss-Newton; the slope of the log-determinant joins where that has converged.
 
+    Steps that overshoot, where the columns miss how the path bends, are shortened by the secant.
     Where a late clock moves a sample from one step of the grid to the next, the slope jumps, and
     steps go to and fro between two places: of those the likelier is kept, and is not converged.
     """
     tilted = False
     size = _size(now)
-    best, idle, smallest = now, 0, np.inf
+    best, idle, smallest, before = now, 0, np.inf, None
     for _ in range(ITERATIONS):
         if size < CONVERGED and not tilted:
-            now, tilted = problem.tilted(now), True
+            now, tilted, before = problem.tilted(now), True, None
             size = _size(now)
         if size < CONVERGED:
             return Fit(now, converged=True)
         step = now.step()
-        moved = _moved(now, step, innovations)
+        share = 1.0 if before is None else _share(now, step, *before)
+        moved = _moved(now, share * step, innovations)
         if moved is None:
             break
-        now = moved
+        now, taken = moved
+        before = step, share * taken
         likelier = now.chi2 + now.logarithm < best.chi2 + best.logarithm
         best = now if likelier else best
         size = _size(now)
@@ -162,10 +165,19 @@ def _size(now: Innovations) -> float:
     return float(np.max(np.abs(now.step()) / np.sqrt(np.diag(now.covariance))))
 
 
+def _share(now: Innovations, step: Array, before: Array, taken: float) -> float:
+    """Of a step, where the last ones overshot: the secant through it and the one before, of which
+    so much was taken, ends there."""
+    own, last = now.columns @ step, now.columns @ before
+    curvature = (1.0 - float(own @ last) / float(last @ last)) / taken
+    return 1.0 / max(curvature, 1.0)
+
+
 def _moved(
     now: Innovations, step: Array, innovations: Callable[[Unknowns], Innovations]
-) -> Innovations | None:
-    """After the largest part of a step that does not make things worse; None without any."""
+) -> tuple[Innovations, float] | None:
+    """After the largest part of a step that does not make things worse, and that part; None
+    without any."""
     for halving in range(HALVINGS):
         try:
             tried = replace(innovations(now.moved(0.5**halving * step)), tilt=now.tilt)
@@ -175,7 +187,7 @@ def _moved(
         # Paths that follow the model exactly may part from the logs first; disturbed ones need not.
         room = (WORSE - 1.0) * max(now.chi2, float(now.samples)) if now.intensity == 0.0 else 0.0
         if after <= before + room:
-            return tried
+            return tried, 0.5**halving
     return None
 
 
