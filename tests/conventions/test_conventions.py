@@ -11,6 +11,7 @@ from scipy.stats import binom
 
 from twin.conventions import check_conventions
 from twin.platform import Platform, load_platform
+from twin.units import unit_named
 
 
 def _beside(name: str):
@@ -58,6 +59,16 @@ def test_a_wrong_convention_is_named(sads, right_logs, kind):
     mistake = flights.make_mistake(logs[3], draw, kind)
     sentences = [finding.sentence for finding in check_conventions(mistake.recording, sads)]
     assert any(mistake.name in sentence for sentence in sentences), (mistake.stream, sentences)
+
+
+@pytest.mark.parametrize(("stream", "unit"), [("wheel_speed", "rpm"), ("gyro", "deg/s")])
+def test_a_wrong_unit_is_named_in_a_short_log_too(sads, right_logs, stream, unit):
+    _, logs = right_logs
+    right = logs[3].between(0.0, 20.0)
+    wrong = flights.misread(right, stream, value=right[stream].value / unit_named(unit).factor)
+    sentences = [finding.sentence for finding in check_conventions(wrong, sads)]
+    assert len(sentences) == 1
+    assert f"{stream} looks like {unit}".lower() in sentences[0].lower()
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,7 @@ class Body:
         self._inflation = 1.0
         self._upright_inflation = 1.0
 
+    @cached_property
     def of_motion(self) -> list[Hypothesis]:
         """Without the wheels; the best, and the log as read, best first."""
         listed = motion_hypotheses(self._recording, self._turning, self._upright)
@@ -61,18 +63,20 @@ class Body:
         kept = [replace(h, misfit=h.misfit / self._inflation) for h in kept]
         return sorted(kept, key=lambda h: h.score)
 
-    def wheel_factor(self, bodies: list[Hypothesis]) -> float:
+    def wheel_factor(self) -> float | None:
         """By what the wheel speeds must be multiplied to answer that of the likeliest bodies which
-        they answer best; 1 where they leave most of it unanswered."""
+        they answer best; None where they leave most of it unanswered."""
+        bodies = self.of_motion
         if self._wheels is None:
-            return 1.0
+            return None
         momentum = self._wheels.momentum
         found = [factor_of(momentum, self._exchange(body, RIGID)) for body in bodies[:LATE_WHEELS]]
         factor, share = max(found, key=lambda pair: pair[1])
-        return factor if share > ANSWERED else 1.0
+        return factor if share > ANSWERED else None
 
-    def with_wheels(self, bodies: list[Hypothesis]) -> list[Hypothesis]:
+    def with_wheels(self) -> list[Hypothesis]:
         """Those of `of_motion` with every likely reading of the wheels, best first."""
+        bodies = self.of_motion
         wheels = self._wheels
         if wheels is None:
             return bodies

@@ -12,7 +12,7 @@ from twin.conventions.gravity import accelerometer_factor
 from twin.conventions.hypothesis import Hypothesis
 from twin.conventions.joint import joint_findings
 from twin.conventions.time_base import time_unit_changes
-from twin.conventions.turning import NEAR, far_lags, turning_of
+from twin.conventions.turning import NEAR, Turning, far_lags, turning_of
 from twin.platform import Platform
 from twin.recording import Recording
 from twin.units import STANDARD_GRAVITY
@@ -47,17 +47,13 @@ def check_conventions(
     turning = turning_of(recording)
     if turning is None:
         return [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
+    unit = _wheel_unit(recording, platform, turning) if "wheel_speed" in recording else None
+    if unit is not None:
+        plain.append(unit)
+        recording = apply_all(recording, [unit])
     body = Body(recording, platform, turning)
-    bodies = body.of_motion()
-    if "wheel_speed" in recording:
-        unit = unit_change(recording, "wheel_speed", body.wheel_factor(bodies))
-        if unit is not None:
-            plain.append(unit)
-            recording = apply_all(recording, [unit])
-            body = Body(recording, platform, turning)
-            bodies = body.of_motion()
     found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
-    return found + _choose(body, body.with_wheels(bodies))
+    return found + _choose(body, body.with_wheels())
 
 
 def _scaled(recording: Recording) -> Recording:
@@ -98,6 +94,24 @@ def _accelerometer_unit(recording: Recording, platform: Platform | None) -> list
     factor = accelerometer_factor(recording, platform.gravity if platform else STANDARD_GRAVITY)
     change = unit_change(recording, "accelerometer", factor) if factor is not None else None
     return [] if change is None else [change]
+
+
+def _wheel_unit(
+    recording: Recording, platform: Platform | None, turning: Turning
+) -> Correction | None:
+    """The unit in which the wheels answer the body; None for the one they were read in.
+
+    In too large numbers their noise hides that they answer it: then each unit is tried with its
+    own noise, and must ask for no other.
+    """
+    factor = Body(recording, platform, turning).wheel_factor()
+    if factor is not None:
+        return unit_change(recording, "wheel_speed", factor)
+    for change in unit_changes(recording, "wheel_speed"):
+        factor = Body(apply_all(recording, [change]), platform, turning).wheel_factor()
+        if factor is not None and abs(np.log(factor)) < CLOSE:
+            return change
+    return None
 
 
 def _gyro_unit(recording: Recording) -> list[Correction]:
