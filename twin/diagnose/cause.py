@@ -81,17 +81,16 @@ class Equation:
     """Against the best that the catalogue offers."""
 
 
-def causes_of(now: Explanation, search: Search, nameless: float) -> tuple[Cause, ...]:
+def causes_of(now: Explanation, search: Search, *, unexplained: bool) -> tuple[Cause, ...]:
     """The effects of an explanation, the surest first.
 
     Args:
         now: the explanation.
         search: where it stands.
-        nameless: evidence that laws without a name have brought beyond the catalogue's.
+        unexplained: something is at work that has no name; it may be all of what a cause was
+            found for.
     """
     found: list[Cause] = []
-    # what nobody has named may be all of it where laws explain more, or nothing the motion
-    unnamed = nameless > 0.0 or not now.follows
     for index, (effect, free, spread) in enumerate(
         zip(now.effects, now.free, now.covariances, strict=True)
     ):
@@ -106,7 +105,7 @@ def causes_of(now: Explanation, search: Search, nameless: float) -> tuple[Cause,
         rivals = [behind for _, behind in instead] + [max(evidence, 0.0)]
         half = np.full(len(free), np.nan)
         half[free] = NORMAL * np.sqrt(np.maximum(np.diag(spread), 0.0))
-        share = _share(rivals) * (0.5 if unnamed else 1.0)
+        share = _share(rivals) * (0.5 if unexplained else 1.0)
         alone = search.evidence((index,))
         found.append(Cause(effect, free, half, evidence, alone, share, ties))
     return tuple(sorted(found, key=lambda cause: -cause.evidence))

@@ -69,8 +69,7 @@ class Diagnosis:
     @property
     def verdict(self) -> str:
         """healthy, explained, ambiguous or unexplained."""
-        rough = not self.explained.follows
-        if self.equation is not None or rough or self.remainder.chance < UNEXPLAINED:
+        if _unexplained(self.explained, self.remainder):
             return "unexplained"
         if not self.causes:
             return "healthy"
@@ -110,7 +109,8 @@ def diagnose(
         plain = plain_of(logs, platform, follows=False)
         line = reason(plain, candidates.asked, say)
     now = line.now
-    causes = (*causes_of(now, line.search, line.nameless), *scatter_causes(now))
+    unexplained = _unexplained(now, line.left)
+    causes = (*causes_of(now, line.search, unexplained=unexplained), *scatter_causes(now))
     experiment = next_experiment(platform, now, causes, line.asked, say)
     tried = tried_of(line.search, now.own, line.asked)
     say("free runs")
@@ -134,6 +134,11 @@ def diagnose(
     if found.verdict == "healthy":
         check_seen(plain)
     return found
+
+
+def _unexplained(now: Explanation, left: Remainder) -> bool:
+    """Whether there is something at work that no cause is a name for."""
+    return bool(now.laws) or not now.follows or left.chance < UNEXPLAINED
 
 
 def _unasked(candidates: Candidates, causes: Sequence[Cause]) -> dict[str, str]:
