@@ -29,6 +29,10 @@ from twin.errors import PlatformError
 from twin.platform import Platform
 from twin.platform.mjcf import load_mjcf
 
+# MuJoCo would write each motion that diverges, also those that a fit tries and gives up, to stderr
+# and to a file where the user stands; who asked for the motion is told by us
+mujoco.set_mju_user_warning(lambda _: None)
+
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 

@@ -236,7 +236,10 @@ def test_a_run_whose_command_is_not_finite_is_stopped_and_the_others_go_on_untou
     assert np.array_equal(rates[:, others], healthy[:, others])
 
 
-def test_a_run_that_diverges_is_stopped_with_the_reason(sads):
+def test_a_run_that_diverges_is_stopped_with_the_reason_and_litters_nowhere(
+    sads, tmp_path, monkeypatch, capfd
+):
+    monkeypatch.chdir(tmp_path)
     rates = np.zeros((3, 3))
     rates[1] = 2e3
     plant = SimulatedPlant(sads, runs=range(3), initial=InitialState(rate_body=rates))
@@ -244,6 +247,8 @@ def test_a_run_that_diverges_is_stopped_with_the_reason(sads):
     reading = plant.read(sads.tick)
     assert list(plant.stopped) == [1]
     assert "diverged" in plant.stopped[1]
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr().err == ""
     assert reading.streams["gyro"].valid[:, -1].tolist() == [True, False, True]
 
 

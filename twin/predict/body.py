@@ -27,7 +27,7 @@ from twin.predict.rollouts import Rollouts
 from twin.predict.segments import command_step, grid_of
 from twin.predict.sensed import senses_of
 from twin.predict.states import States
-from twin.predict.tangent import carried_forces
+from twin.predict.tangent import carried_forces, carried_states
 from twin.predict.wander import random_walk, wander
 from twin.recording import Recording
 
@@ -266,9 +266,7 @@ class Body:
         grid = self.grid
         # (S, K, x of the instant, x of the start)
         reach = np.moveaxis(path[1:].less(path[:1]), 0, -1) / STEP
-        carried = np.linalg.solve(
-            reach[:, :-1].transpose(0, 1, 3, 2), reach[:, 1:].transpose(0, 1, 3, 2)
-        ).transpose(0, 1, 3, 2)
+        carried = carried_states(reach)
         x = reach.shape[-1]
         measured = np.zeros((grid.segments, grid.steps + 1, self._width, x))
         for output in self.outputs:
@@ -290,7 +288,6 @@ class Body:
         wandered = wander(
             answer[..., self._wanderers], self.rollouts.unexplained, self._wander, grid.step
         )
-        carried = np.asarray(carried, dtype=np.float64)
         return Local(measured, carried, self._pushed, grid.step, *wandered)
 
     def _walks(self) -> tuple[Array, Array]:

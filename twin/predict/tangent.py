@@ -1,9 +1,31 @@
-"""How small forces along a path change it, to first order: no rollout, whatever their number."""
+"""How small changes of a path's start, and small forces along it, change it, to first order."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import TwinError
+
 Array = NDArray[np.float64]
+
+
+def carried_states(reach: Array) -> Array:
+    """Changes (S, steps, x, x) of the state from one instant to the next.
+
+    Args:
+        reach: (S, steps + 1, x, x) change of the state at each instant by that at the first.
+
+    Raises:
+        TwinError: a motion that forgets its start within a segment, down to the last digit.
+    """
+    before, after = reach[:, :-1].swapaxes(-1, -2), reach[:, 1:].swapaxes(-1, -2)
+    try:
+        return np.asarray(np.linalg.solve(before, after), dtype=np.float64).swapaxes(-1, -2)
+    except np.linalg.LinAlgError:
+        raise TwinError(
+            "the motion of a machine with such parameters cannot be followed: it is damped so"
+            " strongly that nothing is left of its start after a moment; look at the damping and"
+            " the friction that the platform states"
+        ) from None
 
 
 def carried_forces(carried: Array, answer: Array, forces: Array, step: float) -> Array:
