@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.controller import Controller
-from twin.errors import ControllerError
+from twin.controller.coils import Coils
+from twin.controller.masses import Masses
 from twin.platform import Platform
-from twin.rotation import conjugate, cross, rotate, vertical_body
+from twin.rotation import vertical_body
 from twin.signals import Command, Estimate, Target
 
 Array = NDArray[np.float64]
@@ -20,14 +21,8 @@ class Balance:
 
     position: Array
     """Integral part of each stage's position, (n, stages) [m]: where it balances the body."""
-    allocation: Array
-    """Stage position per mass moment, (stages, 3) [1/kg]."""
-    travel: Array
-    """Lowest and highest position, (2, stages) [m]."""
-    field_world: Array
-    """(3,) [T]."""
-    gravity: float
-    """[m/s^2]."""
+    masses: Masses
+    coils: Coils
     tick: float
     """[s]."""
 
@@ -63,26 +58,10 @@ class MassMagneticPID(Controller[Balance]):
 
     def init(self, platform: Platform, n: int) -> Balance:
         """Stages at their zero."""
-        stages = platform.stages
-        axes = np.array([stage.axis for stage in stages]).reshape(-1, 3)
-        if np.linalg.matrix_rank(axes[:, :2]) < 2 or not platform.magnetorquers:
-            raise ControllerError(
-                "mass_magnetic_pid needs masses that slide in both horizontal directions and "
-                f"magnetorquers; {platform.name} has {len(stages)} stages and "
-                f"{len(platform.magnetorquers)} magnetorquers"
-            )
-        if not np.any(platform.magnetic_field):
-            raise ControllerError(
-                f"mass_magnetic_pid needs a magnetic field, and {platform.name} states none; "
-                "give [environment] magnetic_field"
-            )
-        masses = np.array([stage.mass for stage in stages])
         return Balance(
-            position=np.zeros((n, len(stages))),
-            allocation=np.linalg.pinv(axes.T) / masses[:, None],
-            travel=np.array([stage.travel for stage in stages]).T,
-            field_world=platform.magnetic_field,
-            gravity=platform.gravity,
+            position=np.zeros((n, len(platform.stages))),
+            masses=Masses.of(platform, "mass_magnetic_pid"),
+            coils=Coils.of(platform, "mass_magnetic_pid"),
             tick=platform.tick,
         )
 
@@ -94,30 +73,16 @@ class MassMagneticPID(Controller[Balance]):
         error = np.zeros_like(up)
         error[:, 0], error[:, 1] = up[:, 1], -up[:, 0]  # u x z
 
-        direct = _positions(state, -self.proportional * error, up)
-        step = _positions(state, -self.integral * state.tick * error, up)
-        low, high = state.travel
-        asked = state.position + step + direct
-        beyond = ((asked > high) & (step > 0.0)) | ((asked < low) & (step < 0.0))
-        seen = estimate.valid[:, None]
-        position = np.where(seen & ~beyond, state.position + step, state.position)
-        masses = np.where(seen, np.clip(position + direct, low, high), 0.0)
-
+        direct = state.masses.leaning(-self.proportional * error, up)
+        step = state.masses.leaning(-self.integral * state.tick * error, up)
+        position, masses = state.masses.integrated(state.position, step, direct)
         rate = estimate.rate_body
         across = rate - np.einsum("ni,ni->n", rate, up)[:, None] * up
-        field_world = np.broadcast_to(state.field_world, up.shape)
-        field_body = rotate(conjugate(estimate.attitude), field_world)
-        strength = float(state.field_world @ state.field_world)
-        dipole = cross(field_body, -self.derivative * across) / strength
+        dipole = state.coils.dipole(estimate.attitude, -self.derivative * across)
+
+        seen = estimate.valid[:, None]
         command = {
-            "command_stage_position": masses,
+            "command_stage_position": np.where(seen, masses, 0.0),
             "command_dipole": np.where(seen, dipole, 0.0),
         }
-        return command, replace(state, position=position)
-
-
-def _positions(state: Balance, torque: Array, up: Array) -> Array:
-    """Equation 5: stage positions (n, stages) [m] that give the torque's horizontal part."""
-    moment = cross(torque, up) / state.gravity  # g^ x tau / |g| with g^ = -up  [kg m]
-    # einsum rather than @: a row's last bits must not depend on how many runs there are.
-    return np.einsum("ij,nj->ni", state.allocation, moment)
+        return command, replace(state, position=np.where(seen, position, state.position))

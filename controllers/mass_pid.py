@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.controller import Controller
-from twin.errors import ControllerError
+from twin.controller.masses import Masses
 from twin.platform import Platform
 from twin.rotation import cross, vertical_body
 from twin.signals import Command, Estimate, Target
@@ -20,12 +20,7 @@ class Balance:
 
     position: Array
     """Integral part of each stage's position, (n, stages) [m]: where it balances the body."""
-    allocation: Array
-    """Stage position per mass moment, (stages, 3) [1/kg]."""
-    travel: Array
-    """Lowest and highest position, (2, stages) [m]."""
-    gravity: float
-    """[m/s^2]."""
+    masses: Masses
     tick: float
     """[s]."""
 
@@ -64,21 +59,8 @@ class MassPID(Controller[Balance]):
 
     def init(self, platform: Platform, n: int) -> Balance:
         """Stages at their zero."""
-        stages = platform.stages
-        axes = np.array([stage.axis for stage in stages]).reshape(-1, 3)
-        if np.linalg.matrix_rank(axes[:, :2]) < 2:
-            raise ControllerError(
-                f"mass_pid moves the CM in both horizontal directions, but the {len(axes)} stages "
-                f"of {platform.name} do not; choose a platform whose stages do"
-            )
-        masses = np.array([stage.mass for stage in stages])
-        return Balance(
-            position=np.zeros((n, len(stages))),
-            allocation=np.linalg.pinv(axes.T) / masses[:, None],
-            travel=np.array([stage.travel for stage in stages]).T,
-            gravity=platform.gravity,
-            tick=platform.tick,
-        )
+        masses = Masses.of(platform, "mass_pid")
+        return Balance(np.zeros((n, len(platform.stages))), masses, platform.tick)
 
     def update(
         self, state: Balance, estimate: Estimate, target: Target, time: float
@@ -91,19 +73,10 @@ class MassPID(Controller[Balance]):
         error = cross(up, wanted_up) / np.sqrt(np.maximum(2.0 * (1.0 + cosine), 1e-12))
 
         damped = -self.proportional * error - self.derivative * estimate.rate_body
-        direct = _positions(state, damped, up)
-        step = _positions(state, -self.integral * state.tick * error, wanted_up)
-        low, high = state.travel
-        asked = state.position + step + direct
-        beyond = ((asked > high) & (step > 0.0)) | ((asked < low) & (step < 0.0))
+        direct = state.masses.leaning(damped, up)
+        step = state.masses.leaning(-self.integral * state.tick * error, wanted_up)
+        position, command = state.masses.integrated(state.position, step, direct)
         seen = estimate.valid[:, None]
-        position = np.where(seen & ~beyond, state.position + step, state.position)
-        command = np.where(seen, np.clip(position + direct, low, high), 0.0)
+        position = np.where(seen, position, state.position)
+        command = np.where(seen, command, 0.0)
         return {"command_stage_position": command}, replace(state, position=position)
-
-
-def _positions(state: Balance, torque: Array, up: Array) -> Array:
-    """Equation 19: stage positions (n, stages) [m] that give the torque's horizontal part."""
-    moment = cross(torque, up) / state.gravity  # g x tau / |g|^2 with g = -|g| up  [kg m]
-    # einsum rather than @: a row's last bits must not depend on how many runs there are.
-    return np.einsum("ij,nj->ni", state.allocation, moment)

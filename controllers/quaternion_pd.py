@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.controller import Controller
+from twin.controller.pointing import pointing_error
 from twin.errors import ControllerError
 from twin.platform import Platform
-from twin.rotation import conjugate, multiply, rotate
 from twin.signals import Command, Estimate, Target
 
 Array = NDArray[np.float64]
@@ -57,10 +57,8 @@ class QuaternionPD(Controller[Array]):
         self, state: Array, estimate: Estimate, target: Target, time: float
     ) -> tuple[Command, Array]:
         """Torque on each rotor; none in a run that has not been seen yet."""
-        error = multiply(conjugate(target.attitude), estimate.attitude)
-        shortest = np.copysign(1.0, error[:, :1])
-        rate_error = estimate.rate_body - rotate(conjugate(error), target.rate_body)
-        torque = -self.proportional * shortest * error[:, 1:] - self.derivative * rate_error
+        error, rate_error = pointing_error(estimate, target)
+        torque = -self.proportional * error[:, 1:] - self.derivative * rate_error
         # einsum rather than @: a row's last bits must not depend on how many runs there are.
         wheels = np.einsum("ij,nj->ni", state, torque)
         return {"command_wheel_torque": wheels * estimate.valid[:, None]}, state
