@@ -77,6 +77,7 @@ def test_text_says_roll_pitch_yaw_in_degrees():
     assert parse_reference("hold:0,5,0") == Hold(pitch=np.radians(5.0))
     assert parse_reference("slew:1,2,3@4").rate == pytest.approx(np.radians(4.0))
     assert parse_reference("multisine:2.5") == Multisine(np.radians(2.5))
+    assert parse_reference("multisine:10@0.03") == Multisine(np.radians(10.0), 0.03)
     assert tilt(parse_reference("hold:5,0,30").at(0.0).attitude) == pytest.approx(np.radians(5.0))
 
 
@@ -93,6 +94,8 @@ def test_text_says_roll_pitch_yaw_in_degrees():
         ("multisine:nan", "'nan' should be one number"),
         ("multisine:90", "between 0 and 90 deg"),
         ("multisine:-1", "between 0 and 90 deg"),
+        ("multisine:5@0", "above 0 Hz"),
+        ("multisine:5@", "'' should be one number"),
     ],
 )
 def test_text_that_names_no_reference_is_told_what_would(text, sentence):

@@ -18,8 +18,10 @@ from twin.signals import Target
 
 Array = NDArray[np.float64]
 
-GRAMMAR = "hold, hold:ROLL,PITCH,YAW, slew:ROLL,PITCH,YAW[@RATE] or multisine[:AMPLITUDE]"
-"""Angles in degrees, rates in degrees per second."""
+GRAMMAR = (
+    "hold, hold:ROLL,PITCH,YAW, slew:ROLL,PITCH,YAW[@RATE] or multisine[:AMPLITUDE[@FREQUENCY]]"
+)
+"""Angles in degrees, rates in degrees per second, frequencies in hertz."""
 
 
 class Reference(abc.ABC):
@@ -150,10 +152,16 @@ def parse_reference(text: str) -> Reference:
     if text == "multisine":
         return Multisine()
     if kind == "multisine":
-        (amplitude,) = _angles(text, rest, count=1)
+        size, at, pace = rest.partition("@")
+        (amplitude,) = _angles(text, size, count=1)
         if not 0.0 <= amplitude < np.pi / 2.0:
             raise UsageError(f"reference {text!r}: the amplitude must lie between 0 and 90 deg")
-        return Multisine(amplitude)
+        if not at:
+            return Multisine(amplitude)
+        (frequency,) = _numbers(text, pace, count=1)
+        if frequency <= 0.0:
+            raise UsageError(f"reference {text!r}: the frequency must be above 0 Hz")
+        return Multisine(amplitude, base_frequency=frequency)
     if kind == "slew":
         attitude, at, rate = rest.partition("@")
         angles = _angles(text, attitude, count=3)
@@ -167,16 +175,20 @@ def parse_reference(text: str) -> Reference:
 
 
 def _angles(text: str, numbers: str, count: int) -> list[float]:
+    return [math.radians(number) for number in _numbers(text, numbers, count)]
+
+
+def _numbers(text: str, numbers: str, count: int) -> list[float]:
     try:
-        angles = [math.radians(float(number)) for number in numbers.split(",")]
+        values = [float(number) for number in numbers.split(",")]
     except ValueError:
-        angles = []
-    if len(angles) != count or not all(map(math.isfinite, angles)):
+        values = []
+    if len(values) != count or not all(map(math.isfinite, values)):
         wanted = "one number" if count == 1 else f"{count} numbers with commas between"
         raise UsageError(
             f"reference {text!r}: {numbers!r} should be {wanted}; use {GRAMMAR}, in degrees"
         )
-    return angles
+    return values
 
 
 def _quintic(time: float | Array, duration: float) -> tuple[Array, Array, Array]:

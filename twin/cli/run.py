@@ -40,8 +40,8 @@ class Run:
     plant: Annotated[str, _arg("sim|replay:LOG")] = "sim"
     """Simulated, or a log played as if it were hardware."""
     reference: Annotated[str | None, _arg("REFERENCE")] = None
-    """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or `multisine[:AMPLITUDE]`, in degrees;
-    by default what the law is usually given."""
+    """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or `multisine[:AMPLITUDE[@FREQUENCY]]`,
+    in degrees and hertz; by default what the law is usually given."""
     effects: Annotated[str | None, _arg("NAME[:TARGET]=VALUE[/VALUE ...],...")] = None
     """What the simulated machine has beyond its platform, as in
     `clock_lag:wheel_speed=0.17,gyro_bias=1e-3/0/0`; see `twin effects`."""
