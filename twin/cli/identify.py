@@ -7,20 +7,50 @@ from typing import Annotated, Literal
 
 import tyro
 
+Method = Literal[
+    "prediction-error",
+    "momentum",
+    "torque",
+    "energy",
+    "filtered",
+    "integrated",
+    "recursive",
+    "levenberg-marquardt",
+    "ekf",
+    "ukf",
+    "equilibria",
+    "all",
+]
+
 
 @dataclass(frozen=True)
 class Identify:
     """Identify inertia and mass moment from logs of one machine, all together.
 
-    prediction-error fits the predicted trajectory to every sample, with initial states and sensor
-    biases; momentum is linear least squares on the balance of angular momentum, quicker and
-    coarser. Intervals are 95 %.
+    prediction-error fits the predicted motion to every sample, with first states and the sensors'
+    constant errors; its 95 % intervals hold. The other methods are those of the field's papers, as
+    they stand there: noise biases most of them, and their intervals do not know it.
+
+    torque, momentum, energy, filtered and integrated are least squares on the balance of angular
+    momentum; recursive forgets the past; levenberg-marquardt fits one trajectory from start to
+    end; ekf and ukf estimate state and base together; equilibria needs rests at several positions
+    of the sliding masses. all prints one table.
     """
 
     logs: tyro.conf.Positional[tuple[Path, ...]]
     """Folders with a log.toml, or .rrd recordings."""
-    method: Literal["prediction-error", "momentum"] = "prediction-error"
+    method: Method = "prediction-error"
     """How."""
+    form: Literal["integrated", "natural"] = "integrated"
+    """Of torque, momentum and energy: from the start on, or with differentiated rates."""
+    shift: Annotated[int, tyro.conf.arg(metavar="SAMPLES")] = 0
+    """Of momentum: between the two ends of a difference; 0 fits the constant instead."""
+    corner: Annotated[float, tyro.conf.arg(metavar="RAD/S")] = 0.5
+    """Of filtered: the low-pass filter's."""
+    forgetting: Annotated[float, tyro.conf.arg(metavar="0..1")] = 0.99
+    """Of recursive: weight that a step of 0.2 s leaves to what came before."""
+    physical: bool = False
+    """Give the nearest rigid body; prediction-error always does."""
     platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """The machine, by name or folder; default: the one that the first log names."""
     json: bool = False
@@ -30,14 +60,15 @@ class Identify:
         """Identify and print."""
         from twin.cli.output import print_json
         from twin.conventions import convention_advice
-        from twin.errors import UsageError
-        from twin.identify import identify
+        from twin.errors import TwinError, UsageError
+        from twin.identify import Settings, identify, identify_by_all
         from twin.platform import common_platform, load_platform
         from twin.recording import open_log
-        from twin.report import identified
+        from twin.report import compared, identified
 
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
+        settings = Settings(self.form, self.shift, self.corner, self.forgetting)
         recordings = [open_log(path) for path in self.logs]
         machine = (
             common_platform(recordings) if self.platform is None else load_platform(self.platform)
@@ -46,9 +77,23 @@ class Identify:
             warning = convention_advice(recording, machine).warning
             if warning:
                 print(f"{path}: {warning}", file=sys.stderr)
-        found = identify(recordings, machine, self.method)
+        if self.method == "all":
+            found = identify_by_all(recordings, machine, settings, physical=self.physical)
+            if self.json:
+                print_json(
+                    [
+                        {"method": name, "failed": str(one)}
+                        if isinstance(one, TwinError)
+                        else one.document()
+                        for name, one in found.items()
+                    ]
+                )
+            else:
+                print("\n".join(compared(found)))
+            return 0
+        one = identify(recordings, machine, self.method, settings, physical=self.physical)
         if self.json:
-            print_json(found.document())
+            print_json(one.document())
         else:
-            print("\n".join(identified(found)))
+            print("\n".join(identified(one)))
         return 0

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from twin.identify.excitation import (
     not_excited,
     scale_unknown,
 )
+from twin.identify.methods import PAPERS, Logs, Settings
 from twin.identify.momentum import momentum_fit
 from twin.identify.physical import nearest_body
 from twin.identify.prediction_error import NORMAL, Fit, fit, fit_disturbed
@@ -40,8 +41,11 @@ from twin.recording import Recording
 
 Array = NDArray[np.float64]
 
-Method = Literal["prediction-error", "momentum"]
-METHODS: tuple[str, ...] = get_args(Method)
+OURS = "prediction-error"
+METHODS = (OURS, *PAPERS)
+
+PERFECT = 1e-9
+"""1 sigma, in parts of a parameter's scale, below which no log knows anything."""
 
 
 @dataclass(frozen=True)
@@ -135,14 +139,21 @@ class Identification:
 
 
 def identify(
-    recordings: Sequence[Recording], platform: Platform, method: str = "prediction-error"
+    recordings: Sequence[Recording],
+    platform: Platform,
+    method: str = OURS,
+    settings: Settings | None = None,
+    *,
+    physical: bool = False,
 ) -> Identification:
     """Identify the base of a platform from logs, all together.
 
     Args:
         recordings: at least one; a simulation's true states are not looked at.
         platform: the machine, as stated.
-        method: `prediction-error` or `momentum`.
+        method: `prediction-error`, or one of the papers'.
+        settings: of the papers' methods.
+        physical: give the nearest rigid body; prediction-error does so without being asked.
 
     Raises:
         UsageError: no logs, or a log without the streams that are needed.
@@ -161,23 +172,9 @@ def identify(
     machine = compile_model(platform)
     base, full = base_of(machine, logs)
     unseen = common_scale(machine, logs)
-    if method == "momentum":
-        _refuse_guesses(logs, platform, scales)
-        motions = [motion_of(log, platform) for log in logs]
-        first = momentum_fit(list(zip(logs, motions, strict=True)), base)
-        half = first.quantile * np.sqrt(np.diag(first.covariance))
-        return Identification(
-            method,
-            platform,
-            tuple(logs),
-            base,
-            first.theta,
-            first.covariance,
-            first.quantile,
-            excitation_of(motions, base, first.covariance, first.quantile),
-            (*not_excited(base, first.theta, half), *unseen),
-            not_used=not_used,
-        )
+    if method != OURS:
+        _refuse_guesses(logs, method, platform, scales)
+        return _by_paper(logs, base, method, settings or Settings(), physical, not_used, unseen)
     found, misfit = _fitted(base, full, scaled, scales)
     told = scales_of(found, scales, scaled)
     for _ in range(ROUNDS if scales else 0):
@@ -213,6 +210,35 @@ def identify(
     )
 
 
+def _by_paper(
+    logs: list[Recording],
+    base: BaseParameters,
+    method: str,
+    settings: Settings,
+    physical: bool,
+    not_used: tuple[str, ...],
+    unseen: Sequence[str],
+) -> Identification:
+    known = Logs(logs, base)
+    first = PAPERS[method](known, settings)
+    # a method that knows some combination perfectly does not
+    spread = first.covariance + np.diag(np.square(PERFECT * base.scale))
+    nearest = nearest_body(base, first.theta, spread) if physical else None
+    return Identification(
+        settings.named(method),
+        base.machine.platform,
+        tuple(logs),
+        base,
+        first.theta if nearest is None else nearest.theta,
+        first.covariance,
+        first.quantile,
+        excitation_of([m for _, m in known.smoothed], base, first.covariance, first.quantile),
+        (*not_excited(base, first.theta, first.half_widths), *unseen),
+        not_used=not_used,
+        not_rigid="" if nearest is None else nearest.sentence,
+    )
+
+
 def _fitted(
     plain: BaseParameters,
     base: BaseParameters,
@@ -237,18 +263,21 @@ def _fitted(
 
 
 def _refuse_guesses(
-    recordings: Sequence[Recording], platform: Platform, scales: Sequence[Perturbation]
+    recordings: Sequence[Recording],
+    method: str,
+    platform: Platform,
+    scales: Sequence[Perturbation],
 ) -> None:
-    """The balance of momentum is linear in J and m r only where everything else is measured."""
+    """The papers' methods know J and m r only where everything else is measured."""
     if scales:
         raise UsageError(
-            f'{scales[0].stream} has `scale = "fit"`, which the method momentum cannot fit; '
-            "use prediction-error, or state the scale"
+            f'{scales[0].stream} has `scale = "fit"`, which the method {method} cannot fit; '
+            f"use {OURS}, or state the scale"
         )
     if platform.wheels and any("wheel_speed" not in recording for recording in recordings):
         raise UsageError(
-            "a log has no wheel_speed, without which the method momentum knows no wheel's "
-            "momentum; use prediction-error"
+            f"a log has no wheel_speed, without which the method {method} knows no wheel's "
+            f"momentum; use {OURS}"
         )
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import TwinError
-from twin.identify.momentum import MomentumFit, gyro_bias
+from twin.identify.linear.least_squares import Estimate
+from twin.identify.track import gyro_bias
 from twin.model import Machine
 from twin.predict.base import BaseParameters, base_parameters
 from twin.predict.body import Body
@@ -40,7 +41,7 @@ def _drives(recording: Recording, machine: Machine) -> bool:
     return any(name in recording for name in known)
 
 
-def first_theta(base: BaseParameters, first: MomentumFit) -> Array:
+def first_theta(base: BaseParameters, first: Estimate) -> Array:
     """The momentum's answer where it is sure, if some rigid body has it, else as stated."""
     half = first.quantile * np.sqrt(np.diag(first.covariance))
     known = half < SURE * base.scale

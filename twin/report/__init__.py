@@ -1,5 +1,6 @@
 """What the model gets wrong, in words, numbers and an HTML page."""
 
+from twin.report.compared import compared as compared
 from twin.report.diagnosed import diagnosed as diagnosed
 from twin.report.diagnosed import validated as validated
 from twin.report.diagnosis_document import diagnosis_document as diagnosis_document

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from twin.identify import Identification, Misfit
 from twin.predict.base import NAMES
 from twin.recording import Recording
+from twin.report.words import pair
 from twin.units import printed, three_digits
 
 Array = NDArray[np.float64]
@@ -35,10 +36,10 @@ def _entries(found: Identification) -> list[str]:
     half = found.quantile * np.sqrt(np.diag(base.map @ found.covariance @ base.map.T))
     seen = np.abs(base.map).sum(axis=1) > 0.0
     if platform.base.kind == "hinge":
-        lines = [f"J     {_pair(found.theta[0], found.half_widths[0])} kg m^2 about the axis"]
+        lines = [f"J     {pair(found.theta[0], found.half_widths[0])} kg m^2 about the axis"]
     else:
         lines = [
-            f"{name:<5} {_pair(value, width)} kg m^2"
+            f"{name:<5} {pair(value, width)} kg m^2"
             for name, value, width in zip(NAMES[:6], values, half, strict=False)
         ]
     moved = _carried(found.recordings[-1], found)
@@ -50,9 +51,9 @@ def _entries(found: Identification) -> list[str]:
                 continue
             value, width = values[6 + i] + extra[i], half[6 + i]
             lines.append(
-                f"m r_{axis} {_pair(value, width)} kg m"
-                f" = {_pair(value * platform.gravity, width * platform.gravity)} N m"
-                f" = {_pair(value / platform.mass * 1e6, width / platform.mass * 1e6)} um"
+                f"m r_{axis} {pair(value, width)} kg m"
+                f" = {pair(value * platform.gravity, width * platform.gravity)} N m"
+                f" = {pair(value / platform.mass * 1e6, width / platform.mass * 1e6)} um"
                 f" of {platform.mass:g} kg{place}"
             )
     return lines
@@ -61,7 +62,7 @@ def _entries(found: Identification) -> list[str]:
 def _joints(found: Identification) -> list[str]:
     first = len(found.theta) - len(found.base.joints)
     return [
-        f"{joint.name} {_pair(value, width)} {joint.unit}"
+        f"{joint.name} {pair(value, width)} {joint.unit}"
         for joint, value, width in zip(
             found.base.joints, found.theta[first:], found.half_widths[first:], strict=True
         )
@@ -70,7 +71,7 @@ def _joints(found: Identification) -> list[str]:
 
 def _scales(found: Identification) -> list[str]:
     return [
-        f"scale of {scale.stream} {_pair(scale.value, 0.5 * (scale.high - scale.low))} {scale.unit}"
+        f"scale of {scale.stream} {pair(scale.value, 0.5 * (scale.high - scale.low))} {scale.unit}"
         for scale in found.scales
         if scale.known
     ]
@@ -136,11 +137,3 @@ def _carried(recording: Recording, found: Identification) -> Array:
         return np.zeros(3)
     last = recording["stage_position"].value[-1]
     return np.asarray(sum(s.mass * d * s.axis for s, d in zip(stages, last, strict=True)))
-
-
-def _pair(value: float, half: float) -> str:
-    """Value and half an interval, to the digits that the interval leaves."""
-    if not np.isfinite(half) or half <= 0.0:
-        return f"{value:.4g}"
-    digits = max(1 - int(np.floor(np.log10(half))), 0)
-    return f"{value:.{digits}f} +- {half:.{digits}f}"

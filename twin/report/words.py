@@ -353,3 +353,11 @@ def interval(value: float, half: float, unit: str) -> str:
 def _listed(parts: Iterable[str]) -> str:
     items = list(parts)
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
+
+
+def pair(value: float, half: float) -> str:
+    """Value and half an interval, to the digits that the interval leaves."""
+    if not np.isfinite(half) or half <= 0.0:
+        return f"{value:.4g}"
+    digits = max(1 - int(np.floor(np.log10(half))), 0)
+    return f"{value:.{digits}f} +- {half:.{digits}f}"

@@ -1,0 +1,55 @@
+"""What several methods of identification found of the same logs: one table."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from twin.errors import TwinError
+from twin.identify import Identification
+from twin.report.words import pair
+
+GAP = "  "
+
+
+def compared(found: Mapping[str, Identification | TwinError]) -> list[str]:
+    """A row a method, a column a parameter, values with half their 95 % intervals.
+
+    Args:
+        found: by what each is called; the first one has found something.
+    """
+    first = next(one for one in found.values() if isinstance(one, Identification))
+    count = len(first.base.names) - len(first.base.joints)
+    names, units = first.base.names[:count], first.base.units[:count]
+    heads = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+    rows = [
+        [name, *_cells(one, count)]
+        for name, one in found.items()
+        if isinstance(one, Identification)
+    ]
+    stated = ["as stated", *(f"{value:.4g}" for value in first.base.as_stated[:count])]
+    lines = [
+        f"{first.platform.title} ({first.platform.name}): values +- half of 95 % intervals",
+        *_table([["method", *heads], stated, *rows]),
+        "The intervals of prediction-error hold. The others' know the scatter of what is left, not "
+        "what noise in rates and wheel speeds does to the values.",
+    ]
+    lines += [
+        f"{name}: {problem}." for name, problem in found.items() if isinstance(problem, TwinError)
+    ]
+    return lines + [f"Cannot be told: {sentence}." for sentence in first.not_excited]
+
+
+def _cells(found: Identification, count: int) -> list[str]:
+    half = np.minimum(found.half_widths[:count], np.finfo(np.float64).max)
+    return [pair(v, h) for v, h in zip(found.theta[:count].tolist(), half.tolist(), strict=True)]
+
+
+def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        GAP.join(
+            cell.ljust(width) if place == 0 else cell.rjust(width)
+            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
