@@ -24,7 +24,9 @@ class CmgPD(Controller[Gyros]):
 
     The inverse is exact away from singular angles and bounded near them, at the price of a torque
     that errs there; lambda and E are in `twin.controller.gyros.Gyros.rates`. With damping 0 it is
-    the source's plain inverse, which cannot leave a singular state.
+    the source's plain inverse, which cannot leave a singular state. E leads out
+    slowly, the sooner the smaller lambda, and not where two directions are lost at once, as at
+    delta = 0 with a skew of 90 deg, or where the momentum asked for is beyond the array's.
 
     Source: J.-J. Kim, B. N. Agrawal, System identification and automatic mass balancing of
     ground-based three-axis spacecraft simulator, eq. 1 and 39 to 42 (eq. 39 agrees with A only

@@ -33,8 +33,8 @@ class Gyros:
     """(gimbals,) momentum of a rotor at constant speed, 0 for a wheel [N m s]."""
     wheel: Array
     """(gimbals, wheels) inertia of the wheel that a gimbal carries [kg m^2]."""
-    scale: float
-    """H = (sum of H_i^2)^(1/2), or of what the wheels can hold [N m s]."""
+    most: float
+    """(sum of H_i^2)^(1/2), or of what the wheels can hold [N m s]."""
     inertia: Array
     """(3, 3) of the body about the CR [kg m^2]."""
 
@@ -60,8 +60,8 @@ class Gyros:
             [[w.inertia * (w.gimbal == gimbal.name) for w in wheels] for gimbal in gimbals]
         ).reshape(len(gimbals), len(wheels))
         most = np.array([w.momentum_limit for w in wheels if w.gimbal is not None])
-        scale = float(np.sqrt(np.sum(fixed**2) + np.sum(most**2)))
-        return cls(spin, cross(axis, spin), fixed, wheel, scale, platform.inertia)
+        largest = float(np.sqrt(np.sum(fixed**2) + np.sum(most**2)))
+        return cls(spin, cross(axis, spin), fixed, wheel, largest, platform.inertia)
 
     def sizes(self, estimate: Estimate) -> Array:
         """H_i, (n, gimbals) [N m s]."""
@@ -86,10 +86,16 @@ class Gyros:
         turning = cosine[..., None] * self.across - sine[..., None] * self.spin
         return self.sizes(estimate)[..., None] * turning
 
+    def square(self, estimate: Estimate) -> tuple[Array, Array]:
+        """A A^T / H^2, (n, 3, 3), and H^2 = sum of H_i^2, (n,) [N^2 m^2 s^2]."""
+        columns, sizes = self.columns(estimate), self.sizes(estimate)
+        # Wheels at rest make no gyros: their gimbals cannot be asked for much.
+        scale = np.maximum(np.einsum("ng,ng->n", sizes, sizes), (1e-2 * self.most) ** 2)
+        return np.einsum("ngi,ngj->nij", columns, columns) / scale[:, None, None], scale
+
     def regularity(self, estimate: Estimate) -> Array:
         """det(A A^T) / H^6, (n,): 0 where some torque is out of reach of the gimbals."""
-        columns = self.columns(estimate)
-        return np.linalg.det(np.einsum("ngi,ngj->nij", columns, columns) / self.scale**2)
+        return np.linalg.det(self.square(estimate)[0])
 
     def rates(
         self,
@@ -104,7 +110,7 @@ class Gyros:
         """Gimbal rates for a change of momentum: the singularity-robust inverse.
 
         d(delta)/dt = A^T (A A^T + lambda E)^-1 dh/dt
-        lambda      = damping H^2 exp(-det(A A^T) / (regularity H^6))
+        lambda      = damping H^2 exp(-det(A A^T) / (regularity H^6)),  H^2 = sum of H_i^2
         E           = [[1, e_3, e_2], [e_3, 1, e_1], [e_2, e_1, 1]],
         e_i         = dither sin(pi t / 2 + phi_i), phi = (0, pi/2, pi)
 
@@ -129,15 +135,14 @@ class Gyros:
         Returns:
             Shape (n, gimbals) [rad/s].
         """
-        columns, scale = self.columns(estimate), self.scale**2
-        square = np.einsum("ngi,ngj->nij", columns, columns) / scale
+        square, scale = self.square(estimate)
         near = np.exp(-np.linalg.det(square) / regularity)
         one, two, three = dither * np.sin(0.5 * np.pi * time + _PHASES)
         spread = np.array([[1.0, three, two], [three, 1.0, one], [two, one, 1.0]])
         # What is added to the damping only keeps the plain inverse from dividing by zero.
         damped = square + (damping * near)[:, None, None] * spread + 1e-14 * np.eye(3)
-        share = np.linalg.solve(damped, change[..., None])[..., 0] / scale
-        return np.einsum("ngi,ni->ng", columns, share)
+        share = np.linalg.solve(damped, change[..., None])[..., 0] / scale[:, None]
+        return np.einsum("ngi,ni->ng", self.columns(estimate), share)
 
     def command(self, change: Array, estimate: Estimate, time: float) -> Command:
         """Gimbal rates for a change of momentum (n, 3) [N m, body]; none in a run not yet seen."""
