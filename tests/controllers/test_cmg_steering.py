@@ -124,7 +124,7 @@ def off(run):
 
 @pytest.mark.parametrize("dither", [0.0, 0.1])
 def test_gyros_leave_a_singular_state_by_dither_alone(tas2, dither):
-    """At (-30, 0, -30) deg, det A = sin(d_2) sin(d_1 + d_3): all torque but that about x is left."""
+    """det A = sin(d_2) sin(d_1 + d_3): at (-30, 0, -30) deg torque about x alone is lost."""
     law = load_controller("cmg_pd", {"dither": dither, "damping": 0.01})
     balanced = replace(tas2, center_of_mass_offset=np.zeros(3))
     angle = np.radians(3.0)
@@ -171,9 +171,7 @@ def test_null_motion_brings_gyros_home_and_leaves_the_body_alone(astros):
         np.linalg.norm(run.true["gimbal_angle"], axis=1),
         np.linalg.norm((run.true["wheel_speed"] - home) / speed, axis=1),
     )
-    print(
-        f"momentum {first:.1e} N m s; away {away[0]:.2f} to {away[-1]:.3f}; off {off(run).max():.1e}"
-    )
+    print(f"away from home {away[0]:.2f} to {away[-1]:.3f}; body off by {off(run).max():.1e} rad")
     assert first < 1e-9
     assert away[-1] < 0.1 * away[0]
     assert np.diff(away).max() < 1e-3 * away[0]
