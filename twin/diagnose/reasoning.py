@@ -77,7 +77,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
         if lines:
             every = (*every, *ringing(asked, lines, platform))
             search = search_from(plain, every)
-        simplest = _simplest(plain, search, every, say)
+        simplest = _lawful(plain, search, every, say) or _simplest(plain, search, every, say)
         line = min(line or simplest, simplest, key=lambda one: one.score)
     lines = lines_of(line.now)
     if lines:
@@ -122,6 +122,20 @@ def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: 
         return None
     line = Line(best, search_from(best, asked), asked)
     return line if line.left.chance > DOUBTFUL else _searched(best, line.search, asked, say)
+
+
+def _lawful(
+    plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say
+) -> Line | None:
+    """A few laws without a name, where they promise more than several causes do and then leave
+    nothing: fitting causes that only stand in for a law takes long, and each that it finds is
+    false."""
+    if len(search.best()) < 2 or not plain.follows:
+        return None
+    say("laws without a name")
+    causes = Line(plain, search, asked)
+    found = _with_laws(causes, beyond=search.evidence(search.best()))
+    return found if found is not causes and found.left.chance > DOUBTFUL else None
 
 
 def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line:
@@ -253,12 +267,13 @@ def _guesses(
     return found
 
 
-def _with_laws(line: Line, than: Line | None = None) -> Line:
+def _with_laws(line: Line, than: Line | None = None, beyond: float = 0.0) -> Line:
     """With laws without a name, where they explain more than causes: in place of some or beside.
 
     Args:
         line: what they are weighed beside.
         than: what they must be better than, if not that.
+        beyond: evidence that they must bring besides.
     """
     now, laws = line.now, laws_of(line.now.bodies)
     than = than or line
@@ -270,12 +285,14 @@ def _with_laws(line: Line, than: Line | None = None) -> Line:
     best = search.best()
     found = [laws[index - len(now.own)] for index in best if index >= len(now.own)]
     more = search.evidence(best) - search.evidence(now.own)
-    if not found or line.score - more > than.score - TIED:
+    if not found or line.score - more > than.score - TIED - beyond:
         return than
     kept = [effect for index, effect in enumerate(now.effects) if index in best]
     there = _followed(now, kept, found)
     if there is None:
         return than
+    # their columns were formed along a motion that lacked them
+    there = _followed(there, there.effects, there.laws) or there
     lawful = Line(there, search_from(there, line.asked), line.asked, more)
     return lawful if lawful.score < than.score else than
 
