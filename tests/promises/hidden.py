@@ -234,8 +234,12 @@ def check_shown(secret: Hidden, evidence: float) -> None:
 
 def _apart(platform: Platform, one: Recording, other: Recording) -> float:
     """Squared difference, in standard deviations of the noise, which is the same in both; inf where
-    the clocks differ, or what has no noise."""
+    the clocks differ, or what has no noise: a control law that answers to an effect hides it from
+    the sensors, and shows it by its commands."""
     total = 0.0
+    for name in (name for name in one if name.startswith("command_")):
+        if not np.array_equal(one[name].value, other[name].value):
+            return np.inf
     for name, sensor in platform.sensors.items():
         if name not in one or name not in other:
             continue

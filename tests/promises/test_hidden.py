@@ -96,6 +96,12 @@ def test_friction_of_a_wheel_that_stands_still_anyway_is_not_hidden():
     hidden.check_shown(secret, 0.01)
 
 
+def test_what_a_control_law_makes_good_is_hidden_all_the_same():
+    gain = effect_named("wheel_torque_gain").typical("w2").with_values(np.array([0.02]))
+    secret = hidden.hide(Bench(duration=20.0), (gain,), SEED)
+    hidden.check_shown(secret, 6000.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [SEED + 10, SEED + 11, SEED + 12])
 def test_where_nothing_is_hidden_nothing_is_named(seed):
