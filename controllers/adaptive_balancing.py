@@ -65,7 +65,7 @@ class AdaptiveBalancing(Controller[Adaptation]):
 
     Source: J.-J. Kim, B. N. Agrawal, System identification and automatic mass balancing of
     ground-based three-axis spacecraft simulator, eq. 16 to 38. J is that at stage position 0, and
-    what the sliding masses carry is left out of H_s (their eq. 18 to 20): a thousandth of it.
+    what the sliding masses carry is left out of H_s (their eq. 18 to 20).
     """
 
     reference: ClassVar[str] = "multisine:10@0.03"

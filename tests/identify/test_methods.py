@@ -1,10 +1,12 @@
 """The papers' methods: right where nothing is noisy, wrong where the papers say so."""
 
 import json
+from typing import get_args
 
 import numpy as np
 import pytest
 
+from twin.cli.identify import Method
 from twin.cli.main import main
 from twin.errors import UsageError
 from twin.identify import METHODS, Settings, identify
@@ -56,7 +58,7 @@ def test_without_noise_every_method_finds_the_base(quiet, method, within):
 
 @pytest.mark.parametrize("shift", [1, 2, 3])
 def test_without_noise_differences_of_the_balance_find_it_too(quiet, shift):
-    # between samples 10 ms apart, what wheels take changes by less than they are sampled
+    # wheel speeds come every 50 ms: between samples of 10 ms they are interpolated past their kinks
     found = identify(quiet.logs, quiet.stated, "momentum", Settings(shift=shift))
     assert worst(found, quiet) < 0.1 / shift
 
@@ -133,7 +135,6 @@ def test_masses_that_stay_where_they_are_are_no_equilibria(campaign):
 
 
 def test_a_filter_of_a_ball_is_not_run_on_a_hinge(pendulum, swing):
-
     with pytest.raises(UsageError, match="turns about a hinge"):
         identify([swing()], pendulum, "ekf")
 
@@ -145,6 +146,10 @@ def test_a_filter_of_a_ball_is_not_run_on_a_hinge(pendulum, swing):
 def test_settings_that_mean_nothing_are_refused(settings, said):
     with pytest.raises(UsageError, match=said):
         Settings(**settings)
+
+
+def test_the_command_line_has_every_method():
+    assert get_args(Method) == (*METHODS, "all")
 
 
 def test_all_methods_stand_in_one_table(tmp_path, capsys):

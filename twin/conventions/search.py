@@ -47,11 +47,11 @@ def check_conventions(
     turning = turning_of(recording)
     if turning is None:
         return [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
-    unit = _wheel_unit(recording, platform, turning) if "wheel_speed" in recording else None
+    body = Body(recording, platform, turning)
+    unit = _wheel_unit(body, recording, platform, turning) if "wheel_speed" in recording else None
     if unit is not None:
         plain.append(unit)
-        recording = apply_all(recording, [unit])
-    body = Body(recording, platform, turning)
+        body = Body(apply_all(recording, [unit]), platform, turning)
     found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
     return found + _choose(body, body.with_wheels())
 
@@ -97,16 +97,18 @@ def _accelerometer_unit(recording: Recording, platform: Platform | None) -> list
 
 
 def _wheel_unit(
-    recording: Recording, platform: Platform | None, turning: Turning
+    body: Body, recording: Recording, platform: Platform | None, turning: Turning
 ) -> Correction | None:
     """The unit in which the wheels answer the body; None for the one they were read in.
 
     In too large numbers their noise hides that they answer it: then each unit is tried with its
     own noise, and must ask for no other.
     """
-    factor = Body(recording, platform, turning).wheel_factor()
+    factor = body.wheel_factor()
     if factor is not None:
         return unit_change(recording, "wheel_speed", factor)
+    if platform is None:
+        return None
     for change in unit_changes(recording, "wheel_speed"):
         factor = Body(apply_all(recording, [change]), platform, turning).wheel_factor()
         if factor is not None and abs(np.log(factor)) < CLOSE:

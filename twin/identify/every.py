@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from twin.errors import TwinError
-from twin.identify.identification import METHODS, Identification, identify
+from twin.identify.identification import METHODS, Identification, by_method, ground_of
 from twin.identify.methods import Settings
 from twin.platform import Platform
 from twin.recording import Recording
@@ -31,12 +31,12 @@ def identify_by_all(
     Raises:
         TwinError: not even prediction-error can.
     """
-    chosen = settings or Settings()
+    chosen, ground = settings or Settings(), ground_of(recordings, platform)
     found: dict[str, Identification | TwinError] = {}
     for method in METHODS:
         for variant in _variants(method, chosen):
             try:
-                one = identify(recordings, platform, method, variant, physical=physical)
+                one = by_method(ground, method, variant, physical=physical)
             except TwinError as problem:
                 if not found:
                     raise

@@ -162,19 +162,57 @@ def identify(
     """
     if method not in METHODS:
         raise UnknownName("method", method, METHODS)
+    return by_method(ground_of(recordings, platform), method, settings, physical=physical)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What every method begins with."""
+
+    scaled: list[Scaled]
+    """The logs, with first guesses of scales that nobody stated."""
+    scales: tuple[Perturbation, ...]
+    """Of those, to be fitted."""
+    logs: Logs
+    full: BaseParameters
+    """With what the MJCF states of joints; `logs.base` is J and m r alone."""
+    unseen: tuple[str, ...]
+    """Sentences on what no motion in them shows."""
+    not_used: tuple[str, ...]
+    """Sentences on samples that were left out."""
+
+
+def ground_of(recordings: Sequence[Recording], platform: Platform) -> Ground:
+    """Of some logs of a machine, as for `identify`."""
     if not recordings:
         raise UsageError("no log is given")
     checked = [within_range(recording.without_truth(), platform) for recording in recordings]
-    not_used = tuple(sentence for _, said in checked for sentence in said)
     scaled = scaled_together([log for log, _ in checked], platform)
-    scales = unknown_scales([log.recording for log in scaled])
     logs = [log.recording for log in scaled]
     machine = compile_model(platform)
     base, full = base_of(machine, logs)
-    unseen = common_scale(machine, logs)
-    if method != OURS:
-        _refuse_guesses(logs, method, platform, scales)
-        return _by_paper(logs, base, method, settings or Settings(), physical, not_used, unseen)
+    return Ground(
+        scaled,
+        unknown_scales(logs),
+        Logs(logs, base),
+        full,
+        tuple(common_scale(machine, logs)),
+        tuple(sentence for _, said in checked for sentence in said),
+    )
+
+
+def by_method(
+    ground: Ground, method: str, settings: Settings | None = None, *, physical: bool = False
+) -> Identification:
+    """Identify by one of `METHODS`; see `identify`."""
+    if method == OURS:
+        return _by_prediction_error(ground)
+    return _by_paper(ground, method, settings or Settings(), physical=physical)
+
+
+def _by_prediction_error(ground: Ground) -> Identification:
+    base, full, scaled, scales = ground.logs.base, ground.full, ground.scaled, ground.scales
+    platform = base.machine.platform
     found, misfit = _fitted(base, full, scaled, scales)
     told = scales_of(found, scales, scaled)
     for _ in range(ROUNDS if scales else 0):
@@ -193,7 +231,7 @@ def identify(
     half = quantile * np.sqrt(np.diag(covariance))
     nearest = nearest_body(full, found.at.theta, covariance)
     return Identification(
-        method,
+        OURS,
         platform,
         tuple(log.recording for log in scaled),
         full,
@@ -201,40 +239,33 @@ def identify(
         covariance,
         quantile,
         excitation_of(motions, full, covariance, quantile),
-        (*not_excited(full, found.at.theta, half), *scale_unknown(told), *unseen),
+        (*not_excited(full, found.at.theta, half), *scale_unknown(told), *ground.unseen),
         misfit,
         found,
         told,
-        not_used,
+        ground.not_used,
         nearest.sentence,
     )
 
 
-def _by_paper(
-    logs: list[Recording],
-    base: BaseParameters,
-    method: str,
-    settings: Settings,
-    physical: bool,
-    not_used: tuple[str, ...],
-    unseen: Sequence[str],
-) -> Identification:
-    known = Logs(logs, base)
-    first = PAPERS[method](known, settings)
+def _by_paper(ground: Ground, method: str, settings: Settings, *, physical: bool) -> Identification:
+    logs, base = ground.logs, ground.logs.base
+    _refuse_guesses(logs.recordings, method, base.machine.platform, ground.scales)
+    first = PAPERS[method](logs, settings)
     # a method that knows some combination perfectly does not
     spread = first.covariance + np.diag(np.square(PERFECT * base.scale))
     nearest = nearest_body(base, first.theta, spread) if physical else None
     return Identification(
         settings.named(method),
         base.machine.platform,
-        tuple(logs),
+        tuple(logs.recordings),
         base,
         first.theta if nearest is None else nearest.theta,
         first.covariance,
         first.quantile,
-        excitation_of([m for _, m in known.smoothed], base, first.covariance, first.quantile),
-        (*not_excited(base, first.theta, first.half_widths), *unseen),
-        not_used=not_used,
+        excitation_of([m for _, m in logs.smoothed], base, first.covariance, first.quantile),
+        (*not_excited(base, first.theta, first.half_widths), *ground.unseen),
+        not_used=ground.not_used,
         not_rigid="" if nearest is None else nearest.sentence,
     )
 

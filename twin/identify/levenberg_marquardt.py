@@ -3,9 +3,9 @@
 Minimised are the readings' squared distances from the trajectory in units of their noise, over the
 base, the sensors' biases and the first state. It takes wheels' torques and the model as exact, and
 a machine that falls over loses the trajectory; the prediction error method starts anew, piece by
-piece, and ties the pieces together. Source: KNTU's note on mass-property identification and
-automatic balancing of a satellite attitude dynamics simulator (paper 004 of docs/design.md), eq.
-12 to 16 (a square is missing in its eq. 10, the weight of eq. 12 is 1 / sigma^2), here by MINPACK.
+piece, and ties the pieces together. Source: G. Sharifi, M. Mirshams, H. Shahmohamadi Ousaloo, Mass
+properties identification and automatic mass balancing system, 2019, eq. 12 to 16 (where the weight
+is 1 / sigma^2, not 1 / sigma), here by MINPACK.
 """
 
 from collections.abc import Sequence

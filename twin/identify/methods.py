@@ -1,9 +1,9 @@
 """The methods of the papers by name, each as it stands there, beside our own."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, Protocol, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,10 +98,7 @@ class Logs:
         return [track_of(self.base.machine, log, motion) for log, motion in self.smoothed]
 
 
-class Method(Protocol):
-    """From logs to an estimate."""
-
-    def __call__(self, logs: Logs, settings: Settings) -> Estimate: ...
+Method = Callable[[Logs, Settings], Estimate]
 
 
 def _solved(equations: Sequence[Equations], logs: Logs) -> Estimate:
@@ -109,7 +106,7 @@ def _solved(equations: Sequence[Equations], logs: Logs) -> Estimate:
     pairs = zip(equations, logs.tracks, strict=True)
     seconds = sum(float(one.time[-1] - one.time[0]) for one in equations)
     return least_squares(
-        [one.about(track.axis) if one.target.shape[1] == 3 else one for one, track in pairs],
+        [one.about(track.axis) for one, track in pairs],
         logs.base,
         block=min(BLOCK, seconds / (FEWEST * len(logs.base.scale))),
     )
@@ -169,35 +166,16 @@ def _ukf(logs: Logs, settings: Settings) -> Estimate:
     return ukf(list(zip(logs.recordings, logs.tracks, strict=True)), logs.base)
 
 
-Name = Literal[
-    "momentum",
-    "torque",
-    "energy",
-    "filtered",
-    "integrated",
-    "recursive",
-    "levenberg-marquardt",
-    "ekf",
-    "ukf",
-    "equilibria",
-]
-
-PAPERS: Mapping[str, Method] = dict(
-    zip(
-        get_args(Name),
-        (
-            _momentum,
-            _torque,
-            _energy,
-            _filtered,
-            _integrated,
-            _recursive,
-            _levenberg_marquardt,
-            _ekf,
-            _ukf,
-            _equilibria,
-        ),
-        strict=True,
-    )
-)
+PAPERS: Mapping[str, Method] = {
+    "momentum": _momentum,
+    "torque": _torque,
+    "energy": _energy,
+    "filtered": _filtered,
+    "integrated": _integrated,
+    "recursive": _recursive,
+    "levenberg-marquardt": _levenberg_marquardt,
+    "ekf": _ekf,
+    "ukf": _ukf,
+    "equilibria": _equilibria,
+}
 """By name."""

@@ -14,10 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from twin import rotation
-from twin.identify.linear.equations import Equations, inertia_rows
+from twin.identify.linear.equations import Equations, inertia_rows, integral
 from twin.identify.linear.least_squares import Estimate, least_squares
 from twin.identify.track import gyro_bias, track_of
 from twin.model import Machine
@@ -54,14 +53,10 @@ def _balance(recording: Recording, motion: Motion, machine: Machine) -> Equation
     gravity = np.array([0.0, 0.0, -machine.platform.gravity])
     push = rotation.cross(rotation.rotate(track.attitude, track.moved), gravity)
     push = push + rotation.rotate(track.attitude, track.torque)
-    target = _integral(push, track.time) - rotation.rotate(track.attitude, track.carried)
-    moment = -_integral(rotation.cross(turn.swapaxes(1, 2), gravity), track.time).swapaxes(1, 2)
+    target = integral(push, track) - rotation.rotate(track.attitude, track.carried)
+    moment = -integral(rotation.cross(turn.swapaxes(1, 2), gravity), track).swapaxes(1, 2)
     rows = np.concatenate([turn @ inertia_rows(track.rate), moment], axis=2)
     # the constants, one a component, are taken out by the mean
     rows, target = rows[::stride], target[::stride]
     rows, target = rows - rows.mean(axis=0), target - target.mean(axis=0)
     return Equations(track.time[::stride], rows, target).about(track.axis)
-
-
-def _integral(values: Array, time: Array) -> Array:
-    return np.asarray(cumulative_trapezoid(values, time, axis=0, initial=0.0), dtype=np.float64)

@@ -43,8 +43,7 @@ def _drives(recording: Recording, machine: Machine) -> bool:
 
 def first_theta(base: BaseParameters, first: Estimate) -> Array:
     """The momentum's answer where it is sure, if some rigid body has it, else as stated."""
-    half = first.quantile * np.sqrt(np.diag(first.covariance))
-    known = half < SURE * base.scale
+    known = first.half_widths < SURE * base.scale
     theta = np.where(known, first.theta, base.as_stated)
     try:
         base.model(theta)

@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from twin.errors import TwinError
 from twin.identify import Identification
 from twin.report.words import pair
@@ -40,8 +38,8 @@ def compared(found: Mapping[str, Identification | TwinError]) -> list[str]:
 
 
 def _cells(found: Identification, count: int) -> list[str]:
-    half = np.minimum(found.half_widths[:count], np.finfo(np.float64).max)
-    return [pair(v, h) for v, h in zip(found.theta[:count].tolist(), half.tolist(), strict=True)]
+    values, half = found.theta[:count].tolist(), found.half_widths[:count].tolist()
+    return [pair(v, h) for v, h in zip(values, half, strict=True)]
 
 
 def _table(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -39,8 +39,8 @@ class Equations:
         return Equations(self.time[::stride], self.rows[::stride], self.target[::stride])
 
     def about(self, axis: Array | None) -> "Equations":
-        """The component along a hinge's axis; all of them without one."""
-        if axis is None:
+        """The component along a hinge's axis; all of them without one, or if there is but one."""
+        if axis is None or self.target.shape[1] == 1:
             return self
         rows, target = axis @ self.rows, self.target @ axis
         return Equations(self.time, rows[:, None, :], target[:, None])
@@ -57,9 +57,9 @@ def integrated(track: Track) -> Equations:
     """From the first instant on, in body axes. Eq. 17 of AAS 04-122; eq. 8 of Kim and Agrawal."""
     momentum, carried = inertia_rows(track.rate), track.carried
     still = np.zeros_like(momentum), np.zeros_like(carried)
-    rows = _integral(_rows(track, still[0]), track)
+    rows = integral(_rows(track, still[0]), track)
     rows[..., :6] += momentum - momentum[0]
-    target = _integral(_target(track, still[1]), track) - (carried - carried[0])
+    target = integral(_target(track, still[1]), track) - (carried - carried[0])
     return Equations(track.time, rows, target)
 
 
@@ -110,10 +110,10 @@ def energy(track: Track) -> Equations:
     kinetic = 0.5 * np.einsum("ni,nik->nk", rate, inertia_rows(rate))
     rows[:, :6] = kinetic - kinetic[0]
     along = np.einsum("ni,nik->nk", rate, gravity_rows(track.gravity))
-    rows[:, 6:] = _integral(along, track)
+    rows[:, 6:] = integral(along, track)
     work = np.sum(rate * (rotation.cross(track.moved, track.gravity) + track.torque), axis=1)
     taken = 0.5 * np.sum((rate[1:] + rate[:-1]) * np.diff(track.carried, axis=0), axis=1)
-    target = _integral(work, track) - np.concatenate([[0.0], np.cumsum(taken)])
+    target = integral(work, track) - np.concatenate([[0.0], np.cumsum(taken)])
     return Equations(track.time, rows[:, None, :], target[:, None])
 
 
@@ -147,7 +147,8 @@ def _slope(values: Array, track: Track) -> Array:
     return np.gradient(values, track.step, axis=0)
 
 
-def _integral(values: Array, track: Track) -> Array:
+def integral(values: Array, track: Track) -> Array:
+    """Of (m, ...) from the first instant on, by the trapezoidal rule."""
     summed = cumulative_trapezoid(values, dx=track.step, axis=0, initial=0.0)
     return np.asarray(summed, dtype=np.float64)
 

@@ -19,8 +19,10 @@ from twin.predict.base import BaseParameters
 
 Array = NDArray[np.float64]
 
-MOVED = 1e-5
-"""[kg m]: masses have moved when d has changed by more."""
+STANDING = 1e-5
+"""[kg m/s]: masses stand still while d changes no faster."""
+APART = 1e-5
+"""[kg m] between two places of the masses."""
 SETTLING = 1.0
 """[s] left out after a move."""
 FEWEST = 3
@@ -35,7 +37,7 @@ def equilibria(tracks: Sequence[Track], base: BaseParameters) -> Estimate:
     """
     logs = [_hanging(track) for track in tracks]
     places = np.concatenate([moved for _, moved in logs])
-    count = len(np.unique(np.round(places / MOVED), axis=0))
+    count = len(np.unique(np.round(places / APART), axis=0))
     if count < FEWEST:
         raise UsageError(
             f"the sliding masses stand still for {BLOCK + SETTLING:g} s in {count} places; "
@@ -47,7 +49,7 @@ def equilibria(tracks: Sequence[Track], base: BaseParameters) -> Estimate:
 
 def _hanging(track: Track) -> tuple[Equations, Array]:
     """A row of equations for each piece of standing masses, and where they stood, (m, 3) [kg m]."""
-    changed = np.linalg.norm(np.diff(track.moved, axis=0), axis=1) > MOVED * track.step
+    changed = np.linalg.norm(np.diff(track.moved, axis=0), axis=1) > STANDING * track.step
     edges = np.concatenate([[0], np.flatnonzero(changed) + 1, [len(track.time)]])
     skip, size = round(SETTLING / track.step), round(BLOCK / track.step)
     pieces = [

@@ -2,9 +2,9 @@
 
 K = P A^T (lambda I + A P A^T)^-1,  x += K (B - A x),  P = (P - K A P) / lambda
 
-from where platform.toml states the base. Source: KNTU's note on mass-property identification and
-automatic balancing of a satellite attitude dynamics simulator (paper 004 of docs/design.md),
-eq. 9 to 11, three rows at a time; its lambda is 0.95 or 0.99 a step of 0.2 s.
+from where platform.toml states the base, three rows at a time. Source: G. Sharifi, M. Mirshams,
+H. Shahmohamadi Ousaloo, Mass properties identification and automatic mass balancing system, 2019,
+eq. 9 to 11; their lambda is 0.95 or 0.99 a step of 0.2 s.
 """
 
 from collections.abc import Sequence
