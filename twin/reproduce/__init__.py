@@ -1,0 +1,1 @@
+"""Papers' tables and figures beside ours, by criteria fixed before any value was known."""
