@@ -32,7 +32,7 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks
 
 panel: $(READY)
-	$(BIN)/python tests/promises/panel.py runs/panel --jobs 2
+	$(BIN)/python tests/promises/panel.py --jobs 2
 
 clean:
 	rm -rf .venv .pytest_cache .ruff_cache build dist runs

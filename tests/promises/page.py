@@ -62,9 +62,11 @@ UNSEEN_WHY = {
 }
 
 
-def rows_of(folder: Path) -> list[Row]:
-    """Every case of a folder."""
-    return [json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))]
+def rows_of(path: Path) -> list[Row]:
+    """Every case of a file, by kind, evidence and number."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    rows = [json.loads(line) for line in lines]
+    return sorted(rows, key=lambda row: (row["kind"], row["evidence"], row["seed"]))
 
 
 def page(rows: list[Row]) -> str:

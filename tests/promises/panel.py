@@ -1,10 +1,10 @@
 """Hidden effects, many times: how often is the cause named, and sized as it should be?
 
-`make panel` hides, diagnoses, keeps one JSON a case in runs/panel and then writes
+`make panel` hides, diagnoses, adds a line a case to docs/diagnosis.jsonl and then writes
 docs/diagnosis.md from whatever is there. What is there is not done again: it grows with each run,
 and one that is killed loses a case of each worker at most. By itself:
 
-    python tests/promises/panel.py runs/panel --kinds single,null --evidence 60 --cases 20 --jobs 2
+    python tests/promises/panel.py --kinds single,null --evidence 60 --cases 20 --jobs 2
 
 Cases are numbered. Those from 1000 on have logs of 300 s at 100 Hz: `--kinds single --first 1000`.
 """
@@ -16,6 +16,7 @@ import os
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
+from typing import Any
 
 for _one in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_one, "1")
@@ -25,26 +26,33 @@ from case import KINDS, Case, run  # noqa: E402
 from page import page, rows_of  # noqa: E402
 
 PAGE = Path(__file__).parents[2] / "docs" / "diagnosis.md"
+ROWS = PAGE.with_suffix(".jsonl")
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("--rows", type=Path, default=ROWS, help="a case a line")
     parser.add_argument("--kinds", default=",".join(KINDS), help="of what is hidden")
     parser.add_argument("--evidence", default="", help="only of so much")
     parser.add_argument("--cases", type=int, default=10, help="of each kind and evidence")
     parser.add_argument("--first", type=int, default=0, help="number of the first")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     options = parser.parse_args()
-    options.folder.mkdir(parents=True, exist_ok=True)
-    todo = [case for case in cases(options) if not _path(options.folder, case).exists()]
+    there = {Case(row["kind"], row["evidence"], row["seed"]) for row in rows_of(options.rows)}
+    todo = [case for case in cases(options) if case not in there]
     print(f"{len(todo)} cases to do", flush=True)
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(options.jobs, mp_context=spawn) as pool:
-        futures = {pool.submit(done, options.folder, case): case for case in todo}
+    with (
+        ProcessPoolExecutor(options.jobs, mp_context=spawn) as pool,
+        options.rows.open("a", encoding="utf-8") as rows,
+    ):
+        futures = {pool.submit(run, case): case for case in todo}
         for count, future in enumerate(as_completed(futures), start=1):
-            print(f"{count}/{len(todo)} {futures[future].name}: {future.result()}", flush=True)
-    PAGE.write_text(page(rows_of(options.folder)), encoding="utf-8")
+            row = future.result()
+            rows.write(json.dumps(row) + "\n")
+            rows.flush()
+            print(f"{count}/{len(todo)} {futures[future].name}: {told(row)}", flush=True)
+    PAGE.write_text(page(rows_of(options.rows)), encoding="utf-8")
     print(PAGE.read_text(encoding="utf-8"))
     return 0
 
@@ -61,20 +69,11 @@ def cases(options: argparse.Namespace) -> list[Case]:
     ]
 
 
-def done(folder: Path, case: Case) -> str:
-    """Do a case and keep it; how it went."""
-    row = run(case)
-    path = _path(folder, case)
-    unfinished = path.with_suffix(f".{os.getpid()}")
-    unfinished.write_text(json.dumps(row, indent=1), encoding="utf-8")
-    unfinished.rename(path)
+def told(row: dict[str, Any]) -> str:
+    """How a case went."""
     if "failed" in row:
         return "failed: " + row["failed"].strip().splitlines()[-1]
     return row.get("skipped") or f"{row['verdict']} in {row['seconds']:.0f} s"
-
-
-def _path(folder: Path, case: Case) -> Path:
-    return folder / f"{case.name}.json"
 
 
 if __name__ == "__main__":

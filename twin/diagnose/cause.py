@@ -17,6 +17,10 @@ from twin.predict.effect_columns import amplitudes
 
 Array = NDArray[np.float64]
 
+NAMELESS = 0.2
+"""Of its confidence what a cause keeps beside something without a name: so many of those that
+docs/diagnosis.md counts were right, or fewer."""
+
 
 @dataclass(frozen=True)
 class Tie:
@@ -105,7 +109,7 @@ def causes_of(now: Explanation, search: Search, *, unexplained: bool) -> tuple[C
         rivals = [behind for _, behind in instead] + [max(evidence, 0.0)]
         half = np.full(len(free), np.nan)
         half[free] = NORMAL * np.sqrt(np.maximum(np.diag(spread), 0.0))
-        share = _share(rivals) * (0.5 if unexplained else 1.0)
+        share = _share(rivals) * (NAMELESS if unexplained else 1.0)
         alone = search.evidence((index,))
         found.append(Cause(effect, free, half, evidence, alone, share, ties))
     return tuple(sorted(found, key=lambda cause: -cause.evidence))
