@@ -6,11 +6,11 @@ from twin.cli.main import main
 from twin.diagnose.cause import Equation
 from twin.diagnose.law_file import write_law
 from twin.diagnose.laws import laws_of
-from twin.effects import BodyEffect, effect_named
+from twin.effects import BodyEffect, State, effect_named
 from twin.model import compile_model
 from twin.platform import load_platform
 from twin.predict.body import body_of
-from twin.predict.effect_forces import force_of
+from twin.predict.effect_forces import middles, plain_forces
 from twin.predict.motion import motion_of
 from twin.recording import open_log
 
@@ -37,5 +37,15 @@ def test_a_saved_law_pushes_as_the_products_that_were_fitted(tmp_path):
     wanted = sum(
         size * law.perturbation.force(body) for size, law in zip(sizes, chosen, strict=True)
     )
+    law = effect.torque(platform)
+    assert law is not None
+    machine, (here, _) = body.machine, plain_forces(body)
+    base, wheels = machine.base_dof, machine.wheel_dof
+    rate = here.velocity
+    torque = law(
+        State(here.position[:, machine.base_qpos], rate[:, base], rate[:, wheels], middles(body))
+    )
     # nine digits of each size, of which the terms may cancel
-    np.testing.assert_allclose(force_of(effect, body), wanted, atol=1e-7 * np.abs(wanted).max())
+    np.testing.assert_allclose(
+        torque, wanted.reshape(len(torque), -1)[:, base], atol=1e-7 * np.abs(wanted).max()
+    )

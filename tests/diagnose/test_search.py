@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from twin.diagnose.search import Search, price
 from twin.diagnose.weighing import Trace, Weighing
@@ -83,3 +84,15 @@ def test_of_two_that_look_alike_both_are_told(rng):
 def test_a_vector_explains_no_more_than_its_numbers_are_worth():
     assert price(60.0, 3) == pytest.approx(3.0 * (1.0 + np.log(20.0)))
     assert price(0.5, 1) == 1.0
+
+
+def test_what_noise_gains_beyond_a_set_is_chi_square_however_like_the_base_the_others_are(rng):
+    base = rng.normal(size=(300, 4))
+    like = base @ rng.normal(size=(4, 20)) + 0.05 * rng.normal(size=(300, 20))
+    chances = []
+    for _ in range(400):
+        found = Weighing(rng.normal(size=300), base, like, [trace(str(i)) for i in range(20)])
+        gain, freedom = found.beyond((0,), range(1, 20))
+        chances.append(chi2.sf(gain, freedom))
+    assert np.mean(np.array(chances) < 0.05) == pytest.approx(0.05, abs=0.04)
+    assert np.mean(chances) == pytest.approx(0.5, abs=0.06)

@@ -9,6 +9,7 @@ from twin.platform import Platform
 from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
 from twin.predict.motion import motion_of
+from twin.predict.push import Push
 from twin.predict.states import States
 from twin.recording import Recording, Series
 
@@ -51,7 +52,8 @@ def test_the_predicted_pendulum_keeps_its_energy_and_the_time_of_the_elliptic_in
     steps = round(19.9 / body.grid.step)
     push = np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
     model = base_parameters(body.machine).model(base_parameters(body.machine).as_stated)
-    angle = body.rollouts.onward(model, np.zeros(1, dtype=np.intp), start, steps, push)[0, :, 0]
+    there = np.zeros(1, dtype=np.intp)
+    angle = body.rollouts.onward(model, there, start, steps, Push(push))[0, :, 0]
     exact = passive_log(pendulum, 20.0)["joint_angle"]
     time = body.grid.step * np.arange(steps + 1)
     assert np.max(np.abs(angle - np.interp(time, exact.time, exact.value[:, 0]))) < 1e-4

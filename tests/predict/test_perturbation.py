@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from twin.effects.body.bearing_coulomb_friction import BearingCoulombFriction
 from twin.identify.prediction_error import fit
 from twin.model import compile_model
 from twin.platform import Platform
@@ -15,6 +16,7 @@ from twin.predict.body import Body, body_of
 from twin.predict.innovations import Problem
 from twin.predict.motion import motion_of
 from twin.predict.perturbation import Added, Perturbation
+from twin.predict.push import Push
 from twin.recording import Recording
 
 SEED = 20261121
@@ -49,8 +51,8 @@ def test_where_a_push_turns_a_body_whatever_its_inertia_a_heavier_one_under_more
     body = predictor(swing(seed=SEED, duration=6.0), pendulum)
     base = base_parameters(body.machine)
     push = 0.3 * against_rate(body)
-    one = body.linearise(base, base.as_stated, np.zeros(0), body.start, push)
-    columns = body.without(base, one, push).linear.shared
+    one = body.linearise(base, base.as_stated, np.zeros(0), body.start, Push(push))
+    columns = body.without(base, one, Push(push)).linear.shared
     k = one.path.rate.shape[-1]
     turned = np.einsum("snkf,snf->snk", one.answer[:, :, k : 2 * k], push)
     (place,) = np.flatnonzero([name.startswith("J") for name in base.names])
@@ -58,7 +60,7 @@ def test_where_a_push_turns_a_body_whatever_its_inertia_a_heavier_one_under_more
     theta = base.as_stated + size * np.eye(len(base.as_stated))[place]
     more = push.copy()
     more[..., body.machine.base_dof] += size * turned
-    path = body.rollouts.paths(base.model(theta), body.start.one(), more)
+    path = body.rollouts.paths(base.model(theta), body.start.one(), Push(more))
     rolled = (body.rows(path)[0] - one.linear.residual) / size
     np.testing.assert_allclose(columns[..., place], rolled, atol=2e-3 * np.abs(rolled).max())
     with_it = np.abs(one.linear.shared[..., place] - rolled).max()
@@ -71,13 +73,32 @@ def test_a_forces_column_is_what_a_rollout_with_it_gives(swing: Swings, pendulum
     force, size = against_rate(body), 1e-5
     one = body.linearise(base, base.as_stated, np.zeros(0), body.start)
     columns, jumps = body.force_columns(one, force[..., None])
-    path = body.rollouts.paths(base.model(base.as_stated), body.start.one(), size * force)
+    path = body.rollouts.paths(base.model(base.as_stated), body.start.one(), Push(size * force))
     rolled = (body.rows(path)[0] - one.linear.residual) / size
     scale = np.abs(rolled).max()
     np.testing.assert_allclose(columns[..., 0], rolled, atol=2e-3 * scale)
-    pushed = body.linearise(base, base.as_stated, np.zeros(0), body.start, size * force)
+    pushed = body.linearise(base, base.as_stated, np.zeros(0), body.start, Push(size * force))
     ends = (pushed.linear.jump - one.linear.jump) / size
     np.testing.assert_allclose(jumps[..., 0], ends, atol=2e-3 * np.abs(ends).max())
+
+
+def dry(size: float, body: Body) -> Push:
+    law = BearingCoulombFriction(size, smoothing=0.05).torque(body.machine.platform)
+    return Push(np.zeros_like(body.rollouts.force), ((1.0, law),))
+
+
+def test_what_dry_friction_of_a_size_does_to_a_prediction_is_what_a_rollout_with_it_gives(
+    swing: Swings, pendulum: Platform
+):
+    body = predictor(swing(seed=SEED, duration=4.0), pendulum)
+    base = base_parameters(body.machine)
+    one = body.linearise(base, base.as_stated, np.zeros(0), body.start)
+    size = 2e-3
+    friction = Perturbation("dry", "N m", laws=dry(1.0, body).laws, size=size)
+    columns, _ = Added.to(body, (friction,)).force_columns(one, np.zeros(1))
+    path = body.rollouts.paths(base.model(base.as_stated), body.start.one(), dry(size, body))
+    rolled = (body.rows(path)[0] - one.linear.residual) / size
+    np.testing.assert_allclose(columns[..., 0], rolled, atol=0.02 * np.abs(rolled).max())
 
 
 def test_a_lags_column_does_not_see_what_a_law_commands_afterwards(
@@ -113,6 +134,18 @@ def test_a_hidden_friction_is_fitted_beside_the_base(swing: Swings, pendulum: Pl
     strength, sigma = fitted(problem)
     assert strength[0] == pytest.approx(0.01, abs=4.0 * sigma[0])
     assert sigma[0] < 5e-4
+
+
+def test_a_hidden_dry_friction_is_fitted_however_little_is_known_of_the_rate_near_rest(
+    swing: Swings, pendulum: Platform
+):
+    print("seed", SEED)
+    log = swing(seed=SEED, dry=0.05, angle_noise=3e-2, rate_noise=0.3)
+    body = predictor(log, pendulum)
+    friction = Perturbation("dry", "N m", laws=dry(1.0, body).laws)
+    strength, sigma = fitted(problem_of(log, pendulum, [friction]))
+    assert strength[0] == pytest.approx(0.05, abs=4.0 * sigma[0])
+    assert sigma[0] < 0.01
 
 
 def test_a_late_stream_and_a_wrong_scale_are_fitted_together(swing: Swings, pendulum: Platform):

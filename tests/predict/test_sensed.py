@@ -17,6 +17,7 @@ from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
 from twin.predict.innovations import Problem
 from twin.predict.motion import motion_of
+from twin.predict.push import Push
 from twin.predict.sensed import SENSED
 from twin.recording import Recording
 from twin.stream.recorder import MemoryRecorder
@@ -68,7 +69,7 @@ def test_a_forces_column_is_what_a_rollout_with_it_gives(tas2: Body):
     size = 1e-4
     one = tas2.linearise(base, base.as_stated, np.zeros(len(tas2.bias_scale)), tas2.start)
     columns, _ = tas2.force_columns(one, force[..., None])
-    path = tas2.rollouts.paths(base.model(base.as_stated), tas2.start.one(), size * force)
+    path = tas2.rollouts.paths(base.model(base.as_stated), tas2.start.one(), Push(size * force))
     rolled = tas2.gather((tas2.rows(path)[0] - one.linear.residual) / size)
     for output, own, other in zip(tas2.outputs, tas2.gather(columns[..., 0]), rolled, strict=True):
         if output.sense is None:

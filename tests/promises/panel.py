@@ -27,6 +27,8 @@ from page import page, rows_of  # noqa: E402
 
 PAGE = Path(__file__).parents[2] / "docs" / "diagnosis.md"
 ROWS = PAGE.with_suffix(".jsonl")
+CASES_EACH = 20
+"""Of a process, which keeps every bench that it has met."""
 
 
 def main() -> int:
@@ -43,7 +45,7 @@ def main() -> int:
     print(f"{len(todo)} cases to do", flush=True)
     spawn = multiprocessing.get_context("spawn")
     with (
-        ProcessPoolExecutor(options.jobs, mp_context=spawn) as pool,
+        ProcessPoolExecutor(options.jobs, spawn, max_tasks_per_child=CASES_EACH) as pool,
         options.rows.open("a", encoding="utf-8") as rows,
     ):
         futures = {pool.submit(run, case): case for case in todo}

@@ -13,6 +13,7 @@ from twin.compare.misfit import misfits, misfits_of
 from twin.diagnose.candidates import Candidate
 from twin.diagnose.determined import determined
 from twin.diagnose.laws import Law
+from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import Effect
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
@@ -42,29 +43,13 @@ LEAST = 0.1
 """Share of such a move below which no more is tried."""
 SETTLED = 0.1
 """Move of an effect, in standard deviations, at which they need not be."""
+SIZED = 4
+"""Times that the size is sought of what answers to the path that it makes."""
+ALIKE = 0.1
+"""Share of its size by which that may still change."""
 NEAR = 0.1
 """Where a fit is likelier by no more than this a sample, its path is a third of the noise away at
 most, and what else was asked does there what it did before."""
-
-
-@dataclass(frozen=True)
-class Rows:
-    """residual + columns u is white, variance 1, for changes u of base, biases and strengths."""
-
-    residual: Array
-    """(m,)."""
-    columns: Array
-    """(m, u)."""
-    cluster: NDArray[np.intp]
-    """(m,) which segment of which log each comes from; -1: what was known beforehand."""
-
-    @property
-    def covariance(self) -> Array:
-        """(u, u) of all that has a column."""
-        size = 1.0 / np.maximum(np.linalg.norm(self.columns, axis=0), 1e-300)
-        triangle = np.asarray(np.linalg.qr(self.columns * size, mode="r"))
-        inverse = np.linalg.pinv(triangle, rcond=1e-12)
-        return inverse @ inverse.T * np.outer(size, size)
 
 
 @dataclass(frozen=True)
@@ -169,10 +154,23 @@ class Explanation:
 
     def weighing(self, candidates: Sequence[Candidate]) -> Weighing:
         """Its own effects and laws, then candidates, weighed where it stands."""
-        return self.weigh(
-            [one.perturbations for one in candidates],
-            [one.trace for one in candidates],
-        )
+        parts = [self._sized(one) for one in candidates]
+        return self.weigh(parts, [one.trace for one in candidates])
+
+    def _sized(self, one: Candidate) -> tuple[Perturbation, ...]:
+        """What answers to the path that it makes, in the size that the logs ask for."""
+        parts, before = one.perturbations, np.zeros(len(one.perturbations))
+        if not any(part.laws for part in parts):
+            return parts
+        for _ in range(SIZED):
+            rows = self.rows_with(parts)
+            found = np.linalg.lstsq(rows.columns, -rows.residual, rcond=None)[0][-len(parts) :]
+            size = np.clip(found, one.low, one.high)
+            if np.all(np.abs(size - before) <= ALIKE * np.abs(size)):
+                break
+            parts = tuple(replace(p, size=s) for p, s in zip(parts, size.tolist(), strict=True))
+            before = size
+        return parts
 
     def weigh(self, more: Sequence[Sequence[Perturbation]], traces: Sequence[Trace]) -> Weighing:
         """Its own effects and laws, then others by their perturbations."""

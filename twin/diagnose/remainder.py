@@ -30,8 +30,8 @@ class Remainder:
 
     torque_gain: float
     """Fall of -2 log L by pieces of torque."""
-    freedom: int
-    """Directions in which they do."""
+    freedom: float
+    """Directions in which they do, as chi-square counts them."""
     torque_chance: float
     """That noise gains as much."""
     noise_chance: float

@@ -16,6 +16,8 @@ Index = NDArray[np.intp]
 HIDDEN = 1e-2
 """A direction of which less than this share is left when the base is free cannot be told from it:
 what is left may be the error of a linearised base."""
+ROUNDING = 1e-9
+"""Share of the largest singular value below which a direction is none."""
 SLIGHT = 1.0
 """Nor is one seen whose largest strength changes the logs by no more standard deviations."""
 
@@ -71,6 +73,7 @@ class Weighing:
         p = base.shape[1]
         own = triangle[p:, p:-1]
         self._columns = np.where(felt & (np.linalg.norm(own, axis=0) > HIDDEN), own, 0.0)
+        self._like_base = np.where(felt, triangle[:p, p:-1], 0.0)
         self._residual = triangle[p:, -1]
         self._known: dict[frozenset[int], Weighed] = {}
 
@@ -111,15 +114,29 @@ class Weighing:
         """(k,) length of each column of a cause at strength 1, the base not projected out."""
         return self.size[self._own[index]]
 
-    def beyond(self, chosen: Sequence[int], others: Sequence[int]) -> tuple[float, int]:
-        """What others gain together beside a set, and in how many directions."""
+    def beyond(self, chosen: Sequence[int], others: Sequence[int]) -> tuple[float, float]:
+        """What others gain together beside a set, the base and the set staying where they are; and
+        in how many directions, as chi-square has them.
+
+        Not the base's own: what others do that it could do too counts for the share that it could
+        not. Were it free beside them, what tells it from them might be no more than how the machine
+        trembled under a law that answers to noise; and what follows the noise of the samples before
+        seems, less its mean over those after, to know of the noise.
+
+        The sum of share z^2 is taken for a chi-square of the same mean and variance (Satterthwaite
+        1946).
+        """
         taken = np.concatenate([np.zeros(0, dtype=np.intp), *(self._own[i] for i in chosen)])
         basis = np.linalg.qr(self._columns[:, taken])[0]
-        columns = self._columns[:, np.concatenate([self._own[i] for i in others])]
-        columns = columns - basis @ (basis.T @ columns)
+        wanted = np.concatenate([self._own[i] for i in others])
+        columns = np.concatenate([self._like_base[:, wanted], self._columns[:, wanted]])
         left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-        along = left[:, sizes > HIDDEN * sizes[0]].T @ self.left(chosen)
-        return float(along @ along), len(along)
+        apart = left[len(self._like_base) :, sizes > ROUNDING * sizes[0]]
+        gain = float(np.sum(np.square(apart.T @ self.left(chosen))))
+        free = apart - basis @ (basis.T @ apart)
+        share = np.square(np.linalg.svd(free, compute_uv=False))
+        total, squares = float(np.sum(share)), float(np.sum(np.square(share)))
+        return gain * total / squares, total**2 / squares
 
     def spread(self, chosen: Sequence[int]) -> dict[int, Array]:
         """Standard deviations (k,) of the strengths of each of a set."""

@@ -23,6 +23,7 @@ from twin.predict.kalman import Local
 from twin.predict.linearised import Linearised
 from twin.predict.motion import Motion
 from twin.predict.outputs import Grid, outputs_of
+from twin.predict.push import Push
 from twin.predict.rollouts import Rollouts
 from twin.predict.segments import command_step, grid_of
 from twin.predict.sensed import senses_of
@@ -151,13 +152,18 @@ class Body:
             name for name in self.recording if name not in taken and not name.startswith(ours)
         )
 
+    @property
+    def begins(self) -> Array:
+        """(S, steps) at which the steps begin [s]."""
+        return self.grid.starts[:, None] + self.grid.step * np.arange(self.grid.steps)
+
     def commanded(self, late: float = 0.0) -> Array:
         """(S, steps, nv) torques of the commands, as if they acted so much later [s]."""
         force = self.inputs.commanded(self.grid.edges - late, self.motion)
         return force.reshape(self.grid.segments, self.grid.steps, -1)
 
     def along(
-        self, base: BaseParameters, theta: Array, start: States, push: Array | None = None
+        self, base: BaseParameters, theta: Array, start: States, push: Push | None = None
     ) -> Exact:
         """Predict from `start` (S, .) under a base and an added force; only the states are columns.
 
@@ -187,7 +193,7 @@ class Body:
         theta: Array,
         biases: Array,
         start: States,
-        push: Array | None = None,
+        push: Push | None = None,
     ) -> Exact:
         """Predict from `start` (S, .) under a base and an added force, and linearise.
 
@@ -206,11 +212,12 @@ class Body:
         linear = linear.with_columns(*self.force_columns(exact, forces))
         return replace(exact, linear=linear.with_columns(self.bias_columns()))
 
-    def without(self, base: BaseParameters, exact: Exact, push: Array) -> Exact:
-        """With the base's columns as they are where a push (S, steps, nv) [N m, N] turns the body
-        as it does whatever its J: a heavier body under more of it moves the same."""
+    def without(self, base: BaseParameters, exact: Exact, push: Push) -> Exact:
+        """With the base's columns as they are where a push turns the body as it does whatever its
+        J: a heavier body under more of it moves the same."""
         k = exact.path.rate.shape[-1]
-        turned = np.einsum("snkf,snf->snk", exact.answer[:, :, k : 2 * k], push)
+        force = push.along(self.machine, exact.path, self.begins)
+        turned = np.einsum("snkf,snf->snk", exact.answer[:, :, k : 2 * k], force)
         forces = base_forces(base, exact.path, self.grid.step, turned)
         columns, jumps = self.force_columns(exact, forces)
         return replace(exact, linear=exact.linear.with_first(columns, jumps))
@@ -221,6 +228,10 @@ class Body:
         On a gimbal's joint stands its rate beside the one that it was driven with [rad/s].
         """
         change = carried_forces(exact.local.carried, exact.answer, forces, self.grid.step)
+        return self.columns_of(exact, change)
+
+    def columns_of(self, exact: Exact, change: Array) -> tuple[Array, Array]:
+        """What changes (S, steps + 1, x, a) of the state do, as `force_columns`."""
         parts = [
             np.moveaxis(o.moved_by(change, self._first(o.stream), exact.path), -1, 0)
             for o in self.outputs

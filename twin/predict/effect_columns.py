@@ -106,7 +106,12 @@ def _changes(effect: Effect) -> list[Change]:
 def _perturbation(name: str, unit: str, change: Change, platform: Platform) -> Perturbation:
     first = change[0][0]
     if isinstance(first, BodyEffect):
-        return Perturbation(name, unit, force=_summed(change, _body_force))
+        laws = tuple(
+            (factor, law)
+            for effect, factor in change
+            if isinstance(effect, BodyEffect) and (law := effect.torque(platform)) is not None
+        )
+        return Perturbation(name, unit, force=_summed(change, _body_force), laws=laws)
     assert isinstance(first, SeriesEffect)
     stream = first.stream
     if stream == "command_stage_position":

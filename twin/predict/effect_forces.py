@@ -1,7 +1,8 @@
 """The generalised force with which an effect acts along a log's measured motion.
 
 What the machine with the effect needs to move as it did, less what it needs without: two inverse
-dynamics, and the torques and pushes that no model holds. Parts that only the machine with the
+dynamics, and the pushes that no model holds; not a torque law, which answers to the path that is
+predicted. Parts that only the machine with the
 effect has, a panel or a liquid, are carried along first, from rest at the log's first instant.
 
 What rings needs a motion with the kicks that make it ring (`twin.predict.retrace`). Along a motion
@@ -21,7 +22,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.effects import BodyEffect, State, able, with_effects
+from twin.effects import BodyEffect, able, with_effects
 from twin.effects.on_body import CARRIER_MASS
 from twin.model import Machine, compile_model
 from twin.plant.gas import thruster_arms
@@ -53,7 +54,8 @@ class Along:
 
 
 def force_of(effect: BodyEffect, body: Body, turn: Array | None = None) -> Array:
-    """(S, steps, nv) force of an effect, mean over each step, along the log's motion.
+    """(S, steps, nv) force of an effect but its torque law, mean over each step, along the log's
+    motion.
 
     Args:
         effect: on the machine.
@@ -73,16 +75,6 @@ def force_of(effect: BodyEffect, body: Body, turn: Array | None = None) -> Array
     needed = np.zeros_like(plainly)
     if machine.model is not plain.model:
         needed += plainly - inverse(machine, along)[:, shared.dof]
-    law = effect.torque(machine.platform)
-    if law is not None:
-        rate = here.velocity
-        state = State(
-            here.position[:, plain.base_qpos],
-            rate[:, plain.base_dof],
-            rate[:, plain.wheel_dof],
-            middles(body),
-        )
-        needed[:, plain.base_dof] += law(state)
     needed += _pushes(effect, machine, along, middles(body))[:, shared.dof]
     if thrust(body).any():
         needed[:, plain.base_dof] += thrust(body) @ (thruster_arms(machine) - thruster_arms(plain))

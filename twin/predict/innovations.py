@@ -18,6 +18,7 @@ from twin.predict.chain import Chain, chain, growth
 from twin.predict.kalman import whitened
 from twin.predict.linearised import Linearised
 from twin.predict.perturbation import Added, Perturbation, formed, with_formed
+from twin.predict.push import Push
 from twin.predict.states import States
 
 Array = NDArray[np.float64]
@@ -217,8 +218,8 @@ class Problem:
             exact.append(_with(one, added, at.strengths))
         return tuple(exact)
 
-    def push(self, log: int, strengths: Array) -> Array:
-        """(S, steps, nv) what the perturbations add to the forces on a log's machine."""
+    def push(self, log: int, strengths: Array) -> Push:
+        """What the perturbations add to the forces on a log's machine."""
         return self._added[log].push(strengths)
 
     def pushes(self, log: int, strengths: Array) -> dict[str, Array]:

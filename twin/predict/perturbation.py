@@ -11,9 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.effects.on_body import TorqueLaw
 from twin.predict.body import Body, Exact
 from twin.predict.outputs import Output
+from twin.predict.push import Push, forces_along
 from twin.predict.states import States
+from twin.predict.tangent import carried_answers
 
 Array = NDArray[np.float64]
 
@@ -33,6 +36,12 @@ class Perturbation:
     """1 sigma of what is known of the strength beforehand, about 0."""
     force: Callable[[Body], Array] | None = None
     """(S, steps, nv) generalised force at strength 1, along a log's measured motion."""
+    laws: tuple[tuple[float, TorqueLaw], ...] = ()
+    """Torques on the base at strength 1, each so many times, that answer to the path that is
+    predicted."""
+    size: float = 0.0
+    """Strength at which they are asked what they do, where there is none yet; 0: a small one. Near
+    rest, twice the dry friction does far less than twice as much."""
     stream: str = ""
     """Whose sensor has the fault, if one has."""
     late: Callable[[Output], Array] | None = None
@@ -43,7 +52,7 @@ class Perturbation:
 
 @dataclass(frozen=True)
 class Added:
-    """Perturbations of one log, their forces worked out."""
+    """Perturbations of one log, their forces worked out along its motion."""
 
     body: Body
     perturbations: tuple[Perturbation, ...]
@@ -60,9 +69,15 @@ class Added:
                 forces[..., i] = one.force(body)
         return Added(body, perturbations, forces)
 
-    def push(self, strengths: Array) -> Array:
-        """(S, steps, nv) the forces together."""
-        return np.asarray(self.forces @ strengths, dtype=np.float64)
+    def push(self, strengths: Array) -> Push:
+        """All together."""
+        laws = tuple(
+            (strength * factor, law)
+            for one, strength in zip(self.perturbations, strengths.tolist(), strict=True)
+            for factor, law in one.laws
+            if strength != 0.0
+        )
+        return Push(np.asarray(self.forces @ strengths, dtype=np.float64), laws)
 
     def rows(self, path: States, strengths: Array) -> Array:
         """(S, N) residual along a path (1, S, ...), the sensors at fault as they are."""
@@ -103,16 +118,37 @@ class Added:
 
     def columns(self, exact: Exact, strengths: Array) -> tuple[Array, Array]:
         """d residual (S, N, a), d segment's end (S - 1, x, a) / d strength."""
-        columns, jumps = self.force_columns(exact)
+        columns, jumps = self.force_columns(exact, strengths)
         return columns + self.sensor_columns(exact.path, strengths), jumps
 
-    def force_columns(self, exact: Exact) -> tuple[Array, Array]:
+    def force_columns(self, exact: Exact, strengths: Array) -> tuple[Array, Array]:
         """What the forces do, as `Body.force_columns`; those that are zero do nothing."""
-        acting = np.any(self.forces, axis=(0, 1, 2))
-        found = self.body.force_columns(exact, self.forces[..., acting])
+        body, forces = self.body, self.forces.copy()
+        large: list[int] = []
+        for i, one in enumerate(self.perturbations):
+            if one.laws and one.size != 0.0 and strengths[i] == 0.0:
+                large.append(i)
+            elif one.laws:
+                forces[..., i] += forces_along(one.laws, body.machine, exact.path, body.begins)
+        acting = np.any(forces, axis=(0, 1, 2))
+        found = body.force_columns(exact, forces[..., acting])
         columns, jumps = (np.zeros((*one.shape[:2], len(acting))) for one in found)
         columns[..., acting], jumps[..., acting] = found
+        for i in large:
+            answers = body.columns_of(exact, self._answers(exact, i)[..., None])
+            columns[..., i] += answers[0][..., 0]
+            jumps[..., i] += answers[1][..., 0]
         return columns, jumps
+
+    def _answers(self, exact: Exact, index: int) -> Array:
+        """(S, steps + 1, x) changes of the state by the laws of a perturbation at its size, over
+        that size."""
+        one, body = self.perturbations[index], self.body
+        laws = tuple((one.size * factor, law) for factor, law in one.laws)
+        push = Push(np.zeros_like(self.forces[..., index]), laws)
+        carried, machine = exact.local.carried, body.machine
+        change = carried_answers(carried, exact.answer, push, machine, exact.path, body.begins)
+        return change / one.size
 
     def _of(self, output: Output) -> list[tuple[int, Perturbation]]:
         """What is wrong with a stream."""

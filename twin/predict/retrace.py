@@ -6,6 +6,8 @@ of an effect, which a large effect is multiplied by. A fit's motion has all that
 the data it takes what the model cannot say, as the torque that a Kalman smoother finds.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from twin.predict.body import Body
@@ -47,6 +49,7 @@ def _path(problem: Problem, now: Innovations, log: int) -> States:
         # It is a torque on the machine as stated, and the path is that of the machine as fitted.
         rate = slice(k, 2 * k)
         alike = np.linalg.solve(exact.answer[:, 0, rate, base], exact.local.pushed[:, rate])
-        push = push.copy()
-        push[..., base] += np.einsum("sij,stj->sti", alike, smoothed_torque(now, log))
+        force = push.force.copy()
+        force[..., base] += np.einsum("sij,stj->sti", alike, smoothed_torque(now, log))
+        push = replace(push, force=force)
     return body.rollouts.paths(problem.base.model(now.at.theta), start.one(), push)

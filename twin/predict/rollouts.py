@@ -1,15 +1,19 @@
 """A log's machine carried along under its drives: segments side by side, from states of choice."""
 
+from collections.abc import Iterator
+
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from twin.effects import State
 from twin.errors import TwinError
 from twin.model import Machine
 from twin.predict.drive import Inputs
 from twin.predict.motion import Motion
 from twin.predict.outputs import Grid
+from twin.predict.push import Push
 from twin.predict.response import Response
 from twin.predict.segments import Segment
 from twin.predict.states import States
@@ -47,7 +51,7 @@ class Rollouts:
         """(S, .) as smoothed."""
         self._response = Response(machine, *self._along(motion), inputs.wheels_predicted)
 
-    def paths(self, model: mujoco.MjModel, start: States, push: Array | None = None) -> States:
+    def paths(self, model: mujoco.MjModel, start: States, push: Push | None = None) -> States:
         """States along each prediction, (v, S, steps + 1, .), from starts (v, S, .).
 
         The model is changed: its step is the grid's.
@@ -55,7 +59,7 @@ class Rollouts:
         Args:
             model: the machine's, with the base parameters to try.
             start: of each segment.
-            push: (S, steps, nv) generalised force added to the drive.
+            push: added to the drive.
 
         Raises:
             TwinError: the motion is unbounded.
@@ -71,32 +75,26 @@ class Rollouts:
         if self.inputs.wheels_predicted:
             velocity[:, machine.wheel_dof] = start.wheel_speed.reshape(rows, -1)
         position[:, machine.gimbal_qpos] = start.gimbal_angle.reshape(rows, -1)
-        force, turning = self.force, np.zeros((grid.segments, model.nv))
-        if push is not None:
-            force, turning = self._driven(push)
+        push = push or Push(np.zeros_like(self.force))
+        force, turning = self._driven(push.force)
         velocity += np.tile(turning, (variants, 1))
         batch = Batch(model, rows)
         batch.bind("qpos")[:] = position
         batch.bind("qvel")[:] = velocity
-        run = batch.rollout(
-            grid.steps,
-            np.tile(np.concatenate([self._control, force], axis=-1), (variants, 1, 1)),
-            control_spec=_CONTROL | _FORCE,
-            record=("qpos", "qvel"),
-        )
-        if not (np.isfinite(run["qpos"]).all() and np.isfinite(run["qvel"]).all()):
+        driven = np.tile(np.concatenate([self._control, force], axis=-1), (variants, 1, 1))
+        positions, velocities = self._carried(batch, driven, push, np.tile(grid.starts, variants))
+        if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
             raise TwinError("a machine with such parameters moves beyond all bounds")
 
-        def along(first: Array, rest: Array, columns: slice | NDArray[np.intp]) -> Array:
-            values = np.concatenate([first[:, None, columns], rest[:, :, columns]], axis=1)
-            return values.reshape(variants, grid.segments, grid.steps + 1, -1)
+        def along(values: Array, columns: slice | NDArray[np.intp]) -> Array:
+            return values[..., columns].reshape(variants, grid.segments, grid.steps + 1, -1)
 
         wheels = machine.wheel_dof if self.inputs.wheels_predicted else slice(0, 0)
         return States(
-            along(position, run["qpos"], machine.base_qpos),
-            along(velocity, run["qvel"], machine.base_dof),
-            along(velocity, run["qvel"], wheels),
-            along(position, run["qpos"], machine.gimbal_qpos),
+            along(positions, machine.base_qpos),
+            along(velocities, machine.base_dof),
+            along(velocities, wheels),
+            along(positions, machine.gimbal_qpos),
         )
 
     def onward(
@@ -105,7 +103,7 @@ class Rollouts:
         segments: NDArray[np.intp],
         start: States,
         steps: int,
-        push: Array,
+        push: Push,
     ) -> Array:
         """Positions (r, steps + 1, .) from starts (r, .) of segments, on beyond their ends.
 
@@ -114,7 +112,7 @@ class Rollouts:
             segments: (r,) that the starts belong to.
             start: of each.
             steps: how far; the last drive is held where the log ends.
-            push: (S, steps, nv) generalised force added to the drive.
+            push: added to the drive.
         """
         machine, grid = self.machine, self.grid
         self.prepare(model)
@@ -124,7 +122,7 @@ class Rollouts:
         if self.inputs.wheels_predicted:
             velocity[:, machine.wheel_dof] = start.wheel_speed
         position[:, machine.gimbal_qpos] = start.gimbal_angle
-        force, turning = self._driven(push)
+        force, turning = self._driven(push.force)
         velocity += turning[segments]
         driven = np.concatenate([self._control, force], axis=-1)
         driven = driven.reshape(-1, model.nu + model.nv)
@@ -132,14 +130,46 @@ class Rollouts:
         batch = Batch(model, len(segments))
         batch.bind("qpos")[:] = position
         batch.bind("qvel")[:] = velocity
-        run = batch.rollout(
-            steps,
-            driven[np.minimum(place, len(driven) - 1)],
-            control_spec=_CONTROL | _FORCE,
-            record=("qpos",),
+        driven = driven[np.minimum(place, len(driven) - 1)]
+        positions, _ = self._carried(batch, driven, push, grid.starts[segments])
+        return positions[..., machine.base_qpos]
+
+    def _carried(
+        self, batch: Batch, driven: Array, push: Push, start: Array
+    ) -> tuple[Array, Array]:
+        """Positions (r, steps + 1, nq) and velocities (r, steps + 1, nv) of a batch, first as it
+        stands at some times (r,), under controls and forces (r, steps, .) and what answers."""
+        position, velocity = batch.bind("qpos")[:, None].copy(), batch.bind("qvel")[:, None].copy()
+        if push.laws:
+            pieces = list(self._answering(batch, driven, push, start))
+        else:
+            pieces = [_rolled(batch, driven)]
+        return (
+            np.concatenate([position, *(one for one, _ in pieces)], axis=1),
+            np.concatenate([velocity, *(one for _, one in pieces)], axis=1),
         )
-        first = position[:, None, machine.base_qpos]
-        return np.concatenate([first, run["qpos"][:, :, machine.base_qpos]], axis=1)
+
+    def _answering(
+        self, batch: Batch, driven: Array, push: Push, start: Array
+    ) -> Iterator[tuple[Array, Array]]:
+        """Step by step; a torque is held at what it is in the middle of a step, by the last two
+        (Adams-Bashforth)."""
+        machine = self.machine
+        base = driven.shape[2] - machine.model.nv + np.arange(machine.model.nv)[machine.base_dof]
+        last: Array | None = None
+        for k in range(driven.shape[1]):
+            velocity = batch.bind("qvel")
+            state = State(
+                batch.bind("qpos")[:, machine.base_qpos],
+                velocity[:, machine.base_dof],
+                velocity[:, machine.wheel_dof],
+                start + k * self.grid.step,
+            )
+            now = push.torque(state)
+            held = driven[:, k : k + 1].copy()
+            held[:, 0, base] += now if last is None else 1.5 * now - 0.5 * last
+            last = now
+            yield _rolled(batch, held)
 
     @property
     def unexplained(self) -> Array:
@@ -201,3 +231,11 @@ def _near_stop(machine: Machine, motion: Motion) -> bool:
     if platform.base.kind != "ball":
         return True
     return float(platform.lean(motion.position).max()) > platform.stop_angle - STOP_GUARD
+
+
+def _rolled(batch: Batch, driven: Array) -> tuple[Array, Array]:
+    """Positions (r, steps, nq) and velocities (r, steps, nv) of a batch after each step."""
+    run = batch.rollout(
+        driven.shape[1], driven, control_spec=_CONTROL | _FORCE, record=("qpos", "qvel")
+    )
+    return run["qpos"], run["qvel"]

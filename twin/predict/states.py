@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import rotation
+from twin.effects import State
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,12 @@ class States:
         """Those at an index of leading axes."""
         return States(*(part[rows] for part in self._parts))
 
+    @property
+    def flat(self) -> "States":
+        """With one leading axis."""
+        rows = int(np.prod(self.rate.shape[:-1]))
+        return States(*(part.reshape(rows, part.shape[-1]) for part in self._parts))
+
     def one(self) -> "States":
         """With a leading axis of length 1."""
         return self[None]
@@ -66,6 +73,10 @@ class States:
             turn = self.position - other.position
         rest = zip(self._parts[1:], other._parts[1:], strict=True)
         return np.concatenate([turn, *(mine - others for mine, others in rest)], axis=-1)
+
+    def with_time(self, time: Array) -> State:
+        """(n, .) as a torque law is told them, at some times (n,) [s]."""
+        return State(self.position, self.rate, self.wheel_speed, time)
 
     @staticmethod
     def joined(several: Sequence["States"]) -> "States":

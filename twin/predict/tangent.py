@@ -4,6 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import TwinError
+from twin.model import Machine
+from twin.predict.push import Push
+from twin.predict.states import States
 
 Array = NDArray[np.float64]
 
@@ -45,4 +48,31 @@ def carried_forces(carried: Array, answer: Array, forces: Array, step: float) ->
     change = np.zeros((segments, steps + 1, x, forces.shape[-1]))
     for k in range(steps):
         change[:, k + 1] = carried[:, k] @ (change[:, k] + half[:, k]) + half[:, k]
+    return change
+
+
+def carried_answers(
+    carried: Array, answer: Array, push: Push, machine: Machine, path: States, begins: Array
+) -> Array:
+    """Changes (S, steps + 1, x) of the state at each instant by what answers to the path, and so to
+    its changes.
+
+    Args:
+        carried, answer: as for `carried_forces`.
+        push: its laws count, its forces do not.
+        machine: that is pushed.
+        path: (1, S, steps + 1, .) without it.
+        begins: (S, steps) at which the steps begin [s].
+    """
+    segments, steps, x, _ = carried.shape
+    half = 0.5 * float(begins[0, 1] - begins[0, 0]) * answer[..., machine.base_dof]
+    change = np.zeros((segments, steps + 1, x))
+    last: Array | None = None
+    for k in range(steps):
+        now = push.torque(path[0, :, k].moved(change[:, k]).with_time(begins[:, k]))
+        middle = now if last is None else 1.5 * now - 0.5 * last
+        last = now
+        pushed = np.einsum("sxb,sb->sx", half[:, min(k, half.shape[1] - 1)], middle)
+        before = change[:, k] + pushed
+        change[:, k + 1] = np.einsum("sxy,sy->sx", carried[:, k], before) + pushed
     return change

@@ -122,7 +122,7 @@ def equation_sentence(equation: Equation) -> str:
 def _left(left: Remainder) -> list[str]:
     """What no cause takes."""
     if left.torque_chance < left.noise_chance:
-        what = f"pieces of torque gain {left.torque_gain:.0f} in {left.freedom} directions"
+        what = f"pieces of torque gain {left.torque_gain:.0f} in {left.freedom:.0f} directions"
         chance = left.torque_chance
     else:
         what, chance = f"{left.where} leaves most", left.noise_chance
