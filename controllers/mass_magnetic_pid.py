@@ -21,6 +21,8 @@ class Balance:
 
     position: Array
     """Integral part of each stage's position, (n, stages) [m]: where it balances the body."""
+    seen: NDArray[np.bool_]
+    """(n,) whether it began: at the stages' positions of the first estimate."""
     masses: Masses
     coils: Coils
     tick: float
@@ -57,9 +59,10 @@ class MassMagneticPID(Controller[Balance]):
     """K_d, per body rate."""
 
     def init(self, platform: Platform, n: int) -> Balance:
-        """Stages at their zero."""
+        """Nothing balanced yet."""
         return Balance(
             position=np.zeros((n, len(platform.stages))),
+            seen=np.zeros(n, dtype=np.bool_),
             masses=Masses.of(platform, "mass_magnetic_pid"),
             coils=Coils.of(platform, "mass_magnetic_pid"),
             tick=platform.tick,
@@ -68,21 +71,23 @@ class MassMagneticPID(Controller[Balance]):
     def update(
         self, state: Balance, estimate: Estimate, target: Target, time: float
     ) -> tuple[Command, Balance]:
-        """Stage positions and dipole; zero in a run that has not been seen yet."""
+        """Stage positions and dipole; as they are and none in a run that has not been seen yet."""
         up = vertical_body(estimate.attitude)
         error = np.zeros_like(up)
         error[:, 0], error[:, 1] = up[:, 1], -up[:, 0]  # u x z
 
         direct = state.masses.leaning(-self.proportional * error, up)
         step = state.masses.leaning(-self.integral * state.tick * error, up)
-        position, masses = state.masses.integrated(state.position, step, direct)
+        before = np.where(state.seen[:, None], state.position, estimate.stage_position)
+        position, masses = state.masses.integrated(before, step, direct)
         rate = estimate.rate_body
         across = rate - np.einsum("ni,ni->n", rate, up)[:, None] * up
         dipole = state.coils.dipole(estimate.attitude, -self.derivative * across)
 
         seen = estimate.valid[:, None]
         command = {
-            "command_stage_position": np.where(seen, masses, 0.0),
+            "command_stage_position": np.where(seen, masses, before),
             "command_dipole": np.where(seen, dipole, 0.0),
         }
-        return command, replace(state, position=np.where(seen, position, state.position))
+        position = np.where(seen, position, before)
+        return command, replace(state, position=position, seen=state.seen | estimate.valid)

@@ -20,6 +20,8 @@ class Balance:
 
     position: Array
     """Integral part of each stage's position, (n, stages) [m]: where it balances the body."""
+    seen: NDArray[np.bool_]
+    """(n,) whether it began: at the stages' positions of the first estimate."""
     masses: Masses
     tick: float
     """[s]."""
@@ -58,14 +60,15 @@ class MassPID(Controller[Balance]):
     """K_w, per body rate."""
 
     def init(self, platform: Platform, n: int) -> Balance:
-        """Stages at their zero."""
+        """Nothing balanced yet."""
         masses = Masses.of(platform, "mass_pid")
-        return Balance(np.zeros((n, len(platform.stages))), masses, platform.tick)
+        position, seen = np.zeros((n, len(platform.stages))), np.zeros(n, dtype=np.bool_)
+        return Balance(position, seen, masses, platform.tick)
 
     def update(
         self, state: Balance, estimate: Estimate, target: Target, time: float
     ) -> tuple[Command, Balance]:
-        """Position of each stage; its zero in a run that has not been seen yet."""
+        """Position of each stage; where it is in a run that has not been seen yet."""
         up = vertical_body(estimate.attitude)
         wanted_up = vertical_body(target.attitude)
         cosine = np.einsum("...i,...i->...", up, wanted_up)[:, None]
@@ -75,8 +78,9 @@ class MassPID(Controller[Balance]):
         damped = -self.proportional * error - self.derivative * estimate.rate_body
         direct = state.masses.leaning(damped, up)
         step = state.masses.leaning(-self.integral * state.tick * error, wanted_up)
-        position, command = state.masses.integrated(state.position, step, direct)
+        before = np.where(state.seen[:, None], state.position, estimate.stage_position)
+        position, command = state.masses.integrated(before, step, direct)
         seen = estimate.valid[:, None]
-        position = np.where(seen, position, state.position)
-        command = np.where(seen, command, 0.0)
-        return {"command_stage_position": command}, replace(state, position=position)
+        position, command = np.where(seen, position, before), np.where(seen, command, before)
+        begun = state.seen | estimate.valid
+        return {"command_stage_position": command}, replace(state, position=position, seen=begun)

@@ -27,7 +27,7 @@ class Ended(Enum):
     """How a run came to its end; the value is the word that goes into JSON."""
 
     done = "done"
-    """The whole duration."""
+    """The whole duration, or until the controller had finished with every run."""
     degraded = "degraded"
     """The whole duration, but some runs of the batch were stopped."""
     safe_stop = "safe_stop"
@@ -73,6 +73,7 @@ def fly(
     Ctrl-C ends it after the tick in hand, so that no row is half written; a second one interrupts.
     """
     platform, n = plant.platform, plant.n
+    runs = range(n)
     estimate = estimator.init(platform, n)
     state = controller.init(platform, n)
     targets = _Ahead(reference, platform.tick)
@@ -96,6 +97,9 @@ def fly(
             if len(plant.stopped) == n:
                 ended = Ended.failed
                 reason = next(iter(plant.stopped.values()))
+                break
+            finished = controller.finished(state)
+            if finished is not None and all(finished[run] or run in plant.stopped for run in runs):
                 break
             if stop_requested.is_set():
                 ended, reason = Ended.safe_stop, f"stopped by the operator at {now:.2f} s"

@@ -3,6 +3,9 @@
 import abc
 from typing import Any, ClassVar, Generic, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from twin.platform import Platform
 from twin.signals import Command, Estimate, Target
 
@@ -33,6 +36,10 @@ class Controller(abc.ABC, Generic[State]):
         self, state: State, estimate: Estimate, target: Target, time: float
     ) -> tuple[Command, State]:
         """Command to hold until the next tick, and the state after it."""
+
+    def finished(self, state: State) -> NDArray[np.bool_] | None:
+        """(n,) the runs that need no more ticks; None for a law, which has no end of its own."""
+        return None
 
 
 AnyController = Controller[Any]

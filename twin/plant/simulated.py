@@ -19,6 +19,7 @@ from twin.model import compile_model, untouched
 from twin.plant.forces import Forces
 from twin.plant.gas import Tanks, thruster_arms
 from twin.plant.limits import Limits
+from twin.plant.offsets import set_offsets
 from twin.plant.plant import Plant
 from twin.plant.prescribed import PrescribedJoints
 from twin.plant.sensors import SimulatedSensor
@@ -60,6 +61,8 @@ class InitialState:
     """Or (stages,), (n, stages) [m]."""
     gimbal_angle: Array | None = None
     """(gimbals,) or (n, gimbals) [rad]; their home unless given."""
+    center_of_mass_offset: Array | None = None
+    """(3,) or (n, 3) m r at stage position 0 [kg m, body]; as the platform states unless given."""
 
     def wheel_speeds(self, platform: Platform) -> float | Array:
         """As given, or at home [rad/s]."""
@@ -109,6 +112,10 @@ class SimulatedPlant(Plant):
         self._qvel = self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")
         self._force = self._batch.bind("qfrc_applied")
+        start = initial or InitialState()
+        if start.center_of_mass_offset is not None:
+            offsets = np.broadcast_to(start.center_of_mass_offset, (self.n, 3))
+            set_offsets(self._batch, self.machine, offsets)
         self._flags = self._batch.expand("opt.disableflags")
         self._model_flags = int(model.opt.disableflags)
         self._untouched = self._model_flags | untouched(model)
@@ -117,7 +124,7 @@ class SimulatedPlant(Plant):
         within = stop - self._near
         self._guard = np.sin(within if platform.pitch_stop else 0.5 * within)
 
-        self._start(initial or InitialState())
+        self._start(start)
         self._joints = PrescribedJoints(self.machine, self._qpos, self._qvel)
         self._tanks = None if platform.gas is None else Tanks(platform.gas, self.n)
         self._thrust = np.zeros((self.n, len(platform.thrusters)))
@@ -154,7 +161,7 @@ class SimulatedPlant(Plant):
             self._done_with("command_stage_position", self._joints.stage_position)
         self._forces = Forces(self.machine, self.n)
         self._forces.start(self._batch, self._qpos)
-        self._truth = Truth(self.machine)
+        self._truth = Truth(self.machine, start.center_of_mass_offset)
         self._before = np.concatenate([self._qpos, self._qvel], axis=1)[:, None, :]
         self._started = False
 

@@ -17,7 +17,8 @@ Columns = slice | NDArray[np.intp]
 class Truth:
     """Reads streams out of MuJoCo's states (..., nq + nv)."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Machine, offset: Array | None = None) -> None:
+        """Of runs with the m r that the platform states, or `offset` (3,) or (n, 3) [kg m]."""
         nq = machine.model.nq
         base_dof = slice(nq + machine.base_dof.start, nq + machine.base_dof.stop)
         turns = machine.platform.base.kind != "hinge"
@@ -40,7 +41,8 @@ class Truth:
         }
         self._derived = derived_streams(machine)
         self._shown = [name for name in ("position", "velocity") if machine.place_qpos.size]
-        self._mass_moment, self._inertia = _mass_laws(machine)
+        stated = machine.platform.center_of_mass_offset
+        self._mass_moment, self._inertia = _mass_laws(machine, stated if offset is None else offset)
         self._stages: Array | None = None
         self._masses = (np.empty(0), np.empty(0))
 
@@ -91,7 +93,9 @@ def _tight(index: NDArray[np.intp]) -> Columns:
     return index
 
 
-def _mass_laws(machine: Machine) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+def _mass_laws(
+    machine: Machine, stated: Array
+) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
     """m r (n, 3) and J as xx yy zz xy xz yz (n, 6) as functions of stage positions (n, s)."""
     platform, riding = machine.platform, machine.sliding
     moment = np.einsum("b,bsi->si", riding.mass, riding.travel)
@@ -103,7 +107,7 @@ def _mass_laws(machine: Machine) -> tuple[Callable[[Array], Array], Callable[[Ar
     )
 
     def offset(position: Array) -> Array:
-        return platform.center_of_mass_offset + np.einsum("ns,si->ni", position, moment)
+        return stated + np.einsum("ns,si->ni", position, moment)
 
     def inertia(position: Array) -> Array:
         change = np.einsum("ns,si->ni", position, _six(linear))

@@ -1,0 +1,111 @@
+"""Identification between phases, in another process, while the loop goes on."""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import TwinError
+from twin.identify import identify
+from twin.platform import Platform
+from twin.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What logs say, or why they say nothing."""
+
+    moment: Array
+    """(3,) m r at stage position 0 [kg m, body]."""
+    covariance: Array
+    """(3, 3) of it."""
+    quantile: float
+    """Half a 95 % interval is this many standard deviations."""
+    inertia: Array
+    """(3, 3) at stage position 0 [kg m^2]."""
+    failure: str = ""
+    """A sentence; empty when all is well."""
+
+
+def found_in(recordings: Sequence[Recording], platform: Platform) -> Found:
+    """J and m r by prediction error from some logs, together."""
+    try:
+        one = identify(recordings, platform)
+    except TwinError as problem:
+        return _failed(str(problem))
+    if one.fit is None or not one.fit.converged:
+        return _failed("the fit of J and m r did not settle")
+    spread = one.base.map @ one.covariance @ one.base.map.T
+    entries = one.base.entries(one.theta)
+    xx, yy, zz, xy, xz, yz = entries[:6]
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return Found(entries[6:], spread[6:, 6:], one.quantile, inertia)
+
+
+def _failed(sentence: str) -> Found:
+    return Found(np.zeros(3), np.eye(3), 1.96, np.eye(3), sentence)
+
+
+class Fits:
+    """Asked run by run; an answer is waited for, or looked for at each tick on a wall's clock."""
+
+    def __init__(self, platform: Platform, *, workers: int = 1, wait: bool = True) -> None:
+        """Start the processes.
+
+        Args:
+            platform: the machine as stated.
+            workers: processes; 0 fits in this one, and holds the loop up meanwhile.
+            wait: for an answer, so that a simulation does not depend on how long a fit takes.
+        """
+        self._platform = platform
+        self._wait = wait
+        self._pool = (
+            ProcessPoolExecutor(workers, mp_context=get_context("spawn")) if workers else None
+        )
+        self._asked: dict[int, Future[Found]] = {}
+
+    def ask(self, run: int, recordings: Sequence[Recording], guess: Array) -> None:
+        """Begin to identify a run's logs, all together, from a guess (3,) of m r [kg m]."""
+        stated = replace(self._platform, center_of_mass_offset=guess)
+        if self._pool is None:
+            future: Future[Found] = Future()
+            future.set_result(found_in(recordings, stated))
+        else:
+            future = self._pool.submit(found_in, tuple(recordings), stated)
+        self._asked[run] = future
+
+    def answer(self, run: int) -> Found | None:
+        """What was found for a run; None while it is being looked for."""
+        future = self._asked[run]
+        if not (self._wait or future.done()):
+            return None
+        del self._asked[run]
+        return future.result()
+
+    @property
+    def asked(self) -> Mapping[int, object]:
+        """The runs that wait for an answer."""
+        return self._asked
+
+    def close(self) -> None:
+        """End the processes; what they still do is not waited for."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

@@ -1,0 +1,43 @@
+"""What a run measured since a time, kept while its phases need it."""
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.platform import Platform
+from twin.recording import Recording
+from twin.signals import Tick
+from twin.stream.rows import Rows, series
+
+Array = NDArray[np.float64]
+
+
+class Logbook:
+    """Observer of a loop: remembers its ticks from `forget`'s time on, without what is true."""
+
+    def __init__(self, platform: Platform) -> None:
+        self._platform = platform
+        self._ticks: deque[Tick] = deque()
+        self._since = np.inf
+
+    def collect(self, tick: Tick) -> None:
+        """One tick."""
+        while self._ticks and self._ticks[0].reading.time < self._since:
+            self._ticks.popleft()
+        if tick.reading.time >= self._since:
+            self._ticks.append(tick._replace(truth={}))
+
+    def forget(self, before: float) -> None:
+        """Nothing from before that time [s] will be asked for; inf: nothing at all."""
+        self._since = before
+
+    def recording(self, run: int, start: float) -> Recording:
+        """What a run measured and was told from `start` [s] until now."""
+        ticks = [tick for tick in self._ticks if tick.reading.time >= start]
+        rows = Rows(self._platform, run)
+        blocks = rows.of(ticks)
+        streams = {name: series(rows.headers[name], block) for name, block in blocks.items()}
+        facts = {"platform": self._platform.name, "source": f"balancing, from {start:.2f} s on"}
+        # Samples from before the start may arrive after it: under another command.
+        return Recording(streams, facts).between(start, np.inf)

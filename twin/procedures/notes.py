@@ -1,0 +1,57 @@
+"""What a procedure tells of each run: its phases as they begin, and how it ended."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from twin.procedures.phases import OVER, WORDS, Phase
+from twin.procedures.statement import Statement
+
+
+@dataclass
+class RunNotes:
+    """Of one run."""
+
+    phase: Phase = Phase.lower
+    since: float = 0.0
+    """[s]."""
+    identified: int = 0
+    """How many times its offset was."""
+    said: list[str] = field(default_factory=list[str])
+    """In the order of time."""
+    reason: str = ""
+    """Why it was stopped; empty unless it was."""
+    statement: Statement | None = None
+    """Once it is balanced, or as far as it came."""
+
+
+class Notes:
+    """Notes of n runs; each line is handed on as it is written."""
+
+    def __init__(self, n: int, tell: Callable[[str], None] | None = None) -> None:
+        self.runs = [RunNotes() for _ in range(n)]
+        self._tell = tell
+
+    def begin(self, run: int, phase: Phase, time: float) -> None:
+        """A phase begins."""
+        notes = self.runs[run]
+        notes.phase, notes.since = phase, time
+        self.say(run, time, f"{phase.name}: {WORDS[phase]}")
+
+    def say(self, run: int, time: float, words: str) -> None:
+        """One line."""
+        which = f"run {run}, " if len(self.runs) > 1 else ""
+        line = f"{which}{time:8.1f} s  {words}"
+        self.runs[run].said.append(line)
+        if self._tell is not None:
+            self._tell(line)
+
+    def stop(self, run: int, time: float, reason: str) -> None:
+        """It cannot go on."""
+        self.runs[run].reason = reason
+        self.runs[run].phase, self.runs[run].since = Phase.stopped, time
+        self.say(run, time, f"stopped: {reason}")
+
+    @property
+    def over(self) -> bool:
+        """Whether no run goes on."""
+        return all(run.phase in OVER for run in self.runs)
