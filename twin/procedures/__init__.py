@@ -7,4 +7,12 @@ from twin.procedures.logbook import Logbook as Logbook
 from twin.procedures.notes import Notes as Notes
 from twin.procedures.phases import Phase as Phase
 from twin.procedures.plan import Aim as Aim
+from twin.procedures.setup import WAYS as WAYS
+from twin.procedures.setup import Refused as Refused
+from twin.procedures.setup import balancing as balancing
+from twin.procedures.setup import random_offsets as random_offsets
+from twin.procedures.setup import refuse as refuse
+from twin.procedures.setup import usual_target as usual_target
+from twin.procedures.setup import usual_way as usual_way
+from twin.procedures.statement import Interval as Interval
 from twin.procedures.statement import Statement as Statement

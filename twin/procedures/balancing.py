@@ -37,6 +37,10 @@ FLOAT = 124.0
 THINKING = 2.0
 """That the body is held at least while a fit runs [s]."""
 
+GUESSES = np.array([1.0, 2.0, 0.5, 0.25])
+"""Sizes of an m r that nobody knows, to begin the first fit from; in parts of what the masses at
+their lower end give alone."""
+
 DAMPED = (Phase.lower, Phase.settle, Phase.identify, Phase.move, Phase.judge)
 SWINGING = (Phase.nudge, Phase.back, Phase.swing)
 WAITING = (Phase.lower, Phase.settle, Phase.nudge, Phase.back, Phase.move)
@@ -223,7 +227,9 @@ class Balancing(Controller[Progress]):
         )
         logs = [*self.lab.logs[run], log] if verifying else [log]
         self.lab.logs[run] = logs
-        self.lab.fits.ask(run, logs, now.base[run])
+        aside = now.kit.reach.moment(now.goal[run : run + 1])
+        sizes = GUESSES if now.rounds[run] == 0 else GUESSES[:1]
+        self.lab.fits.ask(run, logs, sizes[:, None] * (now.base[run] + aside) - aside)
         phase = Phase.judge if verifying else Phase.identify
         self._enter(now, now.only(run), phase, time)
 

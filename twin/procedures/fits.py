@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import TwinError
-from twin.identify import identify
+from twin.identify import Identification, identify
 from twin.platform import Platform
 from twin.recording import Recording
 
@@ -34,19 +34,37 @@ class Found:
     """A sentence; empty when all is well."""
 
 
-def found_in(recordings: Sequence[Recording], platform: Platform) -> Found:
-    """J and m r by prediction error from some logs, together."""
-    try:
-        one = identify(recordings, platform)
-    except TwinError as problem:
-        return _failed(str(problem))
-    if one.fit is None or not one.fit.converged:
-        return _failed("the fit of J and m r did not settle")
-    spread = one.base.map @ one.covariance @ one.base.map.T
-    entries = one.base.entries(one.theta)
+def found_in(recordings: Sequence[Recording], platform: Platform, guesses: Array) -> Found:
+    """J and m r by prediction error from some logs, together.
+
+    Args:
+        recordings: of one run.
+        platform: the machine as stated.
+        guesses: (k, 3) m r to begin from [kg m]; the next one where the last led to more than
+            noise. The likeliest fit counts.
+    """
+    best: Identification | None = None
+    failure = ""
+    for guess in guesses:
+        try:
+            one = identify(recordings, replace(platform, center_of_mass_offset=guess))
+        except TwinError as problem:
+            failure = str(problem)
+            continue
+        if one.fit is None or not one.fit.converged:
+            failure = "the fit of J and m r did not settle"
+            continue
+        if best is None or one.misfit[0].chi2_per_sample < best.misfit[0].chi2_per_sample:
+            best = one
+        if one.misfit[0].is_noise:
+            break
+    if best is None:
+        return _failed(failure)
+    spread = best.base.map @ best.covariance @ best.base.map.T
+    entries = best.base.entries(best.theta)
     xx, yy, zz, xy, xz, yz = entries[:6]
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return Found(entries[6:], spread[6:, 6:], one.quantile, inertia)
+    return Found(entries[6:], spread[6:, 6:], best.quantile, inertia)
 
 
 def _failed(sentence: str) -> Found:
@@ -71,14 +89,13 @@ class Fits:
         )
         self._asked: dict[int, Future[Found]] = {}
 
-    def ask(self, run: int, recordings: Sequence[Recording], guess: Array) -> None:
-        """Begin to identify a run's logs, all together, from a guess (3,) of m r [kg m]."""
-        stated = replace(self._platform, center_of_mass_offset=guess)
+    def ask(self, run: int, recordings: Sequence[Recording], guesses: Array) -> None:
+        """Begin to identify a run's logs, all together, from guesses (k, 3) of m r [kg m]."""
         if self._pool is None:
             future: Future[Found] = Future()
-            future.set_result(found_in(recordings, stated))
+            future.set_result(found_in(recordings, self._platform, guesses))
         else:
-            future = self._pool.submit(found_in, tuple(recordings), stated)
+            future = self._pool.submit(found_in, tuple(recordings), self._platform, guesses)
         self._asked[run] = future
 
     def answer(self, run: int) -> Found | None:

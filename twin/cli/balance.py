@@ -1,0 +1,227 @@
+"""`twin balance`: bring a machine's CM into its CR, and say what is left."""
+
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from twin.loop import Outcome
+    from twin.platform import Platform
+    from twin.procedures.notes import Notes
+
+Triple = tuple[float, float, float]
+
+CAP = 7200.0
+"""In which a balancing must be over unless told otherwise [s]."""
+
+
+def _arg(metavar: str) -> object:
+    return tyro.conf.arg(metavar=metavar)
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Balance a machine by its sliding masses, to a stated residual torque.
+
+    The vertical mass goes down first, so that the body hangs. Then it is made to swing, J and m r
+    are identified from the swing, and the masses move: in the plane at once or under a control law,
+    in height by at most half of what is left, never above the CR. In the end it floats free for two
+    minutes, and what is left is stated with 95 % intervals.
+
+    Procedures: direct moves the masses by what was identified (000 eq. 12-15, iterated as in 004);
+    masses and masses-and-coils leave the plane to a law (001; 003); adaptive begins with adaptive
+    balancing under persistent excitation (000 eq. 35-37).
+    """
+
+    platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
+    """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
+    procedure: Annotated[str | None, _arg("NAME")] = None
+    """direct, masses, masses-and-coils or adaptive; by default what suits the machine's parts."""
+    target: Annotated[float | None, _arg("N_M")] = None
+    """Gravity torque that may be left at the worst attitude; by default that of the machine's
+    paper, else that of 5 um."""
+    plant: Annotated[str, _arg("sim")] = "sim"
+    """The simulated machine."""
+    effects: Annotated[str | None, _arg("NAME[:TARGET]=VALUE[/VALUE ...],...")] = None
+    """What the simulated machine has beyond its platform; see `twin effects`."""
+    offset: Annotated[Triple | None, _arg("X Y Z")] = None
+    """Of the simulated machine's CM from its CR, in um; by default as its platform states."""
+    random_offset: bool = False
+    """Draw it instead, within the masses' reach, by the seed."""
+    stages: Annotated[Triple, _arg("MM MM MM")] = (0.0, 0.0, 0.0)
+    """Where the masses stand at the start, in mm; the offset is meant there."""
+    runs: int = 1
+    """So many machines at once, each with its own random offset and noise."""
+    duration: Annotated[float, _arg("SECONDS")] = CAP
+    """After which it is given up."""
+    seed: int = 0
+    """Of all random numbers."""
+    rrd: Annotated[Path | None, _arg("OUT.rrd")] = None
+    """Record into this file; of several runs the first."""
+    json: bool = False
+    """Print one JSON document instead of text."""
+
+    def run(self) -> int:
+        """Balance; the exit code."""
+        from twin.cli.output import check_writable, print_json
+        from twin.clock import SimulatedClock
+        from twin.effects import parse_effects, with_effects
+        from twin.estimators import load_estimator, usual_estimator
+        from twin.loop import Observer, fly
+        from twin.plant.simulated import InitialState, SimulatedPlant
+        from twin.platform import load_platform
+        from twin.procedures import balancing, usual_target, usual_way
+        from twin.reference import Hold
+        from twin.stream.provenance import provenance
+        from twin.stream.recorder import FileRecorder
+
+        self._check()
+        effects = () if self.effects is None else parse_effects(self.effects)
+        machine = with_effects(load_platform(self.platform), effects)
+        way = self.procedure or usual_way(machine)
+        target = usual_target(machine) if self.target is None else self.target
+        if self.rrd is not None:
+            check_writable(self.rrd)
+        with ExitStack() as stack:
+            procedure = balancing(machine, self.runs, way=way, target=target, tell=_tell)
+            stack.enter_context(procedure.lab.fits)
+            offsets, positions = self._start(machine, way, target)
+            _tell(
+                f"{machine.name}: {way}, to {target:.3g} N m, at most {self.duration:g} s, "
+                f"plant {self.plant}, seed {self.seed}"
+            )
+            initial = InitialState(stage_position=positions, center_of_mass_offset=offsets)
+            plant = stack.enter_context(
+                SimulatedPlant(machine, runs=range(self.runs), seed=self.seed, initial=initial)
+            )
+            observers: list[Observer] = [procedure.lab.logbook]
+            if self.rrd is not None:
+                recorder = stack.enter_context(FileRecorder(self.rrd))
+                recorder.start(machine, provenance(machine, seed=self.seed, command=sys.argv))
+                observers.append(recorder)
+            outcome = fly(
+                plant,
+                load_estimator(usual_estimator(machine)),
+                procedure,
+                Hold(),
+                SimulatedClock(),
+                duration=self.duration,
+                observers=observers,
+            )
+            idle = {name: 0.0 * value for name, value in plant.write({}).items()}
+            idle.pop("command_stage_position", None)
+            plant.write(idle)
+        notes = procedure.lab.notes
+        documents = [self._document(outcome, notes, run, target, way) for run in range(self.runs)]
+        if self.json:
+            print_json(documents[0] if self.runs == 1 else {"runs": documents})
+        else:
+            print("\n".join(self._report(machine, documents, notes, target)))
+        return 0 if all(document["ended"] == "done" for document in documents) else 1
+
+    def _check(self) -> None:
+        from twin.errors import UnknownName, UsageError
+
+        if self.plant.startswith("replay"):
+            raise UsageError("a log that is replayed does not move: balance the simulated machine")
+        if self.plant != "sim":
+            raise UnknownName("plant", self.plant, ("sim",))
+        if self.runs < 1:
+            raise UsageError(f"runs is {self.runs}; give 1 or more")
+        if self.duration <= 0.0:
+            raise UsageError(f"duration is {self.duration:g} s; give a time above zero")
+        if self.offset is not None and (self.random_offset or self.runs > 1):
+            raise UsageError("--offset is that of one run; leave out --random-offset and --runs")
+
+    def _start(
+        self, machine: "Platform", way: str, target: float
+    ) -> "tuple[NDArray[np.float64], NDArray[np.float64]]":
+        """m r of each run at stage position 0 [kg m], and where its masses stand [m]."""
+        import numpy as np
+
+        from twin.errors import UsageError
+        from twin.procedures import random_offsets, refuse
+        from twin.procedures.means import Reach
+
+        positions = 1e-3 * np.array(self.stages)
+        reach = Reach.of(machine)
+        if len(machine.stages) != len(positions):
+            raise UsageError(f"--stages gives three positions; {machine.name} has other stages")
+        beyond = reach.beyond(positions)
+        if beyond:
+            raise UsageError(f"--stages: {beyond}")
+        if self.random_offset or self.runs > 1:
+            return random_offsets(machine, self.seed, self.runs), positions
+        stated = machine.center_of_mass_offset
+        offset = stated if self.offset is None else 1e-6 * machine.mass * np.array(self.offset)
+        base = offset - reach.moment(positions[None])[0]
+        refuse(machine, way, target, base)
+        return base[None], positions
+
+    def _document(
+        self, outcome: "Outcome", notes: "Notes", run: int, target: float, way: str
+    ) -> dict[str, Any]:
+        from twin.procedures import Phase
+
+        told = notes.runs[run]
+        if told.phase is Phase.done:
+            ended, reason = "done", None
+        elif run in outcome.stopped:
+            ended, reason = "failed", outcome.stopped[run]
+        elif told.phase is Phase.stopped or outcome.ended.value == "safe_stop":
+            ended, reason = "safe_stop", told.reason or outcome.reason
+        else:
+            ended = "failed"
+            reason = f"not balanced within {self.duration:g} s; it was in phase {told.phase.name}"
+        stated = {} if told.statement is None else told.statement.document()
+        unknown = dict.fromkeys(
+            ("residual_torque", "residual_torque_in_plane", "residual_torque_observed",
+             "center_of_mass_offset", "stage_position")
+        )  # fmt: skip
+        over = told.phase in (Phase.done, Phase.stopped)
+        return {
+            "ended": ended,
+            "reason": reason,
+            "duration": told.since if over else outcome.duration,
+            "overruns": outcome.timing.overruns,
+            "procedure": way,
+            "target": target,
+            "identified": told.identified,
+            **unknown,
+            **stated,
+            "recording": self.rrd,
+        }
+
+    def _report(
+        self,
+        machine: "Platform",
+        documents: Sequence[dict[str, Any]],
+        notes: "Notes",
+        target: float,
+    ) -> list[str]:
+        from twin.report.balanced import balanced
+
+        lines: list[str] = []
+        for run, document in enumerate(documents):
+            which = f"run {run}: " if len(documents) > 1 else ""
+            end = f"{which}{document['ended']} after {document['duration']:.0f} s"
+            end += f", offset identified {document['identified']} times"
+            lines.append(f"{end}: {document['reason']}" if document["reason"] else end)
+            statement = notes.runs[run].statement
+            if statement is not None:
+                lines += balanced(statement, machine, target)
+        if self.rrd is not None:
+            lines.append(f"recorded in {self.rrd}: look at it with `twin view {self.rrd}`")
+        return lines
+
+
+def _tell(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

@@ -1,0 +1,166 @@
+"""A balancing put together from names, refused before it starts where it cannot work."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.budget import momentum_budget
+from twin.controller import load_controller
+from twin.errors import TwinError, UnknownName, UsageError
+from twin.platform import Platform
+from twin.procedures.balancing import Balancing
+from twin.procedures.fits import Fits
+from twin.procedures.lab import Lab
+from twin.procedures.logbook import Logbook
+from twin.procedures.means import Reach
+from twin.procedures.notes import Notes
+from twin.procedures.plan import AIM, Aim
+from twin.reference import Hold, Reference, parse_reference
+
+Array = NDArray[np.float64]
+
+
+class Refused(TwinError):
+    """A balancing that cannot come out; says why, with the number."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """A procedure by its name."""
+
+    words: str
+    law: str | None = None
+    """Of the level phase."""
+    lasts: float = 240.0
+    """That phase [s]."""
+    once: bool = False
+
+
+WAYS: dict[str, Way] = {
+    "direct": Way("identify and move the masses, again and again (000 eq. 12-15, 004)"),
+    "masses": Way("in the plane by a PID of the masses (001)", "mass_pid"),
+    "masses-and-coils": Way("in the plane by masses, damped by coils (003)", "mass_magnetic_pid"),
+    "adaptive": Way(
+        "adapted while momentum is tracked, then direct (000 eq. 35-37)",
+        "adaptive_balancing",
+        900.0,
+        once=True,
+    ),
+}
+
+STATED = {"cubesat": 4.3e-5, "sads": 0.01}
+"""Residual torque that the papers of a machine reach [N m]: 003, section 3; 004, conclusion."""
+ASSUMED = 5e-6
+"""[m]: CM offset whose torque is the target of any other machine. ASSUMED: the goal of a good table
+is some micrometres."""
+REACH = 0.8
+"""Part of each travel that random offsets need at most."""
+
+
+def usual_target(platform: Platform) -> float:
+    """Residual torque [N m] where nobody asks for another."""
+    name = platform.name.partition(":")[0]
+    return STATED.get(name, ASSUMED * platform.mass * platform.gravity)
+
+
+def usual_way(platform: Platform) -> str:
+    """The procedure for a machine's parts: masses and coils together where it has coils."""
+    coils = platform.magnetorquers and np.any(platform.magnetic_field)
+    return "masses-and-coils" if coils else "direct"
+
+
+def balancing(
+    platform: Platform,
+    n: int,
+    *,
+    way: str,
+    target: float,
+    tell: Callable[[str], None] | None = None,
+    workers: int = 1,
+    wait: bool = True,
+) -> Balancing:
+    """The procedure of that name for n runs of a machine; its `lab.fits` is to be closed.
+
+    Args:
+        platform: the machine.
+        n: runs.
+        way: of `WAYS`.
+        target: residual torque [N m].
+        tell: takes each line of progress.
+        workers: processes that fit.
+        wait: for fits, as a simulation must.
+
+    Raises:
+        UnknownName: no such procedure.
+        UsageError: a target that is no torque.
+        ControllerError: the machine lacks a part.
+    """
+    if way not in WAYS:
+        raise UnknownName("procedure", way, WAYS)
+    if not (np.isfinite(target) and target > 0.0):
+        raise UsageError(f"target is {target:g} N m; give a torque above zero")
+    chosen = WAYS[way]
+    law = None if chosen.law is None else load_controller(chosen.law)
+    notes = Notes(n, tell)
+    procedure = Balancing(
+        Aim(target, platform.gravity),
+        Lab(Logbook(platform), Fits(platform, workers=workers, wait=wait), notes),
+        law,
+        _reference(way),
+        chosen.lasts,
+        chosen.once,
+    )
+    procedure.init(platform, n)
+    return procedure
+
+
+def refuse(platform: Platform, way: str, target: float, base: Array) -> None:
+    """What cannot work with an m r of `base` (3,) at stage position 0 [kg m].
+
+    Raises:
+        Refused: the masses do not reach, or wheels will saturate.
+    """
+    reach = Reach.of(platform)
+    goal = np.array([0.0, 0.0, -AIM * target / platform.gravity])
+    needed = reach.masses.positions((goal - base)[None])[0]
+    beyond = reach.beyond(needed)
+    if beyond:
+        um = base / platform.mass * 1e6
+        raise Refused(
+            f"the CM of {platform.name} is ({um[0]:.4g}, {um[1]:.4g}, {um[2]:.4g}) um from the CR "
+            f"with all masses at 0: beyond their reach, {beyond}; shift weights by hand, or say "
+            "with --stages where the masses stood when the offset was found"
+        )
+    if WAYS[way].law != "adaptive_balancing" or len(platform.gimbals) >= 3:
+        return
+    lowered = base[2] - reach.depth
+    hung = replace(platform, center_of_mass_offset=np.array([0.0, 0.0, 0.5 * lowered]))
+    budget = momentum_budget(hung, _reference(way), WAYS[way].lasts)
+    if budget.saturates_at is not None and budget.first is not None:
+        limit = next(w.momentum_limit for w in platform.wheels if w.name == budget.first)
+        raise Refused(
+            f"{budget.first} will saturate: tracking with the masses as low as they are at first "
+            f"takes it to its {limit:g} N m s at {budget.saturates_at:.0f} s; use `direct`"
+        )
+
+
+def random_offsets(platform: Platform, seed: int, runs: int) -> Array:
+    """(runs, 3) m r at stage position 0 [kg m] that the masses can undo, each from its own seed.
+
+    What is undone by masses anywhere in the inner part of their travel, about its middle.
+    """
+    reach = Reach.of(platform)
+    low, high = reach.masses.travel
+    draws = np.array(
+        [np.random.default_rng([seed, run]).uniform(-REACH, REACH, len(low)) for run in range(runs)]
+    )
+    return -reach.moment(0.5 * (low + high) + 0.5 * (high - low) * draws)
+
+
+def _reference(way: str) -> Reference:
+    law = WAYS[way].law
+    if law is None or not WAYS[way].once:
+        return Hold()
+    return parse_reference(load_controller(law).reference)
