@@ -18,7 +18,7 @@ from twin.estimators import load_estimator, usual_estimator
 from twin.loop import fly
 from twin.plant.simulated import InitialState, SimulatedPlant
 from twin.platform import load_platform
-from twin.procedures import balancing, random_offsets, usual_target, usual_way
+from twin.procedures import balancing, random_offsets, usual_target
 from twin.reference import Hold
 from twin.units import printed, three_digits
 
@@ -27,7 +27,8 @@ PAGE, FOLDER = ROOT / "docs" / "balance.md", ROOT / "runs" / "balance"
 SEED = 20261122
 CAP = 7200.0
 """In which a run must be balanced [s]."""
-TOGETHER = 10
+WAY = "direct"
+TOGETHER = 5
 """Runs in one batch: what is lost when the work is broken off."""
 RUNS = {"cubesat": 100, "tas2": 20, "astros": 20, "sads": 20, "whorl2": 20}
 
@@ -55,9 +56,7 @@ def balanced(name: str, runs: Sequence[int], workers: int) -> list[Balanced]:
     offsets = random_offsets(platform, SEED, max(runs) + 1)[list(runs)]
     initial = InitialState(center_of_mass_offset=offsets)
     target = usual_target(platform)
-    procedure = balancing(
-        platform, len(runs), way=usual_way(platform), target=target, workers=workers
-    )
+    procedure = balancing(platform, len(runs), way=WAY, target=target, workers=workers)
     with (
         procedure.lab.fits,
         SimulatedPlant(platform, runs=runs, seed=SEED, initial=initial) as plant,
@@ -122,7 +121,7 @@ def line(name: str, rows: Sequence[dict[str, Any]]) -> str:
     low, middle, high = (printed(float(np.percentile(left, p)), "N m") for p in (5, 50, 95))
     minutes = float(np.median([row["seconds"] for row in good])) / 60.0 if good else np.nan
     return (
-        f"| {name} | {usual_way(platform)} | {printed(target, 'N m')} | {below} of {len(rows)} | "
+        f"| {name} | {WAY} | {printed(target, 'N m')} | {below} of {len(rows)} | "
         f"{middle} ({low} to {high}) | {three_digits(minutes)} min | "
         f"{inside} of {len(stated)}; {sum(axes)} of {len(axes)} |"
     )

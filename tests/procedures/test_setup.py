@@ -7,7 +7,7 @@ import pytest
 
 from twin.errors import ControllerError, UnknownName
 from twin.platform import load_platform
-from twin.procedures import Refused, balancing, random_offsets, refuse, usual_target, usual_way
+from twin.procedures import Refused, balancing, random_offsets, refuse, usual_target
 from twin.procedures.means import Reach, damper
 
 BALANCED = ("cubesat", "tas2", "astros", "sads", "whorl2")
@@ -47,9 +47,7 @@ def test_random_offsets_are_within_reach_and_do_not_depend_on_how_many_are_drawn
 def test_every_machine_with_three_stages_has_a_procedure_and_something_that_damps(name):
     platform = load_platform(name)
     damper(platform, 0.1)
-    procedure = balancing(
-        platform, 2, way=usual_way(platform), target=usual_target(platform), workers=0
-    )
+    procedure = balancing(platform, 2, way="direct", target=usual_target(platform), workers=0)
     assert not procedure.finished(procedure.init(platform, 2)).any()
 
 

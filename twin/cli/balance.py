@@ -43,8 +43,9 @@ class Balance:
 
     platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
     """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
-    procedure: Annotated[str | None, _arg("NAME")] = None
-    """direct, masses, masses-and-coils or adaptive; by default what suits the machine's parts."""
+    procedure: Annotated[str, _arg("NAME")] = "direct"
+    """direct, masses, masses-and-coils or adaptive. What damps meanwhile is what the machine has:
+    coils in a field, gyros, or wheels."""
     target: Annotated[float | None, _arg("N_M")] = None
     """Gravity torque that may be left at the worst attitude; by default that of the machine's
     paper, else that of 5 um."""
@@ -78,7 +79,7 @@ class Balance:
         from twin.loop import Observer, fly
         from twin.plant.simulated import InitialState, SimulatedPlant
         from twin.platform import load_platform
-        from twin.procedures import balancing, usual_target, usual_way
+        from twin.procedures import balancing, usual_target
         from twin.reference import Hold
         from twin.stream.provenance import provenance
         from twin.stream.recorder import FileRecorder
@@ -86,7 +87,7 @@ class Balance:
         self._check()
         effects = () if self.effects is None else parse_effects(self.effects)
         machine = with_effects(load_platform(self.platform), effects)
-        way = self.procedure or usual_way(machine)
+        way = self.procedure
         target = usual_target(machine) if self.target is None else self.target
         if self.rrd is not None:
             check_writable(self.rrd)

@@ -65,12 +65,6 @@ def usual_target(platform: Platform) -> float:
     return STATED.get(name, ASSUMED * platform.mass * platform.gravity)
 
 
-def usual_way(platform: Platform) -> str:
-    """The procedure for a machine's parts: masses and coils together where it has coils."""
-    coils = platform.magnetorquers and np.any(platform.magnetic_field)
-    return "masses-and-coils" if coils else "direct"
-
-
 def balancing(
     platform: Platform,
     n: int,
