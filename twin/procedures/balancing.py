@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from twin.controller import AnyController, Controller
 from twin.platform import Platform
-from twin.procedures.kit import CLEAR, NEAR, Kit
+from twin.procedures.kit import ARRIVED, CLEAR, NEAR, Kit
 from twin.procedures.lab import Lab
 from twin.procedures.means import Reach, damper
 from twin.procedures.phases import Phase
@@ -26,6 +26,8 @@ SWING = np.radians(4.0)
 """That a nudge is to give [rad], or an eighth of the way to the stop."""
 SMOOTHED = 2.0
 """Over which the rate is averaged [s]."""
+SETTLED = 2e-3
+"""[rad/s]: a body that leans and turns no faster hangs there, or lies on its stop."""
 THERE = 1.0
 """For which the masses have been where they are to be [s]."""
 REST = 5.0
@@ -118,9 +120,10 @@ class Balancing(Controller[Progress]):
         """What the conditions of the phases look at."""
         share = min(now.kit.platform.tick / SMOOTHED, 1.0)
         now.rate = now.rate + share * (estimate.rate_body - now.rate)
-        swinging = now.kit.swinging(now.rate, now.amplitude, now.stiffness, estimate)
-        moving, away = swinging | (now.kit.lean(estimate) > CLEAR), now.kit.away(now.goal, estimate)
-        now.swinging_until = np.where(swinging, time, now.swinging_until)
+        kit, across = now.kit, now.kit.across(now.rate, estimate)
+        moving = (across > kit.still(now.amplitude, now.stiffness)) | (kit.lean(estimate) > CLEAR)
+        away = kit.away(now.goal, estimate)
+        now.swinging_until = np.where(across > SETTLED, time, now.swinging_until)
         now.moving_until = np.where(moving, time, np.maximum(now.moving_until, now.since))
         now.away_until = np.where(away, time, np.maximum(now.away_until, now.since))
 
@@ -278,8 +281,8 @@ class Balancing(Controller[Progress]):
 
 def _unrest(now: Progress, run: int, estimate: Estimate) -> str:
     """Why a run waits in vain."""
-    if now.away_until[run] > now.since[run] + 0.5 * PATIENCE:
-        away = np.abs(estimate.stage_position[run] - now.goal[run])
+    away = np.abs(estimate.stage_position[run] - now.goal[run])
+    if away.max() > ARRIVED:
         stage = now.kit.platform.stages[int(np.argmax(away))].name
         return f"{stage} is still {away.max() * 1e3:.3g} mm from where it was sent"
     lean = np.degrees(now.kit.platform.lean(estimate.attitude[run]))

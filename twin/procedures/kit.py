@@ -47,15 +47,15 @@ class Kit:
         """(n,) whether a mass is not yet where it is to be, (n, stages) [m]."""
         return np.abs(estimate.stage_position - goal).max(axis=1) > ARRIVED
 
-    def swinging(self, rate: Array, amplitude: Array, stiffness: Array, estimate: Estimate) -> Mask:
-        """(n,) whether the body swings too much to begin anything.
-
-        Its turn about the vertical does not count.
-        """
+    def across(self, rate: Array, estimate: Estimate) -> Array:
+        """(n,) of a body rate (n, 3), what is not a turn about the vertical [rad/s]."""
         up = vertical_body(estimate.attitude)
-        across = rate - np.einsum("ni,ni->n", rate, up)[:, None] * up
-        still = STILL * np.maximum(amplitude * self.frequency(stiffness), LEAST_RATE)
-        return np.asarray(np.linalg.norm(across, axis=1) > still)
+        along = np.einsum("ni,ni->n", rate, up)[:, None] * up
+        return np.asarray(np.linalg.norm(rate - along, axis=1))
+
+    def still(self, amplitude: Array, stiffness: Array) -> Array:
+        """(n,) rate below which the body has come to rest [rad/s]."""
+        return STILL * np.maximum(amplitude * self.frequency(stiffness), LEAST_RATE)
 
     def aside_for(self, stiffness: Array) -> Array:
         """(n,) for how long a nudge lasts [s]: a sixth of a period or less."""

@@ -14,6 +14,9 @@ from twin.signals import Estimate
 
 Array = NDArray[np.float64]
 
+SLIDE = 100.0
+"""In which masses that right a leaning body would go from end to end at most [s]."""
+
 
 def damper(platform: Platform, rate: float) -> AnyController:
     """A law that takes the body's rate away, with a torque of rate [1/s] times a mean J a rad/s.
@@ -111,7 +114,7 @@ class Reach:
     def uphill(self, estimate: Estimate, seconds: float) -> Array:
         """(n, stages) steps of a leaning body's masses away from where it leans to.
 
-        At half the speed of the slowest of them, for `seconds`.
+        For `seconds`, so slowly that the body can follow before they are too far.
         """
         up = vertical_body(estimate.attitude)
         stop = self.platform.pitch_stop
@@ -119,5 +122,7 @@ class Reach:
             up = np.einsum("ni,i->n", up, stop.axis)[:, None] * stop.axis
         aside = up * np.array([1.0, 1.0, 0.0])
         way = self.masses.positions(aside)
-        pace = np.max(np.abs(way) / self.masses.speed, axis=1, keepdims=True)
-        return np.where(pace > 0.0, 0.5 * seconds * way / np.maximum(pace, 1e-300), 0.0)
+        low, high = self.masses.travel
+        fastest = np.minimum(0.5 * self.masses.speed, (high - low) / SLIDE)
+        pace = np.max(np.abs(way) / fastest, axis=1, keepdims=True)
+        return np.where(pace > 0.0, seconds * way / np.maximum(pace, 1e-300), 0.0)

@@ -80,7 +80,7 @@ def state(
     """The statement on an identified m r (3,) with its covariance (3, 3)."""
     half = quantile * np.sqrt(np.diag(covariance))
     x, y, z = (
-        Interval(v - 0.0, v - h, v + h) for v, h in zip(moment.tolist(), half.tolist(), strict=True)
+        Interval(v, v - h, v + h) for v, h in zip(moment.tolist(), half.tolist(), strict=True)
     )
     g = platform.gravity
     whole = Interval(*(g * s for s in length(moment, covariance, quantile)))
