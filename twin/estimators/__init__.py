@@ -2,6 +2,7 @@
 
 from twin.estimators.attitude_filter import AttitudeFilter as AttitudeFilter
 from twin.estimators.estimator import Estimator as Estimator
+from twin.estimators.inclinometer import InclinometerDifferences as InclinometerDifferences
 from twin.estimators.named import load_estimator as load_estimator
 from twin.estimators.named import usual_estimator as usual_estimator
 from twin.estimators.passthrough import Passthrough as Passthrough

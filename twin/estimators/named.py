@@ -3,17 +3,22 @@
 from twin.errors import UnknownName
 from twin.estimators.attitude_filter import AttitudeFilter
 from twin.estimators.estimator import Estimator
+from twin.estimators.inclinometer import InclinometerDifferences
 from twin.estimators.passthrough import Passthrough
 from twin.platform import Platform
 
-ESTIMATORS: dict[str, type[Estimator]] = {"filter": AttitudeFilter, "passthrough": Passthrough}
+ESTIMATORS: dict[str, type[Estimator]] = {
+    "filter": AttitudeFilter,
+    "inclinometer": InclinometerDifferences,
+    "passthrough": Passthrough,
+}
 
 
 def load_estimator(name: str) -> Estimator:
-    """`filter` or `passthrough`, with its settings as they are.
+    """An estimator of `ESTIMATORS`, with its settings as they are.
 
     Raises:
-        UnknownName: neither.
+        UnknownName: there is none of that name.
     """
     if name not in ESTIMATORS:
         raise UnknownName("estimator", name, ESTIMATORS)
