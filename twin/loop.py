@@ -88,6 +88,7 @@ def fly(
             wanted, state = controller.update(state, estimate, target, now)
             clock.lap("control")
             applied = plant.write(wanted)
+            estimate = estimator.told(estimate, applied)
             clock.lap("write")
             if observers:
                 tick = Tick(reading, estimate, target, wanted, applied, plant.truth())

@@ -34,9 +34,10 @@ class Run:
     """A shipped law (see `twin controllers`) or the file of one's own."""
     gains: Annotated[tuple[str, ...], _arg("NAME=VALUE ...")] = ()
     """Gains that differ from the law's own."""
-    estimator: Annotated[str | None, _arg("filter|passthrough")] = None
-    """Attitude and gyro bias filtered, or the sensors as they are; by default filtered where the
-    machine has gyro and attitude."""
+    estimator: Annotated[str | None, _arg("NAME")] = None
+    """Attitude and gyro bias filtered (`filter`) or the sensors as they are (`passthrough`), by
+    default the first where the machine has gyro and attitude; `inclinometer`, rates by its
+    differences; `vertical_offset` and `offset`, which tell where the CM is."""
     plant: Annotated[str, _arg("sim|replay:LOG")] = "sim"
     """Simulated, or a log played as if it were hardware."""
     reference: Annotated[str | None, _arg("REFERENCE")] = None

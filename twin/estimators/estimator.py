@@ -1,15 +1,26 @@
 """What an estimator is: samples in, one `Estimate` out, for one run or a thousand."""
 
 import abc
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.platform import Platform
 from twin.rotation import IDENTITY
-from twin.signals import Estimate, Reading, Samples
+from twin.signals import Command, Estimate, Reading, Samples
 
 Array = NDArray[np.float64]
+
+
+@dataclass(slots=True, kw_only=True)
+class OffsetEstimate(Estimate):
+    """An estimate that tells where the CM is, too."""
+
+    center_of_mass_offset: Array
+    """(n, 3) m r from CR to CM with the stages where they are, body axes [kg m]."""
+    offset_covariance: Array
+    """(n, 3, 3) of it [kg^2 m^2]."""
 
 
 class Estimator(abc.ABC):
@@ -26,6 +37,11 @@ class Estimator(abc.ABC):
     @abc.abstractmethod
     def update(self, estimate: Estimate, reading: Reading) -> Estimate:
         """The estimate at `reading.time`, from all samples that arrived since the last one."""
+
+    def told(self, estimate: Estimate, applied: Command) -> Estimate:
+        """The same estimate, knowing what is applied from its tick on; most have no use for it."""
+        del applied
+        return estimate
 
 
 def blank(platform: Platform, n: int) -> Estimate:

@@ -4,13 +4,17 @@ from twin.errors import UnknownName
 from twin.estimators.attitude_filter import AttitudeFilter
 from twin.estimators.estimator import Estimator
 from twin.estimators.inclinometer import InclinometerDifferences
+from twin.estimators.offset_filter import OffsetFilter
 from twin.estimators.passthrough import Passthrough
+from twin.estimators.vertical_offset import VerticalOffsetFilter
 from twin.platform import Platform
 
 ESTIMATORS: dict[str, type[Estimator]] = {
     "filter": AttitudeFilter,
     "inclinometer": InclinometerDifferences,
+    "offset": OffsetFilter,
     "passthrough": Passthrough,
+    "vertical_offset": VerticalOffsetFilter,
 }
 
 

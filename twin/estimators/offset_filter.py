@@ -1,0 +1,359 @@
+"""All three offsets of the CM, with attitude, rate and gyro bias, in one Kalman filter."""
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import UsageError
+from twin.estimators.estimator import Estimator, OffsetEstimate, blank, newest
+from twin.estimators.gyrostat import Gyrostat, Motion, Parts, rate_of, skew
+from twin.platform import Platform, Sensor
+from twin.rotation import (
+    conjugate,
+    cross,
+    from_rotation_vector,
+    multiply,
+    normalized,
+    to_rotation_vector,
+)
+from twin.signals import Command, Estimate, Reading, Samples
+
+Array = NDArray[np.float64]
+
+TURN, MOMENTUM, BIAS, MOMENT, SPINS = (
+    slice(0, 3),
+    slice(3, 6),
+    slice(6, 9),
+    slice(9, 12),
+    slice(12, None),
+)
+"""Where the errors stand in the state."""
+
+
+class Noise(NamedTuple):
+    """Variances of a sample."""
+
+    gyro: Array
+    """(3,) [rad^2/s^2]."""
+    attitude: Array
+    """(3,) [rad^2]."""
+    wheels: Array
+    """(w,) of a wheel's momentum as its speed tells it [(N m s)^2]."""
+    gyro_delay: float
+    """By which the gyro's low-pass passes slow signals late [s]."""
+
+
+@dataclass(slots=True, kw_only=True)
+class GyrostatEstimate(OffsetEstimate):
+    """The estimate at the tick."""
+
+    motion: Motion
+    moment: Array
+    """(n, 3) m r with the stages at 0 [kg m]."""
+    spread: Array
+    """(n, 12 + w, 12 + w) covariance of the errors of attitude [rad], momentum [N m s], gyro bias
+    [rad/s], m r [kg m] and wheels' momenta [N m s]."""
+    torque: Array
+    """(n, w) that the wheels were told to give from this tick on [N m]."""
+    gyrostat: Gyrostat
+    noise: Noise
+
+
+@dataclass(frozen=True)
+class OffsetFilter(Estimator):
+    """Extended Kalman filter of attitude, momentum, gyro bias, m r and the wheels' momenta.
+
+    x = (d_theta, H, b, m r, h), q = q^ exp(d_theta); the model is that of `Gyrostat`, its J and
+    masses those of the platform. Between two ticks the state goes by Runge-Kutta and its covariance
+    by Phi = 1 + F T + F^2 T^2 / 2. The samples of a tick enter stream by stream as one, their mean
+    residual, each against the motion carried back to its own time, w(t - a) = w - a dw/dt; the
+    gyro's low-pass is taken as its delay at rest.
+
+    - Wheels are predicted from the torque they were told to give, and corrected by their speeds:
+      the noise of a speed that was differenced would stand for a torque. Stages and gimbals are
+      taken as measured, and carry momentum as they move.
+    - What the model lacks (friction, drafts, a wrong J) is a white torque: `torque_noise`. With 0
+      the motion is trusted for good, and the covariance is the Cramer-Rao bound of the run so far.
+    - How masses and gimbals move between two ticks is not known, and taken as straight: while they
+      work, m r may be off by more than its covariance says, a micrometre where they work hard.
+    - m r starts at 0 within `offset_start` of the CR, wherever the platform states the CM.
+    - The bias is constant, within what platform.toml states of it.
+    - The CR must stand still, and the machine hang on a ball.
+
+    The unscented filter of the same state, and of J, is for logs: `twin identify --method ukf`.
+
+    Source: S. Y. Choi, Georgia Institute of Technology 2016, eq. 27 to 41, whose one offset this
+    completes; the error state after E. J. Lefferts, F. L. Markley, M. D. Shuster, J. Guidance 5(5),
+    1982.
+    """
+
+    torque_noise: float = field(default=1e-5, metadata={"unit": "N m s^0.5"})
+    """White torque about each body axis: what it adds to the momentum in a second, 1 sigma."""
+    wheel_noise: float = field(default=1e-6, metadata={"unit": "N m s^0.5"})
+    """Likewise what a wheel's torque differs from the one it was told, by friction."""
+    offset_start: float = field(default=1e-3, metadata={"unit": "m"})
+    """1 sigma of each component of r at the start."""
+    rate_start: float = field(default=1.0, metadata={"unit": "rad/s"})
+    """1 sigma of each component of the rate at the start."""
+
+    def init(self, platform: Platform, n: int) -> GyrostatEstimate:
+        """Level and at rest, the CM at the CR; not valid, and attitude unknown."""
+        missing = [name for name in ("gyro", "attitude") if name not in platform.sensors]
+        if missing or platform.base.kind != "ball":
+            lack = f"has no {' and no '.join(missing)}" if missing else "hangs on no ball"
+            raise UsageError(
+                "the estimator 'offset' needs gyro and attitude of a body on a ball, and "
+                f"{platform.name} {lack}; use the estimator 'passthrough'"
+            )
+        start, gyrostat = blank(platform, n), Gyrostat.of(platform)
+        stages, gimbals = start.stage_position, start.gimbal_angle
+        parts = gyrostat.parts((stages, stages), (gimbals, gimbals), 0.0)
+        home = np.array([wheel.inertia * wheel.home for wheel in platform.wheels])
+        limit = np.array([wheel.momentum_limit for wheel in platform.wheels])
+        spins = np.tile(home, (n, 1))
+        size = 12 + len(home)
+        spread = np.zeros((n, size, size))
+        spread[:, TURN, TURN] = np.pi**2 * np.eye(3)
+        rates = self.rate_start**2 * parts.inertia @ parts.inertia
+        spread[:, MOMENTUM, MOMENTUM] = rates + (parts.axes * limit**2) @ parts.axes.transpose(
+            0, 2, 1
+        )
+        spread[:, MOMENTUM, SPINS] = parts.axes * limit**2
+        spread[:, SPINS, MOMENTUM] = spread[:, MOMENTUM, SPINS].transpose(0, 2, 1)
+        spread[:, SPINS, SPINS] = np.diag(limit**2)
+        spread[:, BIAS, BIAS] = np.diag(platform.sensors["gyro"].bias ** 2)
+        spread[:, MOMENT, MOMENT] = (self.offset_start * platform.mass) ** 2 * np.eye(3)
+        momentum = np.einsum("niw,nw->ni", parts.axes, spins) + parts.held
+        return GyrostatEstimate(
+            time=start.time,
+            attitude=start.attitude,
+            rate_body=start.rate_body,
+            wheel_speed=start.wheel_speed,
+            stage_position=start.stage_position,
+            gimbal_angle=start.gimbal_angle,
+            joint_angle=start.joint_angle,
+            joint_rate=start.joint_rate,
+            gyro_bias=start.gyro_bias,
+            valid=start.valid,
+            center_of_mass_offset=np.zeros((n, 3)),
+            offset_covariance=spread[:, MOMENT, MOMENT],
+            motion=Motion(start.attitude, momentum, spins),
+            moment=np.zeros((n, 3)),
+            spread=spread,
+            torque=np.zeros((n, len(home))),
+            gyrostat=gyrostat,
+            noise=_noise(platform),
+        )
+
+    def told(self, estimate: Estimate, applied: Command) -> GyrostatEstimate:
+        """Remember what the wheels will do until the next tick."""
+        known = cast(GyrostatEstimate, estimate)
+        return replace(known, torque=applied.get("command_wheel_torque", known.torque))
+
+    def update(self, estimate: Estimate, reading: Reading) -> GyrostatEstimate:
+        """Valid from a run's first attitude sample; until then it stands still."""
+        before, streams = cast(GyrostatEstimate, estimate), reading.streams
+        stages = newest(streams.get("stage_position"), before.stage_position)
+        gimbals = newest(streams.get("gimbal_angle"), before.gimbal_angle)
+        wheels = newest(streams.get("wheel_speed"), before.wheel_speed)
+        period = reading.time - before.time
+        path, swing = (before.stage_position, stages), (before.gimbal_angle, gimbals)
+        parts, begin, end = (
+            before.gyrostat.parts(path, swing, period, at) for at in (0.5, 0.0, 1.0)
+        )
+        motion, spread, valid = before.motion, before.spread, before.valid
+        if valid.any():
+            moved = before.gyrostat.moved(motion, before.moment, parts, before.torque, period)
+            onward = self._spread(before, moved, parts, period)
+            motion = _chosen(valid, moved, motion)
+            spread = np.where(valid[:, None, None], onward, spread)
+        fixes = streams.get("attitude")
+        if fixes is not None and not valid.all():
+            first = normalized(newest(fixes, motion.attitude))
+            motion = motion._replace(attitude=np.where(valid[:, None], motion.attitude, first))
+            valid = valid | np.asarray(fixes.valid.any(axis=1))
+        state = _State(motion, before.gyro_bias, before.moment, spread)
+        torque = np.einsum("niw,nw->ni", end.axes, before.torque)
+        if period > 0.0:
+            swung = np.einsum("niw,nw->ni", end.axes - begin.axes, motion.spins)
+            torque = torque + (swung + end.held - begin.held) / period
+        seen = _Seen(before.gyrostat, before.noise, end, before.torque, torque, reading.time, valid)
+        for correct, stream in (
+            (seen.by_attitude, fixes),
+            (seen.by_gyro, streams.get("gyro")),
+            (seen.by_wheels, streams.get("wheel_speed")),
+        ):
+            if stream is not None and stream.value.shape[2]:
+                state = correct(state, stream)
+        motion, spread = state.motion, state.spread
+        own = np.r_[0:3, 6:9]
+        return GyrostatEstimate(
+            time=reading.time,
+            attitude=motion.attitude,
+            rate_body=rate_of(end, motion),
+            wheel_speed=wheels,
+            stage_position=stages,
+            gimbal_angle=gimbals,
+            joint_angle=before.joint_angle,
+            joint_rate=before.joint_rate,
+            gyro_bias=state.bias,
+            valid=valid,
+            covariance=spread[:, own[:, None], own],
+            center_of_mass_offset=state.moment + seen.carried_moment(stages),
+            offset_covariance=spread[:, MOMENT, MOMENT],
+            motion=motion,
+            moment=state.moment,
+            spread=spread,
+            torque=before.torque,
+            gyrostat=before.gyrostat,
+            noise=before.noise,
+        )
+
+    def _spread(
+        self, before: GyrostatEstimate, moved: Motion, parts: Parts, period: float
+    ) -> Array:
+        """Phi P Phi^T + Q over a period [s]."""
+        start = before.gyrostat.slope(before.motion, before.moment, parts)
+        slope = 0.5 * (start + before.gyrostat.slope(moved, before.moment, parts))
+        size = slope.shape[1]
+        onward = np.eye(size) + period * slope + (0.5 * period**2) * (slope @ slope)
+        spread = onward @ before.spread @ onward.transpose(0, 2, 1)
+        added = np.zeros(size)
+        added[MOMENTUM] = self.torque_noise**2
+        added[SPINS] = self.wheel_noise**2
+        spread[:, range(size), range(size)] += period * added
+        return spread
+
+
+class _State(NamedTuple):
+    motion: Motion
+    bias: Array
+    moment: Array
+    spread: Array
+
+    def corrected(self, residual: Array, slope: Array, variance: Array) -> "_State":
+        """By what the errors make of a residual (n, m), H (n, m, k), with noise (n, m).
+
+        An infinite variance changes nothing.
+        """
+        weak = ~np.isfinite(variance)
+        slope = np.where(weak[..., None], 0.0, slope)
+        residual, variance = np.where(weak, 0.0, residual), np.where(weak, 1.0, variance)
+        noise = variance[:, :, None] * np.eye(variance.shape[1])
+        seen = self.spread @ slope.transpose(0, 2, 1)
+        gain = np.linalg.solve(slope @ seen + noise, seen.transpose(0, 2, 1)).transpose(0, 2, 1)
+        left = np.eye(slope.shape[2]) - gain @ slope
+        spread = left @ self.spread @ left.transpose(0, 2, 1)
+        spread = spread + gain @ noise @ gain.transpose(0, 2, 1)
+        step = np.einsum("nij,nj->ni", gain, residual)
+        motion = Motion(
+            multiply(self.motion.attitude, from_rotation_vector(step[:, TURN])),
+            self.motion.momentum + step[:, MOMENTUM],
+            self.motion.spins + step[:, SPINS],
+        )
+        return _State(motion, self.bias + step[:, BIAS], self.moment + step[:, MOMENT], spread)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Corrects a state by the samples of a tick."""
+
+    gyrostat: Gyrostat
+    noise: Noise
+    parts: Parts
+    torque: Array
+    """(n, w) on the wheels."""
+    reaction: Array
+    """(n, 3) by which wheels and gimbals change what they hold, body axes."""
+    time: float
+    valid: NDArray[np.bool_]
+
+    def by_attitude(self, state: _State, fixes: Samples) -> _State:
+        """Mean turn from where the motion, carried back, has been."""
+        rate, pull, slope = self._turning(state)
+        age = (self.time - fixes.time)[..., None]
+        back = 0.5 * age**2 * pull[:, None] - age * rate[:, None]
+        there = multiply(state.motion.attitude[:, None], from_rotation_vector(back))
+        side = np.copysign(1.0, np.einsum("nmi,nmi->nm", there, fixes.value))
+        turn = to_rotation_vector(multiply(conjugate(there), side[..., None] * fixes.value))
+        residual, count = self._mean(fixes, turn)
+        mean, square = self._mean(fixes, age)[0], self._mean(fixes, age**2)[0]
+        known = np.zeros_like(slope[0])
+        known[:, :, TURN] = np.eye(3)
+        known += 0.5 * square[..., None] * slope[1] - mean[..., None] * slope[0]
+        return state.corrected(residual, known, _of_mean(self.noise.attitude, count))
+
+    def by_gyro(self, state: _State, gyro: Samples) -> _State:
+        """Mean of what it shows beyond the rate, carried back by its age and its delay."""
+        rate, pull, slope = self._turning(state)
+        age = (self.time - gyro.time)[..., None] + self.noise.gyro_delay
+        there = rate[:, None] + state.bias[:, None] - age * pull[:, None]
+        residual, count = self._mean(gyro, gyro.value - there)
+        known = slope[0] - self._mean(gyro, age)[0][..., None] * slope[1]
+        known[:, :, BIAS] += np.eye(3)
+        return state.corrected(residual, known, _of_mean(self.noise.gyro, count))
+
+    def by_wheels(self, state: _State, speeds: Samples) -> _State:
+        """Mean of I Omega = h - I a . w beyond what it should be."""
+        rate, pull, slope = self._turning(state)
+        inertia, axes = self.gyrostat.wheel_inertia, self.parts.axes
+        own = state.motion.spins - inertia * np.einsum("niw,ni->nw", axes, rate)
+        change = self.torque - inertia * np.einsum("niw,ni->nw", axes, pull)
+        age = (self.time - speeds.time)[..., None]
+        there = own[:, None] - age * change[:, None]
+        residual, count = self._mean(speeds, inertia * speeds.value - there)
+        known = -inertia[:, None] * (axes.transpose(0, 2, 1) @ slope[0])
+        known[:, :, SPINS] += np.eye(len(inertia))
+        return state.corrected(residual, known, _of_mean(self.noise.wheels, count))
+
+    def carried_moment(self, stages: Array) -> Array:
+        """What the stages add to m r, (n, 3) [kg m]."""
+        riding = self.gyrostat.riding
+        return np.einsum("b,ns,bsi->ni", riding.mass, stages, riding.travel)
+
+    def _turning(self, state: _State) -> tuple[Array, Array, tuple[Array, Array]]:
+        """w and dw/dt (n, 3), and how they answer to the errors (n, 3, k)."""
+        motion, parts = state.motion, self.parts
+        rate = rate_of(parts, motion)
+        down = self.gyrostat.down(motion.attitude)
+        torque = cross(state.moment + parts.moved, down) - cross(rate, motion.momentum)
+        pull = np.einsum("nij,nj->ni", parts.inverse, torque - self.reaction)
+        size = state.spread.shape[1]
+        of_rate, of_pull = np.zeros((2, len(rate), 3, size))
+        of_rate[:, :, MOMENTUM] = parts.inverse
+        of_rate[:, :, SPINS] = -parts.inverse @ parts.axes
+        of_pull[:, :, MOMENT] = -parts.inverse @ skew(down)
+        return rate, pull, (of_rate, of_pull)
+
+    def _mean(self, samples: Samples, values: Array) -> tuple[Array, Array]:
+        """Of the valid ones (n, k), and their number (n, 1), 0 in a run that is not valid."""
+        kept = (samples.valid & self.valid[:, None])[..., None]
+        count = np.asarray(kept.sum(axis=1), dtype=np.float64)
+        total = np.where(kept, values, 0.0).sum(axis=1)
+        return total / np.maximum(count, 1.0), count
+
+
+def _of_mean(variance: Array, count: Array) -> Array:
+    with np.errstate(divide="ignore"):
+        return variance / count
+
+
+def _chosen(rows: NDArray[np.bool_], new: Motion, old: Motion) -> Motion:
+    return Motion(*(np.where(rows[:, None], a, b) for a, b in zip(new, old, strict=True)))
+
+
+def _noise(platform: Platform) -> Noise:
+    gyro, speeds = platform.sensors["gyro"], platform.sensors.get("wheel_speed")
+    inertia = np.array([wheel.inertia for wheel in platform.wheels])
+    delay = 0.0
+    if np.isfinite(gyro.cutoff):
+        delay = 1.0 / (2.0 * np.pi * gyro.cutoff * np.sin(0.5 * np.pi / gyro.order))
+    wheels = np.zeros(0) if speeds is None else inertia**2 * _variance(speeds)
+    return Noise(_variance(gyro), _variance(platform.sensors["attitude"]), wheels, delay)
+
+
+def _variance(sensor: Sensor) -> Array:
+    """Of a sample; a perfect sensor is taken as good to 1e-7 of its unit."""
+    return np.maximum(sensor.noise**2 + sensor.resolution**2 / 12.0, 1e-14)
