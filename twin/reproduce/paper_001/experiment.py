@@ -111,4 +111,4 @@ def _masses(printed: Flown, hung: Flown) -> dict[str, str]:
         Panel(label, named(("1", "2", "3"), run.true["stage_position"][:, 0] * 1e3), in_mm)
         for label, run in (("mass [mm], its offset", printed), ("mass [mm], hanging", hung))
     ]
-    return {"Fig. 17: the masses' positions": drawn(printed.time, panels)}
+    return {"Fig. 17: the masses' positions (dashed: published)": drawn(printed.time, panels)}

@@ -24,8 +24,8 @@ class Panel:
     """Of the upright axis, with its unit."""
     curves: Mapping[str, Array]
     """By name, (m,) over the time of the figure."""
-    published: Sequence[float] = ()
-    """Drawn as level lines."""
+    levels: Sequence[float] = ()
+    """Drawn dashed: what was published, or is true."""
     limit: float | None = None
     """Of the upright axis, up and down; None: what the curves need."""
 
@@ -44,13 +44,12 @@ def drawn(time: Array, panels: Sequence[Panel]) -> str:
         for axis, panel in zip(axes, panels, strict=True):
             for (name, curve), color in zip(panel.curves.items(), PALETTE, strict=False):
                 axis.plot(time[thin], curve[thin], color=color, label=name)
-            for number, level in enumerate(panel.published):
-                label = None if number else "published"
-                axis.axhline(level, color=SOFT, lw=0.9, ls="--", label=label)
+            for level in panel.levels:
+                axis.axhline(level, color=SOFT, lw=0.9, ls="--")
             if panel.limit is not None:
                 axis.set_ylim(-panel.limit, panel.limit)
             axis.set_ylabel(panel.label)
-            if len(panel.curves) > 1 or panel.published:
+            if len(panel.curves) > 1:
                 axis.legend(ncols=4, loc="upper right")
         axes[-1].set_xlabel("time [s]")
         return svg(figure)

@@ -77,4 +77,4 @@ def _masses(run: Flown) -> dict[str, str]:
         ),
         Panel("offset [m]", named(("x", "y", "z"), moment)),
     ]
-    return {"Fig. 8: the masses' positions and the offset that is left": drawn(run.time, panels)}
+    return {"Fig. 8: the masses' positions (dashed: published) and offset": drawn(run.time, panels)}

@@ -1,6 +1,14 @@
 """What is computed of the paper."""
 
-from twin.reproduce.paper_001 import experiment, gains, in_plane, reach, simplified
+from twin.reproduce.paper_001 import (
+    experiment,
+    gains,
+    in_plane,
+    reach,
+    simplified,
+    three_offsets,
+    vertical,
+)
 from twin.reproduce.part import Part
 
 PARTS: tuple[Part, ...] = (
@@ -13,6 +21,9 @@ PARTS: tuple[Part, ...] = (
         ("001.fig7.settles", "001.fig8.mass_1", "001.fig8.mass_2"),
         in_plane.settling,
     ),
+    Part(("001.fig9.rate_error", "001.fig10.offset_as_printed"), vertical.as_printed),
+    Part(("001.fig10.offset_with_imbalance",), vertical.with_imbalance),
+    Part(("001.fig10.three_offsets",), three_offsets.three_offsets),
     Part(("001.fig16.settled_at", "001.fig17.masses"), experiment.hardware),
     Part(("001.reach",), reach.reach),
 )

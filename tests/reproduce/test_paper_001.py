@@ -1,0 +1,116 @@
+"""Paper 001: what its parts compute, by independent means; and that they answer every row."""
+
+import dataclasses
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.estimators import OffsetFilter
+from twin.model import compile_model
+from twin.reproduce.paper_001 import experiment, gains, simplified, vertical
+from twin.reproduce.paper_001.bound import offset_bound
+from twin.reproduce.paper_001.flights import PRINTED, STABLE, astros
+from twin.reproduce.paper_001.parts import PARTS
+
+ROWS = {
+    row["id"]
+    for row in tomllib.loads(Path("docs/reproduction.toml").read_text(encoding="utf-8"))["row"]
+    if row["id"].startswith("001.")
+}
+
+
+def part_of(name):
+    return next(part for part in PARTS if name in part.ids)
+
+
+def test_every_row_of_the_paper_has_one_part():
+    answered = [name for part in PARTS for name in part.ids]
+    assert sorted(answered) == sorted(ROWS)
+
+
+def test_a_part_answers_its_rows_and_draws_its_figure():
+    found = part_of("001.reach").compute(lambda doing: None)
+    assert found.rows["001.reach"].value is False
+    assert set(found.rows) == set(part_of("001.reach").ids)
+
+
+def test_roots_leave_the_left_half_where_routh_says():
+    platform = astros()
+    bound = gains.routh(platform, PRINTED)
+    # each axis alone: the product of inertia between them moves the edge by a few percent
+    for factor, stable in ((0.9, True), (1.1, False)):
+        tried = {**PRINTED, "integral": factor * float(bound.min())}
+        assert (gains.roots(platform, tried).real.max() < 0.0) == stable
+    assert gains.roots(platform, PRINTED).real.max() > 0.0
+    assert gains.roots(platform, {**PRINTED, **STABLE}).real.max() < 0.0
+
+
+def test_masses_on_lines_through_the_centre_give_no_torque_but_that_of_a_changing_inertia():
+    platform, draw = astros(), np.random.default_rng(2)
+    sizes = np.array([0.02, 1e-2, 1e-2, 0.05])[:, None, None]
+    rate, place, speed, pull = sizes * draw.normal(size=(4, 20, 3))
+    masses = np.array([stage.mass for stage in platform.stages])
+    change = 2.0 * masses * place * speed
+    growing = change.sum(axis=1, keepdims=True) - change
+    wanted = -np.linalg.solve(platform.inertia, (growing * rate).T).T
+    missed = simplified.missed(
+        platform.inertia, simplified.at_center(platform), rate, place, speed, pull
+    )
+    np.testing.assert_allclose(missed, wanted, rtol=1e-10, atol=1e-18)
+
+
+def test_what_is_missed_by_mounted_masses_is_the_change_of_their_momentum():
+    platform, draw = astros(), np.random.default_rng(3)
+    riding = compile_model(platform).sliding
+    rate, pull = draw.normal(size=(2, 3)) * [[0.02], [0.05]]
+    start, speed, step = np.array([1e-3, -2e-3, 3e-3]), np.array([5e-3, 4e-3, -6e-3]), 1e-4
+
+    def momentum(time):
+        """Of the riding masses beyond that of a rigid body; body axes, which turn at `rate`."""
+        place = start + speed * time + 0.5 * pull * time**2
+        path = riding.home + np.einsum("s,bsi->bi", place, riding.travel)
+        swift = np.einsum("s,bsi->bi", speed + pull * time, riding.travel)
+        turned = np.cross(path, np.cross(rate, path) + swift)
+        return riding.mass @ turned
+
+    gained = (momentum(step) - momentum(-step)) / (2.0 * step)
+    sliding = riding.mass @ np.cross(
+        riding.home + np.einsum("s,bsi->bi", start, riding.travel),
+        np.einsum("s,bsi->bi", speed, riding.travel),
+    )
+    torque = gained + np.cross(rate, sliding)
+    rows = [value[None] for value in (rate, start, speed, pull)]
+    missed = simplified.missed(platform.inertia, riding, *rows)[0]
+    np.testing.assert_allclose(-platform.inertia @ missed, torque, rtol=1e-6, atol=1e-12)
+
+
+def test_hanging_machine_has_its_mass_moment_along_gravity():
+    up = np.array([-np.sin(np.radians(-2.93)), 0.0, 0.0])
+    moment = experiment.hanging()
+    assert moment[2] == astros().center_of_mass_offset[2]
+    assert moment[0] / -moment[2] == pytest.approx(-up[0] / np.cos(np.radians(3.34)), rel=2e-3)
+
+
+@pytest.mark.slow
+def test_filter_of_three_offsets_claims_no_less_than_the_bound_and_reaches_it():
+    platform = vertical.machine(-5e-6, 5e-6)
+    gyro = platform.sensors["gyro"]
+    biased = dataclasses.replace(gyro, bias=np.full(3, 1e-3))
+    platform = dataclasses.replace(platform, sensors={**platform.sensors, "gyro": biased})
+    bound = offset_bound(platform, vertical.START, 40.0)
+    quiet = OffsetFilter(torque_noise=0.0, wheel_noise=0.0)
+    run = vertical.swing(platform, quiet, 40.0, 20, ("offset_covariance",))
+    claimed = run.believed["offset_covariance"][-1]
+    least = np.sqrt(np.diag(bound))
+    sigma = np.sqrt(np.diagonal(claimed, axis1=1, axis2=2))
+    np.testing.assert_allclose(sigma / least, 1.0, rtol=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.ids[0])
+def test_part_computes_all_that_it_promises(part):
+    found = part.compute(lambda doing: None)
+    assert set(found.rows) == set(part.ids)
+    assert all(svg.lstrip().startswith("<svg") for svg in found.figures.values())
