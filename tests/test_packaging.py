@@ -68,6 +68,11 @@ def test_installed_machines_and_laws_are_those_of_the_checkout(
     assert [entry["name"] for entry in json.loads(theirs)] == names
 
 
+def test_an_installed_twin_knows_what_the_papers_published(installed: Path, tmp_path: Path):
+    code = "from twin.reproduce.rows import read_papers as r; print(*(p.number for p in r()))"
+    assert run(installed / "python", "-c", code, cwd=tmp_path) == "000 001 002 003 004\n"
+
+
 def test_installed_machines_lie_inside_the_package(installed: Path, tmp_path: Path):
     platforms = json.loads(run(installed / "twin", "platforms", "--json", cwd=tmp_path))
     inside = installed.parent / "lib"

@@ -19,6 +19,7 @@ VERBS: dict[str, tuple[str, str, str]] = {
     "identify": ("twin.cli.identify", "Identify", "inertia and mass moment from logs"),
     "compare": ("twin.cli.compare", "Compare", "what the model gets wrong about a log"),
     "diagnose": ("twin.cli.diagnose", "Diagnose", "why the model is wrong, and by how much"),
+    "reproduce": ("twin.cli.reproduce", "Reproduce", "the papers' tables and figures beside ours"),
     "check": ("twin.cli.check", "Check", "hold a platform's or a control law's files to account"),
     "export": ("twin.cli.export", "Export", "a log as a folder of CSV, Parquet or MAT files"),
     "view": ("twin.cli.view", "View", "open a recording in the Rerun viewer"),

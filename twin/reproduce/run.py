@@ -1,0 +1,132 @@
+"""Parts computed side by side, each in a process of its own.
+
+A part that raises, or whose process dies, costs its own rows and nothing else.
+"""
+
+import importlib.util
+import multiprocessing
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any, cast
+
+from twin.reproduce.judge import Judged, judge, nothing
+from twin.reproduce.part import Found, Part, Say
+from twin.reproduce.rows import Paper, Row
+
+UNCOMPUTED = "Not computed: no part computes it yet."
+
+_SPAWN = multiprocessing.get_context("spawn")
+
+
+@dataclass(frozen=True)
+class Reproduced:
+    """What came out for a paper."""
+
+    paper: Paper
+    rows: tuple[Judged, ...]
+    """In the order of the file."""
+    figures: Mapping[str, str]
+    """Caption -> SVG text."""
+    failures: tuple[str, ...] = ()
+    """A sentence for each part that failed."""
+
+
+def parts_of(number: str) -> tuple[Part, ...]:
+    """What is computed for a paper: `PARTS` of its package, none where it has no package."""
+    package = f"twin.reproduce.paper_{number}"
+    if importlib.util.find_spec(package) is None:
+        return ()
+    return cast("tuple[Part, ...]", importlib.import_module(f"{package}.parts").PARTS)
+
+
+def reproduce(paper: Paper, parts: Sequence[Part], *, jobs: int, say: Say) -> Reproduced:
+    """Compute the parts of a paper and judge its rows.
+
+    Args:
+        paper: with its rows.
+        parts: of this paper.
+        jobs: parts at the same time.
+        say: told what is being done.
+    """
+    ours: dict[str, Judged] = {}
+    figures: dict[Part, Mapping[str, str]] = {}
+    failures: list[str] = []
+    by_id = {row.id: row for row in paper.rows}
+    for part, found in _computed(parts, jobs, say):
+        if isinstance(found, str):
+            failures.append(f"{', '.join(part.ids)}: {found}")
+            why, found = f"Could not be computed: {found}", Found({})
+        else:
+            why = "Not computed: its part gave nothing for it."
+        figures[part] = found.figures
+        for name in part.ids:
+            ours[name] = _judged(by_id[name], found, why)
+    return Reproduced(
+        paper,
+        tuple(ours.get(row.id) or nothing(row, UNCOMPUTED) for row in paper.rows),
+        {caption: svg for part in parts for caption, svg in figures[part].items()},
+        tuple(failures),
+    )
+
+
+def _judged(row: Row, found: Found, why: str) -> Judged:
+    if row.id not in found.rows:
+        return nothing(row, why)
+    try:
+        return judge(row, found.rows[row.id])
+    except ValueError as problem:
+        return nothing(row, f"Cannot be judged: {problem}.")
+
+
+def _computed(parts: Iterable[Part], jobs: int, say: Say) -> Iterator[tuple[Part, Found | str]]:
+    """Each part with what it found, or with a sentence on why it found nothing."""
+    waiting, running = deque(parts), dict[Any, tuple[Part, BaseProcess]]()
+    total, done = len(waiting), 0
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                part = waiting.popleft()
+                ours, theirs = _SPAWN.Pipe(duplex=False)
+                process = _SPAWN.Process(target=_work, args=(part, theirs), daemon=True)
+                process.start()
+                theirs.close()
+                running[ours] = part, process
+            for pipe in cast("list[Connection]", wait(list(running))):
+                part, process = running[pipe]
+                answer = _received(pipe, process)
+                if answer is None:
+                    continue
+                kind, content = answer
+                if kind == "say":
+                    say(f"{part.ids[0]}: {content}")
+                    continue
+                del running[pipe]
+                process.join()
+                done += 1
+                say(f"{done} of {total}: {part.ids[0]} {kind}")
+                yield part, content
+    finally:
+        for _, process in running.values():
+            process.terminate()
+
+
+def _received(pipe: "Connection", process: BaseProcess) -> tuple[str, Any] | None:
+    try:
+        return pipe.recv()
+    except EOFError:
+        process.join()
+        return "failed", f"its process ended with code {process.exitcode}"
+
+
+def _work(part: Part, pipe: "Connection") -> None:
+    """In the part's process."""
+    try:
+        found = part.compute(lambda doing: pipe.send(("say", doing)))
+    except Exception as problem:
+        pipe.send(("failed", f"{type(problem).__name__}: {problem}"))
+    else:
+        pipe.send(("done", found))
+    pipe.close()
