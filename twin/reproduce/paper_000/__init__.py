@@ -1,0 +1,1 @@
+"""Batch identification and adaptive balancing with control moment gyros, on `tas2`."""

@@ -1,0 +1,1 @@
+"""Balancing in the plane by sliding masses with and without magnetorquers, on `cubesat`."""
