@@ -53,7 +53,8 @@ def write_html(path: Path, found: Sequence[Reproduced], order: Sequence[str]) ->
 def summary(rows: Sequence[Judged]) -> str:
     """How many agree."""
     count = Counter(row.verdict for row in rows)
-    return f"{len(rows)} rows: " + ", ".join(f"{n} {verdict}" for verdict, n in count.items()) + "."
+    told = ", ".join(f"{verdict} {count[verdict]}" for verdict in sorted(count))
+    return f"{len(rows)} rows: {told}."
 
 
 def cells(judged: Judged) -> tuple[str, ...]:

@@ -51,9 +51,9 @@ def compute(say: Say) -> Found:
         "000.fig3.offset_with_excitation": Ours(
             left,
             note=f"Mean of the last turn of {MOVING:g} s of rolling and pitching by 10 deg at "
-            f"{RollPitch().pace:g} rad/s; reference and gains are ours. What is left belongs to a "
-            f"momentum error of {wrong:.2g} in {whole:.2g} N m s that a loop of 20 Hz and gimbals "
-            "with inertia of their own leave, and not to the law.",
+            f"{RollPitch().pace:g} rad/s; reference and gains are ours. What is left goes with a "
+            f"momentum error of {wrong:.2g} in {whole:.2g} N m s: drives and a loop of 20 Hz are "
+            "late, and the law takes that for gravity.",
         ),
     }
     figures = {

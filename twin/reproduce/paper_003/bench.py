@@ -96,8 +96,9 @@ class Tests:
 
     @property
     def mass_x(self) -> Array:
-        """Steady position of the mass along x, (m, n) [m]."""
-        return self.steady.true["stage_position"][..., 0]
+        """Steady position of the mass along x, from where it stood first, (m, n) [m]."""
+        position = self.steady.true["stage_position"][..., 0]
+        return position - position[0]
 
     @property
     def path(self) -> Array:

@@ -51,7 +51,7 @@ def compute(say: Say) -> Found:
         position = run.applied["command_stage_position"][-1, 0]
         found = _identified(machine, position, SEED + 10 * number)
         below, unsure = _below(machine, found, position)
-        said.append(f"{-1e6 * below:.1f} +- {1e6 * unsure:.1f}")
+        said.append(f"{-1e6 * below:.2f} +- {1e6 * unsure:.2f}")
         # half of what surely lies between CM and CR; the counters are set to zero there
         up = 0.5 * max(-(below + 1.5 * unsure), 0.0) / machine.stages[2].mass
         moment = _moment(machine, position + np.array([0.0, 0.0, up]))

@@ -4,12 +4,14 @@ Fig. 3 to 5 show the first of those tests.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from twin.platform import Platform
 from twin.report.style import FIGURE, PALETTE, svg
 from twin.reproduce.flown import Flown
 from twin.reproduce.paper_003.bench import (
@@ -34,8 +36,13 @@ def first(say: Say) -> Found:
     dipole = np.abs(both.run.applied["command_dipole"])
     steps = np.ptp(both.mass_x, axis=0), np.ptp(alone.mass_x, axis=0)
     spread = both.mass_x.std(axis=0), alone.mass_x.std(axis=0)
+    say("with twice the IMU's noise")
+    noisy = _with_imu_noise(alone.run.platform, 2.0)
+    twice = [fly_tests(noisy, law).in_plane for law in (mixed(), mechanical())]
+    told = f" With twice that noise, which the paper does not print, it is {ratio(*twice)[0]:.2f}."
+    in_plane = _in_plane(alone, both)
     rows = {
-        "003.table1.in_plane": _in_plane(alone, both),
+        "003.table1.in_plane": replace(in_plane, note=in_plane.note + told),
         "003.table1.peak_to_peak": _compared(*steps, 1e6, "um"),
         "003.table1.deviation": _compared(*spread, 1e6, "um"),
         "003.table1.torque": _torque(alone, both),
@@ -75,6 +82,13 @@ def _flown(side: float, say: Say) -> tuple[Tests, Tests]:
     return alone, fly_tests(machine, mixed())
 
 
+def _with_imu_noise(machine: Platform, factor: float) -> Platform:
+    """The table with that many times the noise of its attitude."""
+    sensor = machine.sensors["attitude"]
+    sensor = replace(sensor, noise=factor * sensor.noise)
+    return replace(machine, sensors={**machine.sensors, "attitude": sensor})
+
+
 def _in_plane(alone: Tests, both: Tests) -> Ours:
     value, low, high = ratio(both.in_plane, alone.in_plane)
     early, *_ = ratio(both.in_plane_as_in_paper, alone.in_plane_as_in_paper)
@@ -82,8 +96,8 @@ def _in_plane(alone: Tests, both: Tests) -> Ours:
     note = (
         f"{both.in_plane.mean():.2g} over {alone.in_plane.mean():.2g}, the last 100 s of 1200 s: "
         "masses alone keep a limit cycle in their play, which the coils' damping takes away; the "
-        f"IMU's noise is {noise:.2g} of it. After the paper's 300 s the ratio is {early:.2f}: the "
-        "integral of both is still on its way."
+        f"IMU's noise is {noise:.2g}. After the paper's 300 s the ratio is {early:.2f}: "
+        "the integral of both is still on its way."
     )
     return Ours(value, low, high, note)
 
