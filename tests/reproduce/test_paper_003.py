@@ -80,9 +80,9 @@ def test_a_ratio_of_equal_scatter_has_one_inside_its_interval():
 
 
 def test_coils_move_the_masses_less_than_a_derivative_term_on_them_does():
-    """Fig. 3 in short: a minute of each law."""
+    """Fig. 3 in short: half a minute of each law."""
     machine = table(-1.0)
-    alone, both = (fly_tests(machine, law, 60.0) for law in (mechanical(), mixed()))
+    alone, both = (fly_tests(machine, law, 30.0) for law in (mechanical(), mixed()))
     assert both.path.mean() < alone.path.mean()
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from twin.controller import load_controller
 from twin.effects import parse_effects, with_effects
+from twin.effects.gimbals.gimbal_friction import GimbalFriction
 from twin.identify import identify
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
@@ -44,29 +45,35 @@ def compute(say: Say) -> Found:
     say("adaptive balancing")
     run = _adapting(machine, RUNS)
     end, adapted = _end(run)
-    alone: list[str] = []
+    alone, sound = list[str](), 0.0
     for name in ("", *FAULTS):
         say(f"adaptive balancing with {name or 'no fault'} alone")
-        _, moment = _end(
-            _adapting(with_effects(shipped, parse_effects(name) if name else ()), (0,))
-        )
+        one = parse_effects(name) if name else ()
+        last, moment = _end(_adapting(with_effects(shipped, one), (0,)))
         torque = 1e3 * machine.gravity * moment.mean()
         alone.append(f"{torque:.3g} with {name.replace('_', ' ') or 'none of them'}")
+        if not name:
+            sound = 1e3 * float(last.true["stage_position"][..., 2].mean())
     first = np.linalg.norm(machine.center_of_mass_offset)
     torques = machine.gravity * np.array([adapted.mean(), left.mean(), first])
-    travel = np.abs(end.true["stage_position"].mean(axis=0))
-    sides = travel[:, :2].max(axis=1)
+    stood = end.true["stage_position"].mean(axis=0)
+    sides = np.abs(stood[:, :2]).max(axis=1)
+    friction = GimbalFriction()
+    short = friction.torque / friction.stiffness * shipped.rotors[0].momentum
     rows = {
         "000.fig8.adaptive_beats_direct": Ours(
             float(torques[0] / torques[1]),
             note=f"{1e3 * torques[0]:.3g} over {1e3 * torques[1]:.3g} mN m, from "
             f"{1e3 * torques[2]:.3g}: means of {len(RUNS)} runs, g abs(m r). The adaptive law "
             f"alone ends at {', '.join(alone)} [mN m]: what keeps the momentum from being followed "
-            "is taken for gravity.",
+            f"is taken for gravity. Friction of {friction.torque:g} N m makes a drive of "
+            f"{friction.stiffness:g} N m s/rad without an integral fall short by {1e3 * short:.2g} "
+            "mN m of the gyro's torque; a drive that holds its rate would not.",
         ),
         "000.fig9.vertical_mass_moves_most": Ours(
-            float((travel[:, 2] / sides).mean()),
-            note=f"{1e3 * travel[:, 2].mean():.3g} mm over {1e3 * sides.mean():.3g} mm.",
+            float((np.abs(stood[:, 2]) / sides).mean()),
+            note=f"{1e3 * stood[:, 2].mean():+.3g} mm, upwards positive, over "
+            f"{1e3 * sides.mean():.3g} mm; {sound:+.3g} mm where no fault misleads the law.",
         ),
     }
     figures = {
