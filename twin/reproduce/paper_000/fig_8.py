@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.controller import load_controller
-from twin.effects import parse_effects, with_effects
+from twin.effects import effects_of, parse_effects, with_effects
 from twin.effects.gimbals.gimbal_friction import GimbalFriction
 from twin.identify import identify
 from twin.platform import Platform, load_platform
@@ -58,7 +58,7 @@ def compute(say: Say) -> Found:
     torques = machine.gravity * np.array([adapted.mean(), left.mean(), first])
     stood = end.true["stage_position"].mean(axis=0)
     sides = np.abs(stood[:, :2]).max(axis=1)
-    friction = GimbalFriction()
+    friction = next(e for e in effects_of(machine) if isinstance(e, GimbalFriction))
     short = friction.torque / friction.stiffness * shipped.rotors[0].momentum
     rows = {
         "000.fig8.adaptive_beats_direct": Ours(
