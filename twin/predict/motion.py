@@ -18,13 +18,16 @@ from twin import rotation
 from twin.errors import UsageError
 from twin.platform import Platform
 from twin.platform.mjcf import load_mjcf
-from twin.predict.tilt import attitude_of_tilt
+from twin.predict.tilt import attitude_of_start, attitude_of_tilt
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
 
 WINDOWS = (5, 7, 9, 13, 17, 25, 35, 49, 69, 99)
 """Widths tried [samples]."""
+
+SOON = 0.1
+"""Share of the gyro's time after which an attitude that ends was that of the start alone."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +69,13 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
 
     Raises:
         UsageError: the log lacks the stream that shows it (`joint_angle` or `joint_rate`, or
-            `attitude`, or `gyro` and `inclinometer`).
+            `attitude`, or `gyro` and `inclinometer`). An attitude that is known at the start alone
+            will do where a gyro goes on.
     """
     stream = "joint_angle" if platform.base.kind == "hinge" else "attitude"
     if stream == "joint_angle" and stream not in recording and "joint_rate" in recording:
         stream = "joint_rate"
-    if stream == "attitude" and stream not in recording:
+    if stream == "attitude":
         recording = _with_attitude(recording)
     if stream not in recording or len(recording[stream]) < 2 * WINDOWS[0]:
         raise UsageError(
@@ -100,11 +104,30 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
 
 
 def _with_attitude(recording: Recording) -> Recording:
-    """As tilt and rate have it, if there are both."""
-    if not {"gyro", "inclinometer"} <= set(recording):
+    """As tilt and rate have it, if there are both; where it ends soon, as the gyro carries it on.
+
+    An attitude that a lab integrated from its gyro tells nothing that the gyro does not, and is not
+    white: of such a log the attitude is that of its start.
+    """
+    if "gyro" not in recording:
         return recording
-    attitude = attitude_of_tilt(recording["gyro"], recording["inclinometer"])
+    gyro = recording["gyro"]
+    if "attitude" not in recording:
+        if "inclinometer" not in recording:
+            return recording
+        attitude = attitude_of_tilt(gyro, recording["inclinometer"])
+    else:
+        shown = recording["attitude"]
+        if len(shown) == 0 or len(gyro) == 0 or _share(shown, gyro) > SOON:
+            return recording
+        attitude = attitude_of_start(gyro, shown)
     return replace(recording, streams={**recording.streams, "attitude": attitude})
+
+
+def _share(series: Series, of: Series) -> float:
+    """Of the time of another stream after which a stream ends."""
+    whole = float(of.time[-1] - of.time[0])
+    return float(series.time[-1] - of.time[0]) / whole if whole > 0.0 else 1.0
 
 
 def _integrated(series: Series, platform: Platform) -> Motion:

@@ -1,7 +1,7 @@
-"""An attitude from a gyro and an inclinometer: enough to begin a prediction with.
+"""An attitude from a gyro and what little else is known: enough to begin a prediction with.
 
-Its heading starts at 0 and is the gyro's integral: no tilt tells it, and none of gravity's laws
-asks for it.
+With an inclinometer, its heading starts at 0 and is the gyro's integral: no tilt tells it, and none
+of gravity's laws asks for it. With an attitude at the start, all of it is the gyro's integral.
 """
 
 import numpy as np
@@ -27,6 +27,17 @@ def attitude_of_tilt(gyro: Series, inclinometer: Series) -> Series:
         turned = before if i == 0 else rotation.multiply(before, turns[i - 1])
         attitude[i] = before = _levelled(turned, vertical[i])
     return Series(time, attitude, ("w", "x", "y", "z"), "1")
+
+
+def attitude_of_start(gyro: Series, attitude: Series) -> Series:
+    """(m, 4) at the gyro's stamps from the first attitude on, as the gyro carries it on."""
+    inside = gyro.time >= attitude.time[0]
+    time, rate = gyro.time[inside], gyro.value[inside]
+    turns = rotation.from_rotation_vector(0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None])
+    carried = [attitude.value[0]]
+    for turn in turns:
+        carried.append(rotation.multiply(carried[-1], turn))
+    return Series(time, np.array(carried), ("w", "x", "y", "z"), "1")
 
 
 def _levelled(attitude: Array, vertical: Array) -> Array:

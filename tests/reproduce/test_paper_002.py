@@ -1,0 +1,89 @@
+"""Paper 002: what is computed for its tables and figures, as far as it is quick."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin import rotation
+from twin.identify import identify
+from twin.predict.motion import motion_of
+from twin.reproduce.efficiency import cramer_rao, trial_of
+from twin.reproduce.paper_002 import fig9, table2, table3_ours, table4
+from twin.reproduce.paper_002.manoeuvre import ideal, integrated, machine, measured, tracked
+from twin.reproduce.paper_002.parts import PARTS
+
+ROWS = Path(__file__).parents[2] / "docs" / "reproduction.toml"
+
+
+def test_no_row_is_computed_twice_nor_one_that_was_not_fixed_before():
+    rows = tomllib.loads(ROWS.read_text(encoding="utf-8"))["row"]
+    wanted = [row["id"] for row in rows if row["id"].startswith("002.")]
+    found = [name for part in PARTS for name in part.ids]
+    assert len(set(found)) == len(found)
+    assert set(found) <= set(wanted)
+
+
+@pytest.fixture(scope="module")
+def perfect() -> dict[str, float]:
+    return {name: float(ours.value) for name, ours in table2.compute(print).rows.items()}
+
+
+def test_on_perfect_data_every_method_finds_all_nine_parameters(perfect):
+    assert set(perfect) == set(table2.PART.ids)
+    assert max(perfect.values()) < 0.5
+
+
+def test_the_data_reach_the_rate_that_the_paper_states():
+    assert np.abs(ideal()["gyro"].value).max() == pytest.approx(0.1, rel=0.1)
+    assert 0.0 < rotation.tilt(tracked()["attitude"].value).max() < 0.2
+
+
+def test_an_attitude_integrated_from_a_perfect_gyro_is_the_true_one():
+    log = ideal()
+    found = integrated(log["gyro"], log["attitude"].value[0]).value
+    off = rotation.multiply(rotation.conjugate(found), log["truth_attitude"].value)
+    assert np.abs(rotation.to_rotation_vector(off)).max() < 2e-4
+
+
+def test_noise_of_the_gyro_is_in_the_attitude_too():
+    log = measured(ideal(), 4.7e-3, np.random.default_rng(1))
+    gyro = log["gyro"].value - ideal()["gyro"].value
+    assert gyro.std() == pytest.approx(4.7e-3, rel=0.03)
+    off = rotation.multiply(rotation.conjugate(ideal()["attitude"].value), log["attitude"].value)
+    # a random walk of 0.02 s steps over 60 s
+    assert 5e-4 < np.linalg.norm(rotation.to_rotation_vector(off[-1])) < 2e-2
+
+
+def test_an_attitude_of_the_start_alone_is_carried_on_by_the_gyro():
+    log = table3_ours.as_handed_in(ideal(), 3).without_truth()
+    motion = motion_of(log, machine())
+    assert motion.time[-1] > 59.0
+    off = rotation.multiply(
+        rotation.conjugate(ideal()["attitude"].interpolated_at(motion.time)), motion.position
+    )
+    assert np.abs(rotation.to_rotation_vector(off)).max() < 3e-2
+
+
+def test_where_the_papers_methods_are_wrong_by_half_prediction_error_is_within_its_intervals():
+    platform, log = machine(), table3_ours.as_handed_in(ideal(), 3)
+    bound = cramer_rao(platform, log, table3_ours.SCATTER)
+    found = identify([log.without_truth()], platform)
+    trial = trial_of(found, platform, bound)
+    assert found.misfit[0].is_noise
+    # of nine that hang together
+    assert np.all(np.abs(trial.error) < 4.0 * bound)
+    np.testing.assert_allclose(trial.half, 1.96 * bound, rtol=0.3)
+
+
+def test_no_published_inertia_of_table_4_is_a_body_and_the_nearest_is():
+    rows = table4.compute(print).rows
+    assert rows["002.table4.unphysical"].value == 0.0
+    assert rows["002.table4.physical"].value is True
+
+
+def test_a_moving_average_of_white_noise_leaves_one_over_the_root_of_its_width():
+    (ours,) = fig9.compute(print).rows.values()
+    width = fig9.samples(41.0, fig9.GYRO * fig9.natural_frequency(machine()))
+    assert ours.value == pytest.approx(width**-0.5, rel=0.1)

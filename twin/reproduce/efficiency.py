@@ -1,0 +1,142 @@
+"""Our errors beside the least that any unbiased method could have on the very same experiment."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from twin import rotation
+from twin.identify.excitation import BLIND
+from twin.identify.identification import Identification
+from twin.identify.prediction_error import NORMAL
+from twin.model import compile_model
+from twin.platform import Platform
+from twin.predict.base import ENTRIES, NAMES, base_parameters
+from twin.predict.body import body_of
+from twin.predict.innovations import Problem, Unknowns
+from twin.predict.motion import motion_of
+from twin.predict.states import States
+from twin.recording import Recording
+from twin.report.style import FIGURE, PALETTE, SOFT, svg
+from twin.reproduce.part import Ours
+
+Array = NDArray[np.float64]
+
+ALLOWED = 1.3
+"""Of an rms error over its bound."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One log: what was found of J and m r, and what can be known of them."""
+
+    error: Array
+    """(9,)."""
+    half: Array
+    """(9,) half of the 95 % intervals."""
+    bound: Array
+    """(9,) Cramer-Rao bound, 1 sigma."""
+
+
+def trial_of(found: Identification, truth: Platform, bound: Array) -> Trial:
+    """Of an identification of a simulated machine.
+
+    Args:
+        found: what the log said.
+        truth: the machine that was flown.
+        bound: (9,) of that log.
+    """
+    entries = [truth.inertia[i, j] for i, j in ENTRIES]
+    true = np.concatenate([entries, truth.center_of_mass_offset])
+    return Trial(found.theta[:9] - true, found.half_widths[:9], bound)
+
+
+def cramer_rao(
+    platform: Platform, log: Recording, noise: Mapping[str, float], intensity: float = 0.0
+) -> Array:
+    """(9,) bound: at the true base, along the true path, the noise as it is.
+
+    Args:
+        platform: the machine that was flown.
+        log: with its true states.
+        noise: 1 sigma a sample, by stream; of an attitude [rad].
+        intensity: of a white torque about each axis [(N m)^2 s].
+    """
+    machine = compile_model(platform)
+    base = base_parameters(machine)
+    facts = {"streams": {name: {"noise": sigma} for name, sigma in noise.items()}}
+    told = replace(log.without_truth(), provenance=facts)
+    body = body_of(machine, told, motion_of(told, platform))
+    true = (
+        log[name].interpolated_at(body.grid.starts)
+        for name in ("truth_attitude", "truth_rate", "truth_wheel_speed")
+    )
+    attitude, rate, wheel_speed = true
+    none = np.zeros((len(rate), 0))
+    at = Unknowns(
+        base.as_stated,
+        (np.zeros(len(body.bias_scale)),),
+        (States(rotation.normalized(attitude), rate, wheel_speed, none),),
+        strengths=np.zeros(0),
+    )
+    covariance = Problem([body], base).innovations(at, intensity).covariance
+    return np.asarray(np.sqrt(np.diag(covariance)[:9]), dtype=np.float64)
+
+
+def seen_of(platform: Platform, trials: Sequence[Trial]) -> NDArray[np.bool_]:
+    """(9,) which parameters the bound says can be seen: as an identification says it of its own
+    intervals."""
+    bound = np.sqrt(np.mean([np.square(trial.bound) for trial in trials], axis=0))
+    return NORMAL * bound < BLIND * base_parameters(compile_model(platform)).scale
+
+
+def ratios_of(trials: Sequence[Trial]) -> Array:
+    """(9,) rms error over the bound."""
+    return np.sqrt(np.mean([np.square(trial.error / trial.bound) for trial in trials], axis=0))
+
+
+def judged(platform: Platform, trials: Sequence[Trial], note: str) -> tuple[Ours, Ours]:
+    """The largest ratio of those that can be seen, and the share of their intervals that cover.
+
+    Args:
+        platform: the machine.
+        trials: at least one.
+        note: about the experiment; what cannot be seen is added.
+    """
+    seen, ratio = seen_of(platform, trials), ratios_of(trials)
+    held = np.array([np.abs(trial.error) <= trial.half for trial in trials])
+    unseen = [name for name, one in zip(NAMES, seen, strict=True) if not one]
+    worst = NAMES[int(np.argmax(np.where(seen, ratio, 0.0)))]
+    shown = ", ".join(f"{name} {ratio[i]:.2f}" for i, name in enumerate(NAMES) if seen[i])
+    hidden = f" Not seen: {', '.join(unseen)}." if unseen else " All nine can be seen."
+    each = held[:, seen].mean(axis=0)
+    return (
+        Ours(
+            float(ratio[seen].max()),
+            note=f"{len(trials)} seeds; {shown}; the largest is {worst}'s.{hidden} {note}",
+        ),
+        Ours(
+            float(held[:, seen].mean()),
+            note=f"{len(trials)} seeds; of one parameter {each.min():.0%} to {each.max():.0%}.",
+        ),
+    )
+
+
+def efficiency_figure(trials: Sequence[Trial]) -> str:
+    """Errors of each parameter in units of its bound."""
+    with mpl.rc_context(FIGURE):
+        figure = Figure(figsize=(9.6, 3.6))
+        panel = figure.subplots()
+        for place in range(len(NAMES)):
+            error = np.array([trial.error[place] / trial.bound[place] for trial in trials])
+            across = place + np.linspace(-0.25, 0.25, len(error))
+            panel.plot(across, error, ".", ms=3.0, color=PALETTE[0])
+            rms = float(np.sqrt(np.mean(np.square(error))))
+            panel.text(place, 3.6, f"{rms:.2f}", ha="center", color=PALETTE[1])
+        panel.axhspan(-NORMAL, NORMAL, color=SOFT, alpha=0.12, lw=0.0)
+        panel.set_xticks(range(len(NAMES)), NAMES)
+        panel.set(ylim=(-4.2, 4.2), ylabel="error / bound (rms above)")
+        return svg(figure)

@@ -1,0 +1,1 @@
+"""System identification of a spherical air-bearing spacecraft simulator (AAS 04-122)."""

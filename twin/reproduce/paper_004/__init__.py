@@ -1,0 +1,1 @@
+"""Mass properties identification and automatic mass balancing system (Sharifi and others, 2019)."""
