@@ -7,16 +7,19 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.clock import SimulatedClock
-from twin.controller import load_controller
+from twin.controller import Controller, load_controller
 from twin.effects import with_effects
 from twin.estimators import load_estimator
+from twin.estimators.passthrough import Passthrough
 from twin.loop import fly
 from twin.plant.simulated import InitialState, SimulatedPlant
 from twin.platform import Platform, load_platform
-from twin.recording import Recording
-from twin.reference import Multisine, Reference
+from twin.predict.base import ENTRIES
+from twin.recording import Recording, Series
+from twin.reference import Hold, Multisine, Reference
+from twin.reproduce.inertia import tensor
 from twin.reproduce.paper_004.uncertain_torque import UncertainTorque
-from twin.signals import Target
+from twin.signals import Command, Estimate, Target
 from twin.stream.recorder import MemoryRecorder
 
 Array = NDArray[np.float64]
@@ -37,6 +40,23 @@ class About(Reference):
         """The motion's, seen from that attitude: rates in body axes stay as they are."""
         target = self.motion.at(time)
         return replace(target, attitude=rotation.multiply(self.attitude, target.attitude))
+
+
+@dataclass(frozen=True)
+class Replay(Controller[None]):
+    """Wheel torques as they were recorded, whatever the machine does."""
+
+    torque: Series
+
+    def init(self, platform: Platform, n: int) -> None:
+        """Nothing is remembered."""
+
+    def update(
+        self, state: None, estimate: Estimate, target: Target, time: float
+    ) -> tuple[Command, None]:
+        """What was held at this time."""
+        # a tick's stamp is a multiple of the period to the last bit or two
+        return {"command_wheel_torque": self.torque.held_at(np.array([time + 1e-6]))}, None
 
 
 def machine(variant: str) -> Platform:
@@ -62,7 +82,7 @@ def flown(
     torque: float = 0.0,
     start: InitialState | None = None,
 ) -> list[Recording]:
-    """Fly a batch from where it hangs, about which it follows a motion.
+    """Fly a batch from where it hangs, about which it follows a motion; from a start, about that.
 
     Args:
         platform: the machine.
@@ -73,22 +93,46 @@ def flown(
         torque: bound of a disturbance [N m].
         start: of the machine; hanging at rest unless given.
     """
-    middle = hanging(platform)
+    start = start or InitialState(attitude=hanging(platform))
     disturbed = UncertainTorque(torque, seed=seed)
     plant = SimulatedPlant(
         with_effects(platform, [disturbed]) if torque else platform,
         runs=range(runs),
         seed=seed,
-        initial=start or InitialState(attitude=middle),
+        initial=start,
     )
     recorder = MemoryRecorder(plant.platform, {"platform": platform.name, "source": "paper 004"})
     fly(
         plant,
         load_estimator("filter"),
         load_controller("quaternion_pd", GAINS),
-        About(middle, motion),
+        About(start.attitude, motion),
         SimulatedClock(),
         duration=duration,
         observers=[recorder],
     )
     return [recorder.recording(run) for run in range(runs)]
+
+
+def truth_of(platform: Platform) -> Array:
+    """(9,) J and m r."""
+    entries = [platform.inertia[i, j] for i, j in ENTRIES]
+    return np.concatenate([entries, platform.center_of_mass_offset])
+
+
+def resimulated(platform: Platform, theta: Array, log: Recording) -> Series:
+    """Rates of a machine with such J and m r (9,) under a log's wheel torques, from rest where it
+    hangs (Fig. 9)."""
+    found = replace(platform, inertia=tensor(theta[:6]), center_of_mass_offset=theta[6:9])
+    plant = SimulatedPlant(found, initial=InitialState(attitude=hanging(found)))
+    recorder = MemoryRecorder(plant.platform, {"platform": found.name, "source": "paper 004"})
+    fly(
+        plant,
+        Passthrough(),
+        Replay(log["command_wheel_torque"]),
+        Hold(),
+        SimulatedClock(),
+        duration=float(log["command_wheel_torque"].time[-1]),
+        observers=[recorder],
+    )
+    return recorder.recording()["truth_rate"]
