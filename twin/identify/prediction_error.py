@@ -194,14 +194,23 @@ def _moved(
 def most_likely(
     problem: Problem, exact: Innovations, decades: tuple[float, float] = DECADES
 ) -> Innovations:
-    """With the intensity of the torque at which the logs are most likely."""
+    """With the intensity of the torque at which the logs are most likely.
+
+    Whatever the base and the biases are: what these take of the noise would pass for a torque that
+    is not there (restricted likelihood; H. D. Patterson and R. Thompson, Biometrika 58, 1971).
+    """
     size = float(np.max(problem.base.scale)) ** 2
 
     def with_decade(decade: float) -> Innovations:
         return problem.whiten(exact.at, exact.exact, size * 10.0**decade)
 
+    def restricted(now: Innovations) -> float:
+        size = np.linalg.norm(now.columns, axis=0)
+        triangle = np.linalg.qr(now.columns / size, mode="r")
+        return now.cost + 2.0 * float(np.log(np.abs(np.diag(triangle)) * size).sum())
+
     best = minimize_scalar(
-        lambda decade: with_decade(float(decade)).cost,
+        lambda decade: restricted(with_decade(float(decade))),
         bounds=decades,
         method="bounded",
         options={"xatol": 0.05},
