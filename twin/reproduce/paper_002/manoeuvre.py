@@ -122,6 +122,13 @@ def machine(*, inertia: Array | None = None, moment: Array | None = None) -> Pla
     )
 
 
+def as_guessed() -> Platform:
+    """What an identification is told: the simple mass properties, hanging straight down."""
+    truth = machine()
+    down = np.array([0.0, 0.0, -float(np.linalg.norm(truth.center_of_mass_offset))])
+    return machine(inertia=np.diag(np.diag(truth.inertia)), moment=down)
+
+
 def hanging(platform: Platform) -> Array:
     """(4,) the attitude at which its CM hangs below the CR, by the shortest turn from level."""
     down = platform.center_of_mass_offset / np.linalg.norm(platform.center_of_mass_offset)

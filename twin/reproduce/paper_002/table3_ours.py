@@ -12,7 +12,7 @@ from twin import rotation
 from twin.identify import identify
 from twin.recording import Recording
 from twin.reproduce.efficiency import Trial, cramer_rao, efficiency_figure, judged, trial_of
-from twin.reproduce.paper_002.manoeuvre import NOISE, ideal, machine, measured
+from twin.reproduce.paper_002.manoeuvre import NOISE, as_guessed, ideal, machine, measured
 from twin.reproduce.part import Found, Part, Say
 
 SEEDS = range(100)
@@ -24,13 +24,13 @@ no likelihood can."""
 
 
 def compute(say: Say) -> Found:
-    """100 seeds of the gyro's noise; its size is not told."""
-    platform, flight = machine(), ideal()
+    """100 seeds of the gyro's noise; neither its size is told nor products of inertia."""
+    platform, guess, flight = machine(), as_guessed(), ideal()
     bound = cramer_rao(platform, as_handed_in(flight, 0), SCATTER)
     trials = list[Trial]()
     for seed in SEEDS:
         say(f"Table 3 by prediction error: seed {seed}")
-        found = identify([as_handed_in(flight, seed).without_truth()], platform)
+        found = identify([as_handed_in(flight, seed).without_truth()], guess)
         trials.append(trial_of(found, platform, bound))
     ratio, covered = judged(
         platform,

@@ -9,7 +9,7 @@ from twin.identify import identify
 from twin.recording import Series
 from twin.reference import Multisine
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
-from twin.reproduce.paper_004.manoeuvre import flown, machine, resimulated
+from twin.reproduce.paper_004.manoeuvre import as_guessed, flown, machine, resimulated
 from twin.reproduce.part import Found, Ours, Part, Say
 
 Array = NDArray[np.float64]
@@ -25,7 +25,8 @@ def compute(say: Say) -> Found:
     platform = machine("sads:table3")
     motion = Multisine(np.radians(15.0), 0.02)
     (log,) = flown(platform, motion, duration=DURATION, runs=1, seed=SEED)
-    theta = identify([log.without_truth()], platform, "levenberg-marquardt").theta
+    told = as_guessed(platform)
+    theta = identify([log.without_truth()], told, "levenberg-marquardt").theta
     simulated = resimulated(platform, theta, log)
     gyro = log["gyro"]
     again = simulated.interpolated_at(gyro.time)

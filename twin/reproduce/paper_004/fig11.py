@@ -9,7 +9,7 @@ from twin.identify import identify
 from twin.plant.simulated import InitialState
 from twin.reference import Multisine
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
-from twin.reproduce.paper_004.manoeuvre import flown, machine
+from twin.reproduce.paper_004.manoeuvre import as_guessed, flown, machine
 from twin.reproduce.part import Found, Ours, Part, Say
 
 Array = NDArray[np.float64]
@@ -37,7 +37,8 @@ def compute(say: Say) -> Found:
         # it swings about where it hangs until it is balanced, then about level
         start = InitialState(stage_position=place) if number else None
         (log,) = flown(platform, MOTION, duration=DURATION, runs=1, seed=SEED + number, start=start)
-        moment = identify([log.without_truth()], platform, "levenberg-marquardt").theta[6:9]
+        told = as_guessed(platform)
+        moment = identify([log.without_truth()], told, "levenberg-marquardt").theta[6:9]
         step = np.array([stage.resolution for stage in platform.stages])
         place = np.rint(-np.linalg.solve(pull.T, moment) / step) * step
     shown = ", ".join(f"{1e3 * torque:.3g}" for torque in torques)

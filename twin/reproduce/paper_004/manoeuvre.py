@@ -64,6 +64,12 @@ def machine(variant: str) -> Platform:
     return replace(load_platform(variant), tilt_limit=np.inf)
 
 
+def as_guessed(platform: Platform) -> Platform:
+    """What an identification is told: the paper's initial values, (3, 12, 12, 0, 0, 0) and no r."""
+    inertia = load_platform("sads").inertia
+    return replace(platform, inertia=inertia, center_of_mass_offset=np.zeros(3))
+
+
 def hanging(platform: Platform) -> Array:
     """(4,) the attitude at which its CM hangs below the CR, by the shortest turn from level."""
     down = platform.center_of_mass_offset / np.linalg.norm(platform.center_of_mass_offset)
