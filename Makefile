@@ -11,7 +11,7 @@ export UV_SYSTEM_CERTS := 1
 .PHONY: demo test test-slow lint bench panel clean
 
 demo: $(READY)
-	$(BIN)/twin run sads --controller quaternion_pd --duration 60 --rrd runs/demo/sads.rrd
+	$(BIN)/twin balance cubesat --rrd runs/demo/cubesat.rrd
 	$(BIN)/twin diagnose models/dfki_pendulum/logs/energy_shaping --report runs/demo/pendulum.html
 
 # these fill the cores with processes

@@ -60,6 +60,7 @@ def test_every_make_target_of_the_readme_exists(target: str):
     assert re.search(rf"^{target}:", MAKEFILE, re.MULTILINE)
 
 
+@pytest.mark.slow
 def test_every_command_of_the_readme_runs_in_its_order(checkout: Path):
     for line in TWIN_COMMANDS:
         run(line, checkout)
