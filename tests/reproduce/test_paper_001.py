@@ -105,7 +105,9 @@ def test_filter_of_three_offsets_claims_no_less_than_the_bound_and_reaches_it():
     claimed = run.believed["offset_covariance"][-1]
     least = np.sqrt(np.diag(bound))
     sigma = np.sqrt(np.diagonal(claimed, axis1=1, axis2=2))
-    np.testing.assert_allclose(sigma / least, 1.0, rtol=0.05)
+    # each run's claim is along its own estimate, the bound along the true motion
+    np.testing.assert_allclose((sigma / least).mean(axis=0), 1.0, rtol=0.02)
+    np.testing.assert_allclose(sigma / least, 1.0, rtol=0.15)
 
 
 @pytest.mark.slow
