@@ -1,7 +1,7 @@
 """Runs of a law on a simulated machine, as what is true at each tick of them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from twin.controller import AnyController
 from twin.estimators import load_estimator
 from twin.loop import fly
 from twin.plant.simulated import InitialState, SimulatedPlant
-from twin.platform import Platform, Sensor
+from twin.platform import Platform
 from twin.reference import Hold, Reference
 from twin.signals import Tick
 
@@ -39,17 +39,6 @@ class _Rows:
             self.true.setdefault(name.removeprefix("truth_"), []).append(row)
         for name, value in tick.applied.items():
             self.applied.setdefault(name, []).append(value[0].copy())
-
-
-def perfect(platform: Platform) -> Platform:
-    """The machine with sensors that show what is true at each tick, and without its effects."""
-
-    def plain(sensor: Sensor) -> Sensor:
-        width = np.zeros_like(sensor.noise)
-        return Sensor(sensor.stream, platform.control_rate, width, width, site=sensor.site)
-
-    sensors = {name: plain(sensor) for name, sensor in platform.sensors.items()}
-    return replace(platform, sensors=sensors, effects=())
 
 
 def simulate(

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.controllers.flight import perfect, simulate
+from tests.controllers.flight import simulate
 from twin.controller import load_controller
 from twin.controller.gyros import Gyros
 from twin.errors import ControllerError
 from twin.plant.simulated import InitialState
 from twin.platform import load_platform
 from twin.reference import Hold
+from twin.reproduce.flown import perfect
 from twin.rotation import from_rotation_vector, to_rotation_vector
 from twin.signals import Estimate
 

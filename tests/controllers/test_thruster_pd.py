@@ -7,12 +7,13 @@ import pytest
 from scipy.optimize import linprog
 from scipy.signal import impulse
 
-from tests.controllers.flight import perfect, simulate
+from tests.controllers.flight import simulate
 from twin.controller import load_controller
 from twin.controller.thrusters import Nozzles
 from twin.errors import ControllerError
 from twin.plant.simulated import InitialState
 from twin.platform import load_platform
+from twin.reproduce.flown import perfect
 from twin.rotation import from_rotation_vector, to_rotation_vector
 
 MACHINES = ["astros", "astros:mode_c", "sads", "whorl1"]

@@ -7,9 +7,10 @@ from tests.controllers.test_cmg_steering import standing
 from twin.controller.gyros import Gyros
 from twin.platform import load_platform
 from twin.reference import Multisine
+from twin.reproduce.flown import About
 from twin.reproduce.judge import Status
 from twin.reproduce.paper_000 import eq_43, fig_7
-from twin.reproduce.paper_000.bench import About, RollPitch, printed_machine
+from twin.reproduce.paper_000.bench import RollPitch, printed_machine
 from twin.reproduce.paper_000.parts import PARTS
 from twin.reproduce.rows import paper_named, read_papers
 from twin.reproduce.run import reproduce
@@ -32,7 +33,7 @@ def test_eq_43_in_our_axes_has_the_cm_below_the_cr_and_the_products_that_the_pla
 def test_a_motion_about_another_attitude_keeps_its_rates_and_its_end_differs_by_the_attitude():
     motion = Multisine()
     hung = from_rotation_vector(np.array([0.1, -0.05, 0.0]))
-    about = About(motion, hung)
+    about = About(hung, motion)
     times = np.linspace(0.0, 50.0, 7)
     np.testing.assert_allclose(about.at(times).rate_body, motion.at(times).rate_body)
     np.testing.assert_allclose(vertical_body(about.at(0.0).attitude), vertical_body(hung))

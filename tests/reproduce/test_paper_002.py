@@ -10,12 +10,12 @@ from twin import rotation
 from twin.effects.clocks.clock_lag import ClockLag
 from twin.identify import identify
 from twin.predict.motion import motion_of
+from twin.predict.tilt import attitude_of_start
 from twin.reproduce.efficiency import cramer_rao, trial_of
 from twin.reproduce.paper_002 import fig4, fig5, fig9, lag_and_turn, table2, table3_ours, table4
 from twin.reproduce.paper_002.manoeuvre import (
     as_guessed,
     ideal,
-    integrated,
     machine,
     measured,
     tracked,
@@ -49,7 +49,7 @@ def test_the_data_reach_the_rate_that_the_paper_states():
 
 def test_an_attitude_integrated_from_a_perfect_gyro_is_the_true_one():
     log = ideal()
-    found = integrated(log["gyro"], log["attitude"].value[0]).value
+    found = attitude_of_start(log["gyro"], log["attitude"]).value
     off = rotation.multiply(rotation.conjugate(found), log["truth_attitude"].value)
     assert np.abs(rotation.to_rotation_vector(off)).max() < 2e-4
 

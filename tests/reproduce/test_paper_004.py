@@ -9,12 +9,12 @@ import pytest
 from twin.effects import State
 from twin.identify import identify
 from twin.reproduce.efficiency import cramer_rao, trial_of
+from twin.reproduce.flown import hanging
 from twin.reproduce.inertia import is_rigid_body, tensor
 from twin.reproduce.paper_004 import fig10, fig11, table1_ours, table1_wheels, table2_unphysical
 from twin.reproduce.paper_004.manoeuvre import (
     as_guessed,
     flown,
-    hanging,
     machine,
     resimulated,
     truth_of,
@@ -51,7 +51,7 @@ def test_a_plate_is_the_limit_of_what_a_body_can_be():
 
 def test_hanging_means_that_the_offset_points_down():
     platform = machine("sads:table1")
-    down = rotate(hanging(platform), platform.center_of_mass_offset)
+    down = rotate(hanging(platform.center_of_mass_offset), platform.center_of_mass_offset)
     np.testing.assert_allclose(down / np.linalg.norm(down), [0.0, 0.0, -1.0], atol=1e-12)
 
 

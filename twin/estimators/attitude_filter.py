@@ -4,14 +4,14 @@ Inside, samples stand first and runs last but for components, and the covariance
 every operation then works on whole runs, and gives a run the same bits in any company.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import UsageError
-from twin.estimators.estimator import Estimator, blank, newest
+from twin.estimators.estimator import Estimator, blank, encoders, newest, shared
 from twin.platform import Platform, Sensor
 from twin.rotation import (
     conjugate,
@@ -92,22 +92,12 @@ class AttitudeFilter(Estimator):
                 f"{' and no '.join(missing)}; use the estimator 'passthrough'"
             )
         gyro, attitude = platform.sensors["gyro"], platform.sensors["attitude"]
-        start = blank(platform, n)
         covariance = np.zeros((6, 6, n))
         covariance[range(3), range(3)] = np.pi**2
         covariance[range(3, 6), range(3, 6)] = gyro.bias[:, None] ** 2
+        start = replace(blank(platform, n), covariance=covariance.transpose(2, 0, 1))
         return FilterEstimate(
-            time=start.time,
-            attitude=start.attitude,
-            rate_body=start.rate_body,
-            wheel_speed=start.wheel_speed,
-            stage_position=start.stage_position,
-            gimbal_angle=start.gimbal_angle,
-            joint_angle=start.joint_angle,
-            joint_rate=start.joint_rate,
-            gyro_bias=start.gyro_bias,
-            valid=start.valid,
-            covariance=covariance.transpose(2, 0, 1),
+            **shared(start),
             noise=Noise(_variance(gyro), _variance(attitude), self.bias_walk**2),
             gyro=np.zeros((n, 3)),
             gyro_time=np.full(n, np.nan),
@@ -154,19 +144,15 @@ class AttitudeFilter(Estimator):
             now = multiply(attitude, from_rotation_vector((gyro[-1] - bias) * lead[:, None]))
         rate = gyro[-1] - before.gyro_bias
         np.divide(total, span[:, None], out=rate, where=span[:, None] > 0.0)
-        return FilterEstimate(
+        return replace(
+            before,
             time=reading.time,
             attitude=now,
             rate_body=rate + (before.gyro_bias - bias),
-            wheel_speed=newest(streams.get("wheel_speed"), before.wheel_speed),
-            stage_position=newest(streams.get("stage_position"), before.stage_position),
-            gimbal_angle=newest(streams.get("gimbal_angle"), before.gimbal_angle),
-            joint_angle=before.joint_angle,
-            joint_rate=before.joint_rate,
+            **encoders(streams, before),
             gyro_bias=bias,
             valid=valid,
             covariance=covariance.transpose(2, 0, 1),
-            noise=noise,
             gyro=gyro[-1],
             gyro_time=times[-1],
             attitude_then=attitude,

@@ -1,11 +1,14 @@
 """What an estimator is: samples in, one `Estimate` out, for one run or a thousand."""
 
 import abc
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import UsageError
 from twin.platform import Platform
 from twin.rotation import IDENTITY
 from twin.signals import Command, Estimate, Reading, Samples
@@ -59,6 +62,34 @@ def blank(platform: Platform, n: int) -> Estimate:
         gyro_bias=np.zeros((n, 3)),
         valid=np.zeros(n, dtype=np.bool_),
     )
+
+
+def shared(estimate: Estimate) -> dict[str, Any]:
+    """By name, what every estimate has: for one that tells more."""
+    return {entry.name: getattr(estimate, entry.name) for entry in fields(Estimate)}
+
+
+def need_floating_body(platform: Platform, estimator: str) -> None:
+    """An estimator of mass properties needs gyro and attitude of a body on a ball.
+
+    Raises:
+        UsageError: the platform lacks them.
+    """
+    missing = [name for name in ("gyro", "attitude") if name not in platform.sensors]
+    if missing or platform.base.kind != "ball":
+        lack = f"has no {' and no '.join(missing)}" if missing else "hangs on no ball"
+        raise UsageError(
+            f"the estimator {estimator!r} needs gyro and attitude of a body on a ball, and "
+            f"{platform.name} {lack}; use the estimator 'passthrough'"
+        )
+
+
+def encoders(streams: Mapping[str, Samples], before: Estimate) -> dict[str, Any]:
+    """Newest of what wheels, stages and gimbals show, as fields of an estimate."""
+    return {
+        name: newest(streams.get(name), getattr(before, name))
+        for name in ("wheel_speed", "stage_position", "gimbal_angle")
+    }
 
 
 def newest(samples: Samples | None, held: Array) -> Array:

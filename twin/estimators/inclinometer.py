@@ -1,13 +1,13 @@
 """Tilt from an inclinometer alone, and the rate by its differences."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import UsageError
-from twin.estimators.estimator import Estimator, blank, newest
+from twin.estimators.estimator import Estimator, blank, encoders, newest, shared
 from twin.platform import Platform
 from twin.rotation import conjugate, from_euler_zyx, multiply, to_rotation_vector
 from twin.signals import Estimate, Reading, Samples
@@ -43,18 +43,8 @@ class InclinometerDifferences(Estimator):
                 f"the estimator 'inclinometer' needs one, and {platform.name} has none; "
                 "use the estimator 'passthrough'"
             )
-        start = blank(platform, n)
         return TiltEstimate(
-            time=start.time,
-            attitude=start.attitude,
-            rate_body=start.rate_body,
-            wheel_speed=start.wheel_speed,
-            stage_position=start.stage_position,
-            gimbal_angle=start.gimbal_angle,
-            joint_angle=start.joint_angle,
-            joint_rate=start.joint_rate,
-            gyro_bias=start.gyro_bias,
-            valid=start.valid,
+            **shared(blank(platform, n)),
             tilt_time=np.full(n, np.nan),
         )
 
@@ -75,16 +65,12 @@ class InclinometerDifferences(Estimator):
             period = (time - before.tilt_time)[:, None]
             rate = rate.copy()
             np.divide(turn, period, out=rate, where=new[:, None] & (period > 0.0))
-        return TiltEstimate(
+        return replace(
+            before,
             time=reading.time,
             attitude=attitude,
             rate_body=rate,
-            wheel_speed=newest(streams.get("wheel_speed"), before.wheel_speed),
-            stage_position=newest(streams.get("stage_position"), before.stage_position),
-            gimbal_angle=newest(streams.get("gimbal_angle"), before.gimbal_angle),
-            joint_angle=before.joint_angle,
-            joint_rate=before.joint_rate,
-            gyro_bias=before.gyro_bias,
+            **encoders(streams, before),
             valid=~np.isnan(time),
             tilt_time=time,
         )

@@ -6,8 +6,14 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import UsageError
-from twin.estimators.estimator import Estimator, OffsetEstimate, blank, newest
+from twin.estimators.estimator import (
+    Estimator,
+    OffsetEstimate,
+    blank,
+    need_floating_body,
+    newest,
+    shared,
+)
 from twin.estimators.gyrostat import Gyrostat, Motion, Parts, rate_of, skew
 from twin.platform import Platform, Sensor
 from twin.rotation import (
@@ -100,13 +106,7 @@ class OffsetFilter(Estimator):
 
     def init(self, platform: Platform, n: int) -> GyrostatEstimate:
         """Level and at rest, the CM at the CR; not valid, and attitude unknown."""
-        missing = [name for name in ("gyro", "attitude") if name not in platform.sensors]
-        if missing or platform.base.kind != "ball":
-            lack = f"has no {' and no '.join(missing)}" if missing else "hangs on no ball"
-            raise UsageError(
-                "the estimator 'offset' needs gyro and attitude of a body on a ball, and "
-                f"{platform.name} {lack}; use the estimator 'passthrough'"
-            )
+        need_floating_body(platform, "offset")
         start, gyrostat = blank(platform, n), Gyrostat.of(platform)
         stages, gimbals = start.stage_position, start.gimbal_angle
         parts = gyrostat.parts((stages, stages), (gimbals, gimbals), 0.0)
@@ -127,16 +127,7 @@ class OffsetFilter(Estimator):
         spread[:, MOMENT, MOMENT] = (self.offset_start * platform.mass) ** 2 * np.eye(3)
         momentum = np.einsum("niw,nw->ni", parts.axes, spins) + parts.held
         return GyrostatEstimate(
-            time=start.time,
-            attitude=start.attitude,
-            rate_body=start.rate_body,
-            wheel_speed=start.wheel_speed,
-            stage_position=start.stage_position,
-            gimbal_angle=start.gimbal_angle,
-            joint_angle=start.joint_angle,
-            joint_rate=start.joint_rate,
-            gyro_bias=start.gyro_bias,
-            valid=start.valid,
+            **shared(start),
             center_of_mass_offset=np.zeros((n, 3)),
             offset_covariance=spread[:, MOMENT, MOMENT],
             motion=Motion(start.attitude, momentum, spins),
@@ -189,15 +180,14 @@ class OffsetFilter(Estimator):
                 state = correct(state, stream)
         motion, spread = state.motion, state.spread
         own = np.r_[0:3, 6:9]
-        return GyrostatEstimate(
+        return replace(
+            before,
             time=reading.time,
             attitude=motion.attitude,
             rate_body=rate_of(end, motion),
             wheel_speed=wheels,
             stage_position=stages,
             gimbal_angle=gimbals,
-            joint_angle=before.joint_angle,
-            joint_rate=before.joint_rate,
             gyro_bias=state.bias,
             valid=valid,
             covariance=spread[:, own[:, None], own],
@@ -206,9 +196,6 @@ class OffsetFilter(Estimator):
             motion=motion,
             moment=state.moment,
             spread=spread,
-            torque=before.torque,
-            gyrostat=before.gyrostat,
-            noise=before.noise,
         )
 
     def _spread(

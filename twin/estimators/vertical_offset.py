@@ -1,13 +1,20 @@
 """How far the CM is below the CR, from the gyro: one offset in a Kalman filter."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import UsageError
-from twin.estimators.estimator import Estimator, OffsetEstimate, blank, newest
+from twin.estimators.estimator import (
+    Estimator,
+    OffsetEstimate,
+    blank,
+    encoders,
+    need_floating_body,
+    newest,
+    shared,
+)
 from twin.estimators.gyrostat import skew
 from twin.platform import Platform
 from twin.rotation import cross, vertical_body
@@ -75,26 +82,10 @@ class VerticalOffsetFilter(Estimator):
 
     def init(self, platform: Platform, n: int) -> VerticalEstimate:
         """Level, at rest, the CM at the CR; not valid."""
-        missing = [name for name in ("gyro", "attitude") if name not in platform.sensors]
-        if missing or platform.base.kind != "ball":
-            lack = f"has no {' and no '.join(missing)}" if missing else "hangs on no ball"
-            raise UsageError(
-                "the estimator 'vertical_offset' needs gyro and attitude of a body on a ball, and "
-                f"{platform.name} {lack}; use the estimator 'passthrough'"
-            )
-        start = blank(platform, n)
+        need_floating_body(platform, "vertical_offset")
         variances = [self.rate_start] * 3 + [self.offset_start]
         return VerticalEstimate(
-            time=start.time,
-            attitude=start.attitude,
-            rate_body=start.rate_body,
-            wheel_speed=start.wheel_speed,
-            stage_position=start.stage_position,
-            gimbal_angle=start.gimbal_angle,
-            joint_angle=start.joint_angle,
-            joint_rate=start.joint_rate,
-            gyro_bias=start.gyro_bias,
-            valid=start.valid,
+            **shared(blank(platform, n)),
             center_of_mass_offset=np.zeros((n, 3)),
             offset_covariance=platform.mass**2 * self.offset_start * np.tile(_ALONG, (n, 1, 1)),
             state=np.zeros((n, 4)),
@@ -127,26 +118,18 @@ class VerticalOffsetFilter(Estimator):
         attitude = newest(fixes, attitude)
         if fixes is not None:
             valid = valid | fixes.valid.any(axis=1)
-        return VerticalEstimate(
+        return replace(
+            before,
             time=reading.time,
             attitude=attitude,
             rate_body=state[:, :3],
-            wheel_speed=newest(streams.get("wheel_speed"), before.wheel_speed),
-            stage_position=newest(streams.get("stage_position"), before.stage_position),
-            gimbal_angle=newest(streams.get("gimbal_angle"), before.gimbal_angle),
-            joint_angle=before.joint_angle,
-            joint_rate=before.joint_rate,
-            gyro_bias=before.gyro_bias,
+            **encoders(streams, before),
             valid=valid,
             center_of_mass_offset=before.mass * state[:, 3:] * _UP,
             offset_covariance=before.mass**2 * covariance[:, 3:, 3:] * _ALONG,
             state=state,
             state_covariance=covariance,
             gyro_time=time,
-            inertia=before.inertia,
-            inverse=before.inverse,
-            weight=before.weight,
-            mass=before.mass,
         )
 
     def _predicted(

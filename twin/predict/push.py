@@ -12,6 +12,8 @@ from twin.model import Machine
 from twin.predict.states import States
 
 Array = NDArray[np.float64]
+Factored = tuple[float, TorqueLaw]
+"""A torque on the base, so many times."""
 
 
 @dataclass(frozen=True)
@@ -24,12 +26,7 @@ class Push:
 
     force: Array
     """(S, steps, nv) generalised force, constant over each step."""
-    laws: tuple[tuple[float, TorqueLaw], ...] = ()
-    """Torques on the base, each so many times."""
-
-    def torque(self, state: State) -> Array:
-        """(n, k) of the laws [N m]."""
-        return np.asarray(sum(factor * law(state) for factor, law in self.laws))
+    laws: tuple[Factored, ...] = ()
 
     def along(self, machine: Machine, path: States, times: Array) -> Array:
         """(S, steps, nv) of all, along a path.
@@ -42,14 +39,17 @@ class Push:
         return self.force + forces_along(self.laws, machine, path, times)
 
 
-def forces_along(
-    laws: Sequence[tuple[float, TorqueLaw]], machine: Machine, path: States, times: Array
-) -> Array:
+def torque_of(laws: Sequence[Factored], state: State) -> Array:
+    """(n, k) of laws [N m]."""
+    return np.asarray(sum(factor * law(state) for factor, law in laws))
+
+
+def forces_along(laws: Sequence[Factored], machine: Machine, path: States, times: Array) -> Array:
     """(S, steps, nv) of laws along a path, as for `Push.along`."""
     force = np.zeros((*times.shape, machine.model.nv))
     if laws:
         before, after = path[0, :, :-1], path[0, :, 1:]
         middle = before.moved(0.5 * after.less(before)).flat
-        torque = Push(force, tuple(laws)).torque(middle.with_time(times.ravel()))
+        torque = torque_of(laws, middle.with_time(times.ravel()))
         force[..., machine.base_dof] = torque.reshape(*times.shape, -1)
     return force

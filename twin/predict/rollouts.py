@@ -13,7 +13,7 @@ from twin.model import Machine
 from twin.predict.drive import Inputs
 from twin.predict.motion import Motion
 from twin.predict.outputs import Grid
-from twin.predict.push import Push
+from twin.predict.push import Push, torque_of
 from twin.predict.response import Response
 from twin.predict.segments import Segment
 from twin.predict.states import States
@@ -165,7 +165,7 @@ class Rollouts:
                 velocity[:, machine.wheel_dof],
                 start + k * self.grid.step,
             )
-            now = push.torque(state)
+            now = torque_of(push.laws, state)
             held = driven[:, k : k + 1].copy()
             held[:, 0, base] += now if last is None else 1.5 * now - 0.5 * last
             last = now

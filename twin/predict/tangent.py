@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from twin.errors import TwinError
 from twin.model import Machine
-from twin.predict.push import Push
+from twin.predict.push import Push, torque_of
 from twin.predict.states import States
 
 Array = NDArray[np.float64]
@@ -69,7 +69,7 @@ def carried_answers(
     change = np.zeros((segments, steps + 1, x))
     last: Array | None = None
     for k in range(steps):
-        now = push.torque(path[0, :, k].moved(change[:, k]).with_time(begins[:, k]))
+        now = torque_of(push.laws, path[0, :, k].moved(change[:, k]).with_time(begins[:, k]))
         middle = now if last is None else 1.5 * now - 0.5 * last
         last = now
         pushed = np.einsum("sxb,sb->sx", half[:, min(k, half.shape[1] - 1)], middle)

@@ -15,8 +15,8 @@ from twin.plant.simulated import InitialState, SimulatedPlant
 from twin.platform import Platform, Sensor
 from twin.recording import Recording
 from twin.reference import Hold, Reference
-from twin.rotation import from_rotation_vector
-from twin.signals import Tick
+from twin.rotation import from_rotation_vector, multiply
+from twin.signals import Target, Tick
 from twin.stream.recorder import MemoryRecorder
 
 Array = NDArray[np.float64]
@@ -136,6 +136,20 @@ def hanging(moment: Array, most: float = np.inf) -> Array:
     angle = min(float(np.arctan2(size, -down[2])), most)
     # The body turns the other way, so that its `down` comes to the room's.
     return from_rotation_vector(angle * across / size if size else np.zeros(3))
+
+
+@dataclass(frozen=True)
+class About(Reference):
+    """A motion about another attitude than level; the body's rates are the same."""
+
+    attitude: Array
+    """(4,)."""
+    motion: Reference
+
+    def at(self, time: float | Array) -> Target:
+        """The motion, carried there."""
+        target = self.motion.at(time)
+        return replace(target, attitude=multiply(self.attitude, target.attitude))
 
 
 class _Rows:

@@ -10,8 +10,7 @@ from twin.controller import load_controller
 from twin.plant.simulated import InitialState
 from twin.platform import Platform, load_platform
 from twin.reference import Multisine, Reference
-from twin.reproduce.flown import Flown, flown, hanging
-from twin.rotation import multiply
+from twin.reproduce.flown import About, Flown, flown, hanging
 from twin.signals import Target
 
 Array = NDArray[np.float64]
@@ -32,21 +31,6 @@ AMPLITUDE, PACE = np.radians(3.0), 0.02
 """Of the tracking run [rad, Hz]."""
 LENGTH = 60.0
 """Of the tracking run [s]."""
-
-
-@dataclass(frozen=True)
-class About(Reference):
-    """Another reference, about an attitude that is not level; the body's rates are the same."""
-
-    motion: Reference
-    attitude: Array
-    """(4,)."""
-
-    def at(self, time: float | Array) -> Target:
-        """The motion, carried there."""
-        target = self.motion.at(time)
-        carried = multiply(np.broadcast_to(self.attitude, target.attitude.shape), target.attitude)
-        return replace(target, attitude=carried)
 
 
 def printed_machine() -> Platform:
@@ -77,7 +61,7 @@ def tracked(machine: Platform, *, runs: Sequence[int] = (0,), length: float = LE
         load_controller("cmg_pd"),
         length,
         start=InitialState(attitude=rest),
-        reference=About(Multisine(AMPLITUDE, PACE), rest),
+        reference=About(rest, Multisine(AMPLITUDE, PACE)),
         runs=runs,
         record=True,
     )

@@ -1,16 +1,14 @@
 """Fig. 3: adaptive balancing with and without excitation, as simulated in the paper: no noise."""
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.controller import load_controller
 from twin.plant.simulated import InitialState
 from twin.platform import load_platform
-from twin.report.style import FIGURE, PALETTE, svg
 from twin.reproduce.flown import Flown, flown, perfect
 from twin.reproduce.paper_000.bench import RollPitch
+from twin.reproduce.paper_000.drawn import side_by_side
 from twin.reproduce.part import Found, Ours, Part, Say
 from twin.rotation import cross, from_rotation_vector, vertical_body
 
@@ -76,19 +74,11 @@ def offset(run: Flown) -> Array:
 
 
 def _drawn(run: Flown, reference: RollPitch | None = None) -> str:
-    with mpl.rc_context(FIGURE):
-        figure = Figure(figsize=(9.6, 3.4))
-        left, right = figure.subplots(1, 2)
-        shown = (momentum_error(run, reference), 1e3 * offset(run))
-        for panel, values, label in zip(
-            (left, right), shown, ("momentum error [N m s]", "m r [g m]"), strict=True
-        ):
-            for column, name in enumerate("xyz"):
-                panel.plot(run.time, values[:, column], color=PALETTE[column], label=name)
-            panel.set_xlabel("time [s]")
-            panel.set_ylabel(label)
-        right.legend(ncols=3)
-        return svg(figure)
+    panels = {
+        "momentum error [N m s]": momentum_error(run, reference),
+        "m r [g m]": 1e3 * offset(run),
+    }
+    return side_by_side(run.time, panels)
 
 
 PART = Part(

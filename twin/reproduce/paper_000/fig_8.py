@@ -21,6 +21,7 @@ from twin.recording import Recording
 from twin.report.style import FIGURE, PALETTE, svg
 from twin.reproduce.flown import Flown, flown
 from twin.reproduce.paper_000.bench import RollPitch, tracked
+from twin.reproduce.paper_000.drawn import side_by_side
 from twin.reproduce.part import Found, Ours, Part, Say
 from twin.rotation import tilt
 
@@ -115,20 +116,12 @@ def _tilt(run: Flown) -> str:
 
 
 def _adapted(run: Flown) -> str:
-    with mpl.rc_context(FIGURE):
-        figure = Figure(figsize=(9.6, 3.4))
-        left, right = figure.subplots(1, 2)
-        error = run.true["rate"][:, 0] - RollPitch().at(run.time).rate_body
-        shown = (error @ run.platform.inertia, 1e3 * run.true["stage_position"][:, 0])
-        for panel, values, label in zip(
-            (left, right), shown, ("momentum error [N m s]", "mass position [mm]"), strict=True
-        ):
-            for column, name in enumerate("xyz"):
-                panel.plot(run.time, values[:, column], color=PALETTE[column], label=name)
-            panel.set_xlabel("time [s]")
-            panel.set_ylabel(label)
-        right.legend(ncols=3)
-        return svg(figure)
+    error = run.true["rate"][:, 0] - RollPitch().at(run.time).rate_body
+    panels = {
+        "momentum error [N m s]": error @ run.platform.inertia,
+        "mass position [mm]": 1e3 * run.true["stage_position"][:, 0],
+    }
+    return side_by_side(run.time, panels)
 
 
 PART = Part(("000.fig8.adaptive_beats_direct", "000.fig9.vertical_mass_moves_most"), compute)

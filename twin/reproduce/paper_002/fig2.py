@@ -12,12 +12,12 @@ from twin.identify.methods import Form
 from twin.platform import Platform
 from twin.recording import Recording
 from twin.report.style import FIGURE, svg
+from twin.reproduce.flown import hanging
 from twin.reproduce.paper_002.manoeuvre import (
     DURATION,
     RATE,
     Replay,
     flown,
-    hanging,
     machine,
     measured,
 )
@@ -83,7 +83,7 @@ def square_waves(platform: Platform) -> list[Recording]:
         for name, on in (("pz1", forward), ("pz2", forward), ("nz1", ~forward), ("nz2", ~forward)):
             value[:, run, names.index(name)] = FORCE * on
     law = Replay("command_thruster", value)
-    return flown(platform, law, start=hanging(platform), runs=len(PERIODS))
+    return flown(platform, law, start=hanging(platform.center_of_mass_offset), runs=len(PERIODS))
 
 
 def every(log: Recording, count: int) -> Recording:

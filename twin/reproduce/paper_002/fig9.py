@@ -11,7 +11,8 @@ from scipy.ndimage import uniform_filter1d
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
 from twin.report.style import FIGURE, INK, PALETTE, SOFT, svg
-from twin.reproduce.paper_002.manoeuvre import flown, hanging, machine, wheels
+from twin.reproduce.flown import hanging
+from twin.reproduce.paper_002.manoeuvre import flown, machine, wheels
 from twin.reproduce.part import Found, Ours, Part, Say
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ def compute(say: Say) -> Found:
     """Average the gyro of `whorl1` as it is, and hold that against what it should have read."""
     say("Fig. 9: moving averages")
     platform = as_measured()
-    (log,) = flown(platform, wheels(), start=hanging(platform), seed=SEED)
+    (log,) = flown(platform, wheels(), start=hanging(platform.center_of_mass_offset), seed=SEED)
     gyro = log["gyro"]
     noise = gyro.value - log["truth_rate"].interpolated_at(gyro.time)
     frequency = natural_frequency(platform)

@@ -10,7 +10,8 @@ from twin.effects import Effect, with_effects
 from twin.effects.clocks.clock_lag import ClockLag
 from twin.effects.wheels.wheel_misalignment import WheelMisalignment
 from twin.platform import load_platform
-from twin.reproduce.paper_002.manoeuvre import flown, hanging, wheels
+from twin.reproduce.flown import hanging
+from twin.reproduce.paper_002.manoeuvre import flown, wheels
 from twin.reproduce.part import Found, Ours, Part, Say
 
 LAG = 0.17
@@ -31,7 +32,12 @@ def compute(say: Say) -> Found:
 def diagnosed(effects: list[Effect], say: Say) -> Diagnosis:
     """Of a log of the machine with effects, held against the machine without."""
     stated = load_platform("whorl1:table1")
-    (log,) = flown(with_effects(stated, effects), wheels(), start=hanging(stated), seed=SEED)
+    (log,) = flown(
+        with_effects(stated, effects),
+        wheels(),
+        start=hanging(stated.center_of_mass_offset),
+        seed=SEED,
+    )
     return diagnose([log.without_truth()], stated, say=say)
 
 

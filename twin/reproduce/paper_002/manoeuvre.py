@@ -16,8 +16,10 @@ from twin.estimators.passthrough import Passthrough
 from twin.loop import fly
 from twin.plant.simulated import InitialState, SimulatedPlant
 from twin.platform import Platform, load_platform
-from twin.recording import Recording, Series
+from twin.predict.tilt import attitude_of_start
+from twin.recording import Recording
 from twin.reference import Hold, Reference
+from twin.reproduce.flown import hanging
 from twin.signals import Command, Estimate, Target
 from twin.stream.recorder import MemoryRecorder
 
@@ -129,14 +131,6 @@ def as_guessed() -> Platform:
     return machine(inertia=np.diag(np.diag(truth.inertia)), moment=down)
 
 
-def hanging(platform: Platform) -> Array:
-    """(4,) the attitude at which its CM hangs below the CR, by the shortest turn from level."""
-    down = platform.center_of_mass_offset / np.linalg.norm(platform.center_of_mass_offset)
-    across = np.cross(down, [0.0, 0.0, -1.0])
-    angle = np.arctan2(np.linalg.norm(across), -down[2])
-    return rotation.from_rotation_vector(across / np.linalg.norm(across) * angle)
-
-
 def flown(
     platform: Platform,
     law: AnyController,
@@ -185,7 +179,7 @@ def tracked() -> Recording:
 def ideal() -> Recording:
     """What perfect sensors see of the machine of Table 1, hanging at rest until its wheels turn."""
     platform = machine()
-    (log,) = flown(platform, wheels(), start=hanging(platform))
+    (log,) = flown(platform, wheels(), start=hanging(platform.center_of_mass_offset))
     return log
 
 
@@ -196,19 +190,7 @@ def wheels() -> Replay:
 
 def measured(log: Recording, sigma: float, rng: np.random.Generator) -> Recording:
     """With noise on the gyro [rad/s], and with the attitude that is integrated from it."""
-    gyro, first = log["gyro"], log["attitude"].value[0]
+    gyro = log["gyro"]
     noisy = replace(gyro, value=gyro.value + rng.normal(0.0, sigma, gyro.value.shape))
-    streams = {**log.streams, "gyro": noisy, "attitude": integrated(noisy, first)}
+    streams = {**log.streams, "gyro": noisy, "attitude": attitude_of_start(noisy, log["attitude"])}
     return replace(log, streams=streams)
-
-
-def integrated(gyro: Series, first: Array) -> Series:
-    """The attitude from where it was at first, turned by the mean of two rates from one sample to
-    the next."""
-    turns = rotation.from_rotation_vector(
-        0.5 * (gyro.value[1:] + gyro.value[:-1]) * np.diff(gyro.time)[:, None]
-    )
-    attitude = [first]
-    for turn in turns:
-        attitude.append(rotation.multiply(attitude[-1], turn))
-    return Series(gyro.time, np.array(attitude), ("w", "x", "y", "z"), "1")

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.predict.tilt import attitude_of_start
 from twin.recording import Recording
-from twin.reproduce.paper_002.manoeuvre import NOISE, ideal, integrated, machine, measured
+from twin.reproduce.paper_002.manoeuvre import NOISE, ideal, machine, measured
 from twin.reproduce.paper_002.methods import METHODS, errors, largest
 from twin.reproduce.part import Found, Ours, Part, Say
 
@@ -65,7 +66,10 @@ def compute(say: Say) -> Found:
 
 def as_if_level(log: Recording) -> Recording:
     """The same rates, integrated from level although the table hung at 19 deg."""
-    return replace(log, streams={**log.streams, "attitude": integrated(log["gyro"], LEVEL)})
+    attitude = log["attitude"]
+    level = replace(attitude, value=np.broadcast_to(LEVEL, attitude.value.shape))
+    integrated = attitude_of_start(log["gyro"], level)
+    return replace(log, streams={**log.streams, "attitude": integrated})
 
 
 def _lost(found: list[Array], level: list[Array]) -> Ours:

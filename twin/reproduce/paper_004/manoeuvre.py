@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin import rotation
 from twin.clock import SimulatedClock
 from twin.controller import Controller, load_controller
 from twin.effects import with_effects
@@ -16,7 +15,8 @@ from twin.plant.simulated import InitialState, SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.predict.base import ENTRIES
 from twin.recording import Recording, Series
-from twin.reference import Hold, Multisine, Reference
+from twin.reference import Hold, Multisine
+from twin.reproduce.flown import About, hanging
 from twin.reproduce.inertia import tensor
 from twin.reproduce.paper_004.uncertain_torque import UncertainTorque
 from twin.signals import Command, Estimate, Target
@@ -26,20 +26,6 @@ Array = NDArray[np.float64]
 
 GAINS = {"proportional": 0.5, "derivative": 0.88}
 """Paper, "Mass properties identification"."""
-
-
-@dataclass(frozen=True)
-class About(Reference):
-    """A motion about another attitude than level."""
-
-    attitude: Array
-    """(4,)."""
-    motion: Reference
-
-    def at(self, time: float | Array) -> Target:
-        """The motion's, seen from that attitude: rates in body axes stay as they are."""
-        target = self.motion.at(time)
-        return replace(target, attitude=rotation.multiply(self.attitude, target.attitude))
 
 
 @dataclass(frozen=True)
@@ -70,14 +56,6 @@ def as_guessed(platform: Platform) -> Platform:
     return replace(platform, inertia=inertia, center_of_mass_offset=np.zeros(3))
 
 
-def hanging(platform: Platform) -> Array:
-    """(4,) the attitude at which its CM hangs below the CR, by the shortest turn from level."""
-    down = platform.center_of_mass_offset / np.linalg.norm(platform.center_of_mass_offset)
-    across = np.cross(down, [0.0, 0.0, -1.0])
-    angle = np.arctan2(np.linalg.norm(across), -down[2])
-    return rotation.from_rotation_vector(across / np.linalg.norm(across) * angle)
-
-
 def flown(
     platform: Platform,
     motion: Multisine,
@@ -99,7 +77,7 @@ def flown(
         torque: bound of a disturbance [N m].
         start: of the machine; hanging at rest unless given.
     """
-    start = start or InitialState(attitude=hanging(platform))
+    start = start or InitialState(attitude=hanging(platform.center_of_mass_offset))
     disturbed = UncertainTorque(torque, seed=seed)
     plant = SimulatedPlant(
         with_effects(platform, [disturbed]) if torque else platform,
@@ -130,7 +108,8 @@ def resimulated(platform: Platform, theta: Array, log: Recording) -> Series:
     """Rates of a machine with such J and m r (9,) under a log's wheel torques, from rest where it
     hangs (Fig. 9)."""
     found = replace(platform, inertia=tensor(theta[:6]), center_of_mass_offset=theta[6:9])
-    plant = SimulatedPlant(found, initial=InitialState(attitude=hanging(found)))
+    start = InitialState(attitude=hanging(found.center_of_mass_offset))
+    plant = SimulatedPlant(found, initial=start)
     recorder = MemoryRecorder(plant.platform, {"platform": found.name, "source": "paper 004"})
     fly(
         plant,
