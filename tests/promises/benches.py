@@ -228,17 +228,6 @@ def _plain(bench: Bench) -> Explanation:
     return diagnosis.plain_of([log], machine(bench))
 
 
-def noiseless(weighing: Weighing, signal: np.ndarray) -> Weighing:
-    """The same causes, where all that a log shows is one signature (r,)."""
-    columns = [
-        weighing.signature(index, unit)
-        for index, trace in enumerate(weighing.traces)
-        for unit in np.eye(len(trace.low))
-    ]
-    no_base = np.zeros((len(signal), 0))
-    return Weighing(-signal, no_base, np.column_stack(columns), weighing.traces)
-
-
 @cache
 def tree() -> str:
     """Of what is flown and asked. How it is predicted changes, and with it by a little how much

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from benches import KEPT, Bench, Yardstick, machine, noiseless, tree, yardstick
+from benches import KEPT, Bench, Yardstick, machine, tree, yardstick
 from hidden import OutOfReach
 
 from twin import rotation
@@ -138,7 +138,7 @@ def _explained(measure: Yardstick, law: Effect) -> tuple[float, float, str]:
     ]
     weighing, every = measure.beside(*shapes, law)
     last = len(every) - 1
-    silent = noiseless(weighing, weighing.signature(last, law.values))
+    silent = weighing.showing(weighing.signature(last, law.values))
     gains = [silent.weigh((i,)).gain if weighing.shown(i) else 0.0 for i in range(last)]
     whole, worst = silent.weigh((last,)).gain, int(np.argmax(gains))
     return whole, gains[worst] / whole, every[worst].label

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from benches import Yardstick, machine, noiseless
+from benches import Yardstick, machine
 
 from twin.diagnose import Diagnosis
 from twin.diagnose.search import TIED, price
@@ -49,7 +49,7 @@ def _frequency(effect: Effect, gravity: float) -> float | None:
 def _behind(weighing: Weighing, own: int, truth: Effect) -> dict[str, float]:
     values = truth.values[amplitudes(truth)]
     traces = weighing.traces
-    silent = noiseless(weighing, weighing.signature(own, values))
+    silent = weighing.showing(weighing.signature(own, values))
     best: dict[str, float] = {}
     top, most = _evidence(silent, own), silent.weigh((own,)).gain
     for index, trace in enumerate(traces):

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from twin.diagnose.candidates import Candidate
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.laws import Law
-from twin.diagnose.search import TIED, Search
+from twin.diagnose.search import EVEN, TIED, Search
 from twin.effects import Effect
 from twin.identify.prediction_error import NORMAL
 from twin.predict.effect_columns import amplitudes
@@ -101,18 +101,30 @@ def causes_of(now: Explanation, search: Search, *, unexplained: bool) -> tuple[C
         rest = tuple(other for other in now.own if other != index)
         evidence = search.evidence(now.own) - search.evidence(rest)
         instead = search.instead(now.own, index)
-        ties = tuple(
-            Tie(search.weighing.traces[other].label, behind)
-            for other, behind in instead
-            if behind < TIED
-        )
         rivals = [behind for _, behind in instead] + [max(evidence, 0.0)]
         half = np.full(len(free), np.nan)
         half[free] = NORMAL * np.sqrt(np.maximum(np.diag(spread), 0.0))
         share = _share(rivals) * (NAMELESS if unexplained else 1.0)
         alone = search.evidence((index,))
-        found.append(Cause(effect, free, half, evidence, alone, share, ties))
+        found.append(
+            Cause(effect, free, half, evidence, alone, share, ties_of(search, now.own, index))
+        )
     return tuple(sorted(found, key=lambda cause: -cause.evidence))
+
+
+def ties_of(search: Search, own: tuple[int, ...], index: int) -> tuple[Tie, ...]:
+    """What could stand in the place of one of a set, the nearest first.
+
+    What these logs would tell from it, were it the truth, is only where it came out about even; its
+    confidence says how far the rest is behind.
+    """
+    apart = search.apart(own, index)
+    found: dict[str, Tie] = {}
+    for other, behind in search.instead(own, index):
+        label = search.weighing.traces[other].label
+        if behind < (TIED if apart[label] < TIED else EVEN):
+            found.setdefault(label, Tie(label, behind))
+    return tuple(found.values())
 
 
 def _share(behind: Sequence[float]) -> float:

@@ -8,6 +8,7 @@ vector than of a number however many samples say little, and gives weak vectors 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ MOST = 6
 """Causes named together."""
 TIED = 6.0
 """Evidence by which two explanations must differ for one to be preferred."""
+EVEN = 2.0
+"""And by which those must that logs like these could have told apart."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,11 @@ class Search:
     def __init__(self, weighing: Weighing, asked: Sequence[int]) -> None:
         self.weighing = weighing
         self.asked = tuple(index for index in asked if weighing.shown(index))
-        self.limit = critical(weighing, self.asked)
+
+    @cached_property
+    def limit(self) -> float:
+        """Surprise that noise reaches in a false alarm."""
+        return critical(self.weighing, self.asked)
 
     def scores(self, chosen: tuple[int, ...] = ()) -> list[Score]:
         """Of all causes beside those chosen, the best first."""
@@ -114,6 +121,18 @@ class Search:
             if self.weighing.traces[other].label != self.weighing.traces[index].label
         ]
         return sorted(found, key=lambda one: one[1])
+
+    def apart(self, chosen: tuple[int, ...], index: int) -> dict[str, float]:
+        """How far each other cause would be behind in one's place, had the logs no noise and were
+        the set the truth, by label: in evidence, or in likelihood alone if that is less."""
+        silent = Search(self.weighing.noiseless(chosen), self.asked)
+        rest, most = _less(chosen, index), silent._gain(chosen)
+        found: dict[str, float] = {}
+        for other, behind in silent.instead(chosen, index):
+            label = self.weighing.traces[other].label
+            far = min(behind, most - silent._gain((*rest, other)))
+            found[label] = min(far, found.get(label, np.inf))
+        return found
 
     def _others(self, chosen: tuple[int, ...]) -> list[int]:
         taken = {self.weighing.traces[index].label for index in chosen}

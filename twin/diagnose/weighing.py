@@ -5,6 +5,7 @@ the base, free in every set, is projected out, and a set of causes is weighed in
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -145,6 +146,18 @@ class Weighing:
         sigma = np.linalg.norm(inverse, axis=1) / self.size[columns]
         edges = np.cumsum([len(self._own[index]) for index in chosen])[:-1]
         return dict(zip(chosen, np.split(sigma, edges), strict=True))
+
+    def noiseless(self, chosen: Sequence[int]) -> "Weighing":
+        """The same causes, had the logs no noise and a set, as it is weighed, been all there is."""
+        found = self.weigh(chosen)
+        parts = [self.signature(i, s) for i, s in zip(chosen, found.strengths, strict=True)]
+        return self.showing(sum(parts, start=np.zeros_like(self._residual)))
+
+    def showing(self, signal: Array) -> "Weighing":
+        """The same causes, were a signature (r,) all that the logs show."""
+        same = copy(self)
+        same._residual, same._known = -signal, {}
+        return same
 
     def left(self, chosen: Sequence[int]) -> Array:
         """(r,) what a set leaves."""
