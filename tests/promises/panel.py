@@ -14,6 +14,7 @@ import json
 import multiprocessing
 import os
 import sys
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -43,20 +44,34 @@ def main() -> int:
     there = {Case(row["kind"], row["evidence"], row["seed"]) for row in rows_of(options.rows)}
     todo = [case for case in cases(options) if case not in there]
     print(f"{len(todo)} cases to do", flush=True)
-    spawn = multiprocessing.get_context("spawn")
-    with (
-        ProcessPoolExecutor(options.jobs, spawn, max_tasks_per_child=CASES_EACH) as pool,
-        options.rows.open("a", encoding="utf-8") as rows,
-    ):
-        futures = {pool.submit(run, case): case for case in todo}
-        for count, future in enumerate(as_completed(futures), start=1):
-            row = future.result()
-            rows.write(json.dumps(row) + "\n")
-            rows.flush()
-            print(f"{count}/{len(todo)} {futures[future].name}: {told(row)}", flush=True)
+    done = 0
+    with options.rows.open("a", encoding="utf-8") as rows:
+        for batch in batched(todo, CASES_EACH * options.jobs):
+            for case, row in ran(batch, options.jobs):
+                rows.write(json.dumps(row) + "\n")
+                rows.flush()
+                done += 1
+                print(f"{done}/{len(todo)} {case.name}: {told(row)}", flush=True)
     PAGE.write_text(page(rows_of(options.rows)), encoding="utf-8")
     print(PAGE.read_text(encoding="utf-8"))
     return 0
+
+
+def batched(every: list[Case], size: int) -> list[list[Case]]:
+    """In their order."""
+    return [every[first : first + size] for first in range(0, len(every), size)]
+
+
+def ran(every: list[Case], jobs: int) -> Iterator[tuple[Case, dict[str, Any]]]:
+    """Each with its row, as it comes, in processes that end with them.
+
+    Fresh ones for each batch: `max_tasks_per_child` leaves a pool without any (Python 3.11).
+    """
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, spawn) as pool:
+        futures = {pool.submit(run, case): case for case in every}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
 
 
 def cases(options: argparse.Namespace) -> list[Case]:

@@ -16,7 +16,7 @@ from twin.diagnose.weighing import Weighing
 from twin.effects import Effect, able, with_effects
 from twin.errors import TwinError
 from twin.model import compile_model
-from twin.predict.effect_columns import amplitudes, strengths_of, with_strengths
+from twin.predict.effect_columns import amplitudes, of_drive, strengths_of, with_strengths
 
 Say = Callable[[str], None]
 
@@ -139,13 +139,13 @@ def _lawful(
 
 
 def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line:
-    """Searched, also from each new cause alone whose shape a fit may better: what it lacks where
-    its columns were formed looks like a second cause."""
-    line = _searched(now, search, asked, say)
+    """Searched, also from each new cause alone that a fit may change beyond its strength: what it
+    lacks where its columns were formed looks like a second cause."""
+    line, first = _searched(now, search, asked, say), len(now.own)
     if not 2 <= len(line.now.effects) <= FEW or not now.follows:
         return line
     for index in search.best():
-        if index < len(now.own) or not search.weighing.traces[index].shapes:
+        if index < first or not _bends(asked[index - first]):
             continue
         (guess,) = _guesses(now, asked, search.weighing, (index,))
         say(f"fitting {guess.label} alone")
@@ -155,6 +155,11 @@ def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
         found = _searched(alone, search_from(alone, asked), asked, say)
         line = min(line, found, key=lambda one: one.score)
     return line
+
+
+def _bends(one: Candidate) -> bool:
+    """Whether what it does is not proportional to its strengths."""
+    return one.trace.shapes > 0 or of_drive(one.effect)
 
 
 def _searched(now: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line:

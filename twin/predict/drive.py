@@ -1,6 +1,7 @@
 """What drives a prediction: held commands and measured joints, as forces on the physics grid."""
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, cast
@@ -13,6 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from twin import rotation
 from twin.drives import apply_field
+from twin.effects import Effect
 from twin.errors import UsageError
 from twin.model import Machine
 from twin.plant.gas import thruster_arms
@@ -221,9 +223,9 @@ class Inputs:
         width = len(self.machine.platform.stages)
         seen = self._stream(recording, "stage_position", width)
         told = self._stream(recording, "command_stage_position", width)
-        sensor = self.machine.platform.sensors.get("stage_position")
+        self._stage_seen = seen
         if seen is not None and (told is None or not np.ptp(told.value, axis=0).any()):
-            return _travelled(seen, sensor)
+            return _travelled(seen, self.machine.platform.sensors.get("stage_position"))
         if told is None:
             return None
         first = None if seen is None else seen.interpolated_at(told.time[:1])[0]
@@ -231,6 +233,20 @@ class Inputs:
         if seen is None:
             return place, rate
         self.stage_course = Course(self.machine, told, place)
+        return self._followed(place, rate, seen)
+
+    def with_stages(self, effect: Effect) -> "Inputs":
+        """The same, had an effect been at work on the command of stages that are seen: between what
+        a counter tells of a micrometre they then went otherwise."""
+        assert self.stage_course is not None
+        assert self._stage_seen is not None
+        same = copy(self)
+        same._stage = self._followed(*self.stage_course.otherwise(effect), self._stage_seen)
+        return same
+
+    def _followed(self, place: Series, rate: Series, seen: Series) -> tuple[Series, Series]:
+        """Position and rate, moved to where the stages were measured."""
+        sensor = self.machine.platform.sensors.get("stage_position")
         error = replace(seen, value=seen.value - place.interpolated_at(seen.time))
         if sensor is not None and np.all(np.abs(error.value) <= sensor.resolution):
             return place, rate

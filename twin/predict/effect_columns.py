@@ -69,15 +69,19 @@ def amplitudes(effect: Effect) -> NDArray[np.bool_]:
     return np.concatenate([np.full(known.size, known.amplitude) for known in effect.parameters()])
 
 
+def of_drive(effect: Effect) -> bool:
+    """Whether it is between a command and what is done: play and dry friction do at a hundredth of
+    their size nothing of what they do at all of it."""
+    return isinstance(effect, SeriesEffect) and effect.stream.startswith("command_")
+
+
 Change = tuple[tuple[Effect, float], ...]
 """Effects and factors; their sum is the change at strength 1."""
 
 
 def _changes(effect: Effect) -> list[Change]:
     """Of each component: of an amplitude, beside those before it, so that they add up."""
-    # play and dry friction do at a hundredth of their size nothing of what they do at all of it
-    drive = isinstance(effect, SeriesEffect) and effect.stream.startswith("command_")
-    values, steps = effect.values, (1.0 if drive else SMALL) * effect.scale()
+    values, steps = effect.values, (1.0 if of_drive(effect) else SMALL) * effect.scale()
     low, high = effect.bounds()
     size = amplitudes(effect)
     so_far = np.where(size, 0.0, values)
@@ -164,10 +168,11 @@ def _input_force(effect: Effect, body: Body) -> Array:
     assert isinstance(effect, SeriesEffect)
     recording, stream = body.recording, effect.stream
     predicted = [output.stream for output in body.outputs]
-    measured = stream == "command_stage_position" and "stage_position" in predicted
     none = np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
-    if measured or stream not in body.inputs.used or stream in predicted:
+    if stream not in body.inputs.used or stream in predicted:
         return none
+    if stream == "command_stage_position" and "stage_position" in predicted:
+        return _driven_by(body.inputs.with_stages(effect), body)
     series = recording[stream]
     samples = Samples(series.value[None], series.time[None], np.ones((1, len(series)), dtype=bool))
     act = effect.apply if stream.startswith("command_") else effect.undo
@@ -176,11 +181,21 @@ def _input_force(effect: Effect, body: Body) -> Array:
         return none
     driven = replace(series, time=true.time[0], value=true.value[0])
     inputs = Inputs(body.machine, replace(recording, streams={**recording.streams, stream: driven}))
+    if stream == "command_gimbal_rate":  # a gimbal's angle is a state, which carries the rest
+        return _commanded_by(inputs, body)
+    return _driven_by(inputs, body)
+
+
+def _commanded_by(inputs: Inputs, body: Body) -> Array:
+    """What other commands push with, beyond those that the log says."""
     logged = body.commanded()
     commanded = inputs.commanded(body.grid.edges, body.motion)
-    more = commanded.reshape(logged.shape) - logged
-    if stream == "command_gimbal_rate":  # a gimbal's angle is a state, which carries the rest
-        return more
+    return commanded.reshape(logged.shape) - logged
+
+
+def _driven_by(inputs: Inputs, body: Body) -> Array:
+    """And with what joints that move otherwise do to the body."""
+    more = _commanded_by(inputs, body)
     here, plainly = plain_forces(body)
     there = as_measured(body, inputs)
     if (here.position == there.position).all() and (here.velocity == there.velocity).all():

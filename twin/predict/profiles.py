@@ -30,16 +30,19 @@ class Course:
 
     def less(self, effect: Effect, time: Array) -> Array:
         """(m, k) how far an effect on the command takes the stages from there [m]."""
-        there = _told_otherwise(self, effect)
+        there, _ = self.otherwise(effect)
         return there.interpolated_at(time) - self.place.interpolated_at(time)
+
+    def otherwise(self, effect: Effect) -> tuple[Series, Series]:
+        """Positions [m] and rates [m/s] with an effect on the command."""
+        return _told_otherwise(self, effect)
 
 
 @lru_cache(maxsize=64)
-def _told_otherwise(course: Course, effect: Effect) -> Series:
-    """Positions [m] with an effect on the command."""
+def _told_otherwise(course: Course, effect: Effect) -> tuple[Series, Series]:
     machine = replace(course.machine, effects=(*course.machine.effects, effect))
     name, start = "command_stage_position", course.place.value[0]
-    return profile(machine, name, course.command, start)[0]
+    return profile(machine, name, course.command, start)
 
 
 def profile(
