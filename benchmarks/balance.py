@@ -1,7 +1,7 @@
 """`python -m benchmarks.balance`: machines with random offsets, balanced, and judged by the truth.
 
-Writes docs/balance.md. Offsets and noise are drawn from a seed that the page prints. What is in the
-folder runs/balance is not done again.
+Writes docs/balance.md from docs/balance.jsonl, a run a line. Offsets and noise are drawn from a
+seed that the page prints. What is there is not done again: it grows with each run.
 """
 
 import argparse
@@ -23,7 +23,8 @@ from twin.reference import Hold
 from twin.units import printed, three_digits
 
 ROOT = Path(__file__).parents[1]
-PAGE, FOLDER = ROOT / "docs" / "balance.md", ROOT / "runs" / "balance"
+PAGE = ROOT / "docs" / "balance.md"
+ROWS = PAGE.with_suffix(".jsonl")
 SEED = 20261122
 CAP = 7200.0
 """In which a run must be balanced [s]."""
@@ -37,6 +38,7 @@ RUNS = {"cubesat": 100, "tas2": 20, "astros": 20, "sads": 20, "whorl2": 20}
 class Balanced:
     """How one run came out."""
 
+    machine: str
     run: int
     seconds: float
     """Of the machine's time."""
@@ -77,6 +79,7 @@ def balanced(name: str, runs: Sequence[int], workers: int) -> list[Balanced]:
         torque = None if statement is None else statement.residual_torque
         found.append(
             Balanced(
+                machine=name,
                 run=runs[row],
                 seconds=notes.since,
                 reason="" if over else notes.reason or f"time ran out in {notes.phase.name}",
@@ -93,19 +96,23 @@ def balanced(name: str, runs: Sequence[int], workers: int) -> list[Balanced]:
     return found
 
 
-def kept(name: str, count: int, workers: int) -> list[dict[str, Any]]:
-    """The runs of a machine, those that are not in the folder done first."""
-    rows: list[dict[str, Any]] = []
-    for first in range(0, count, TOGETHER):
-        runs = range(first, min(first + TOGETHER, count))
-        file = FOLDER / name / f"{runs.start}-{runs.stop}.json"
-        if not file.is_file():
-            done = [vars(one) for one in balanced(name, runs, workers)]
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(json.dumps(done, indent=1), encoding="utf-8")
-        rows += json.loads(file.read_text(encoding="utf-8"))
-        print(f"{name}: {len(rows)} of {count}", flush=True)
-    return rows
+def kept(name: str) -> list[dict[str, Any]]:
+    """The runs of a machine that were done."""
+    lines = ROWS.read_text(encoding="utf-8").splitlines() if ROWS.is_file() else []
+    rows = [row for row in map(json.loads, lines) if row["machine"] == name]
+    return sorted(rows, key=lambda row: row["run"])
+
+
+def grow(name: str, count: int, workers: int) -> None:
+    """Do the runs of a machine that are missing."""
+    there = {row["run"] for row in kept(name)}
+    missing = [run for run in range(count) if run not in there]
+    for first in range(0, len(missing), TOGETHER):
+        runs = missing[first : first + TOGETHER]
+        done = balanced(name, runs, workers)
+        with ROWS.open("a", encoding="utf-8") as rows:
+            rows.writelines(json.dumps(vars(one)) + "\n" for one in done)
+        print(f"{name}: {count - len(missing) + first + len(runs)} of {count}", flush=True)
 
 
 def line(name: str, rows: Sequence[dict[str, Any]]) -> str:
@@ -158,13 +165,12 @@ def main() -> None:
     """Do what is missing; write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("machines", nargs="*", default=list(RUNS))
-    parser.add_argument("--runs", type=int, help="of each machine, if fewer than on the page")
+    parser.add_argument("--runs", type=int, help="of each machine; 0 only writes the page")
     parser.add_argument("--workers", type=int, default=1, help="processes that identify")
     arguments = parser.parse_args()
-    results = {
-        name: kept(name, min(arguments.runs or RUNS[name], RUNS[name]), arguments.workers)
-        for name in arguments.machines
-    }
+    for name in arguments.machines:
+        grow(name, RUNS[name] if arguments.runs is None else arguments.runs, arguments.workers)
+    results = {name: kept(name) for name in RUNS}
     PAGE.write_text(page(results), encoding="utf-8")
     print(page(results))
 
