@@ -35,7 +35,7 @@ def stream_errors(account: Account) -> list[StreamError]:
     body = account.problem.bodies[0]
     errors: list[StreamError] = []
     for output, left in zip(body.outputs, account.left[0], strict=True):
-        values = left * output.noise
+        values = left * output.sigma
         size = np.linalg.norm(values, axis=1)
         worst = int(np.argmax(size))
         counts = np.bincount(output.segment, minlength=body.grid.segments)

@@ -17,8 +17,7 @@ from twin.diagnose.search import FALSE_ALARM, price
 from twin.effects import Effect, ScatterEffect, catalogue, effects_of
 from twin.effects.effect import targets
 from twin.identify.prediction_error import NORMAL
-from twin.platform import Platform
-from twin.predict.body import Body
+from twin.predict.shaking import added_variance
 
 Array = NDArray[np.float64]
 
@@ -55,10 +54,10 @@ def _cause(now: Explanation, effect: ScatterEffect, taken: Sequence[Effect]) -> 
     if seen is None:
         return None
     output, left = seen
-    square = np.square(left * output.noise)
-    more = _variance(effect, body, output.time, platform)
+    square = np.square(left * output.sigma)
+    more = added_variance(effect, body.inputs, output.time)
     others = [one for one in (*effects_of(platform), *taken) if isinstance(one, ScatterEffect)]
-    known = [_variance(one, body, output.time, platform) for one in others]
+    known = [added_variance(one, body.inputs, output.time) for one in others]
     declared = sum(known, start=np.zeros_like(more))
     if not more.any():
         return None
@@ -82,10 +81,3 @@ def _cause(now: Explanation, effect: ScatterEffect, taken: Sequence[Effect]) -> 
     half = NORMAL * np.sqrt(2.0 / bend) / scale
     there = effect.with_values(np.clip([size / scale], *effect.bounds()))
     return Cause(there, np.array([True]), np.array([half]), evidence, gain, 1.0, ())
-
-
-def _variance(effect: ScatterEffect, body: Body, time: Array, platform: Platform) -> Array:
-    """(m, 1) that it adds at some instants."""
-    _, velocity, _ = body.inputs.joint_states(time)
-    cause = velocity[:, body.machine.stage_dof]
-    return np.square(effect.sigma(cause[None], platform))[0]

@@ -9,6 +9,7 @@ lose nothing against one long prediction, which an unstable machine would not al
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -27,6 +28,7 @@ from twin.predict.push import Push
 from twin.predict.rollouts import Rollouts
 from twin.predict.segments import command_step, grid_of
 from twin.predict.sensed import senses_of
+from twin.predict.shaking import shaking
 from twin.predict.states import States
 from twin.predict.tangent import carried_forces, carried_states
 from twin.predict.wander import random_walk, wander
@@ -75,7 +77,13 @@ class Body:
         senses = senses_of(machine, grid.step, self.inputs.field_world)
         streams = tuple(dict.fromkeys((*self._predicted(), *senses)))
         self.outputs, self._width = outputs_of(
-            recording, self.machine, self.grid, streams, senses, self.inputs.stage_course
+            recording,
+            self.machine,
+            self.grid,
+            streams,
+            senses,
+            self.inputs.stage_course,
+            partial(shaking, self.inputs),
         )
         if not self.outputs:
             raise UsageError(
@@ -266,7 +274,7 @@ class Body:
         for index, output in enumerate(self.outputs):
             for column in np.flatnonzero(output.bias > 0.0):
                 parts = [np.zeros((1, *o.slot.shape)) for o in self.outputs]
-                parts[index][0, :, column] = -1.0 / output.noise[column]
+                parts[index][0, :, column] = -1.0 / output.sigma[:, column]
                 columns.append(self.scatter(parts)[0])
         if not columns:
             return np.zeros((self.grid.segments, (self.grid.steps + 1) * self._width, 0))
@@ -285,17 +293,17 @@ class Body:
             if output.course is not None:
                 continue
             if output.sense is not None:
-                slope = output.sense.slope(path[:1]) / output.noise[:, None]
-                seen = slope[output.segment, output.instant]
+                slope = output.sense.slope(path[:1])
+                seen = slope[output.segment, output.instant] / output.sigma[..., None]
                 at = (output.segment[:, None], output.instant[:, None], output.slot)
                 measured[(*at, slice(0, seen.shape[-1]))] = seen
                 continue
-            for column, noise in enumerate(output.noise):
+            for column, sigma in enumerate(output.sigma.T):
                 at = (output.segment, output.instant, output.slot[:, column])
-                measured[(*at, self._first(output.stream) + column)] = 1.0 / noise
+                measured[(*at, self._first(output.stream) + column)] = 1.0 / sigma
                 if output.stream in ("attitude", "joint_angle"):
                     k = path.rate.shape[-1]
-                    measured[(*at, k + column)] = late / noise
+                    measured[(*at, k + column)] = late / sigma
         wandered = wander(
             answer[..., self._wanderers], self.rollouts.unexplained, self._wander, grid.step
         )

@@ -4,8 +4,9 @@ Samples keep their own instants: the prediction is interpolated to them. In a re
 segment by segment, and within one in the order of the grid instants that they are nearest to.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf
 from typing import Any, cast
 
@@ -19,10 +20,12 @@ from twin.platform import Platform, Sensor
 from twin.predict.profiles import Course
 from twin.predict.sensed import Sense
 from twin.predict.states import States
-from twin.recording import Recording
+from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+Shaking = Callable[[str, Array], Array | None]
 
 FEWEST = 4
 """Shorter streams are not predicted."""
@@ -82,7 +85,7 @@ class Output:
     columns: tuple[str, ...]
     """k names; x y z for an attitude, whose residual is a turn about body axes."""
     noise: Array
-    """(k,) 1 sigma a sample; of attitudes [rad]."""
+    """(k,) 1 sigma a sample where nothing shakes the sensor; of attitudes [rad]."""
     stated: bool
     """Whether the noise is the log's own statement or estimated from its data."""
     worth: Array
@@ -105,6 +108,15 @@ class Output:
     """How the stream follows from the state; None where it is a part of it."""
     course: Course | None = None
     """What it follows from, whatever the state."""
+    shaken: Array | None = None
+    """(m, 1) or (m, k) variance that what moves adds to the noise; None where nothing does."""
+
+    @cached_property
+    def sigma(self) -> Array:
+        """(m, k) standard deviation of each sample."""
+        if self.shaken is None:
+            return np.broadcast_to(self.noise, self.slot.shape)
+        return np.sqrt(np.square(self.noise) + self.shaken)
 
     @property
     def instant(self) -> Index:
@@ -169,12 +181,12 @@ class Output:
         )
 
     def residual(self, path: States, step: float, late: float | Array = 0.0) -> Array:
-        """(measured - predicted) / noise, (v, m, k)."""
+        """(measured - predicted) / sigma, (v, m, k)."""
         predicted = self.predicted(path, step, late)
         if self.stream == "attitude":
             error = rotation.multiply(rotation.conjugate(predicted), self.value)
-            return rotation.to_rotation_vector(error) / self.noise
-        return (self.value - predicted) / self.noise
+            return rotation.to_rotation_vector(error) / self.sigma
+        return (self.value - predicted) / self.sigma
 
     def with_noise_of(self, left: Array) -> "Output":
         """Its noise found again, in what a prediction leaves.
@@ -217,7 +229,7 @@ class Output:
         part = (self.place - before)[:, None, None]
         seen = slice(first, first + len(self.noise))
         one, other = (change[self.segment, at, seen] for at in (before, before + 1))
-        return -(one + part * (other - one)) / self.noise[:, None]
+        return -(one + part * (other - one)) / self.sigma[..., None]
 
 
 def _cubic(rise: Array, slope: Array, end_slope: Array, part: Array) -> Array:
@@ -232,7 +244,8 @@ def outputs_of(
     grid: Grid,
     streams: Sequence[str],
     senses: Mapping[str, Sense],
-    course: Course | None = None,
+    course: Course | None,
+    shaking: Shaking,
 ) -> tuple[tuple[Output, ...], int]:
     """The streams that a recording has, and how many rows each grid instant is given.
 
@@ -243,6 +256,7 @@ def outputs_of(
         streams: to look for, in this order.
         senses: of those among them that are no part of the state.
         course: that stages were told to take, if they are among them.
+        shaking: variance (m, 1) or (m, k) that what moves adds to a stream at some instants.
     """
     found: list[Output] = []
     width = 0
@@ -267,8 +281,9 @@ def outputs_of(
         k = len(columns)
         slot = width + rank[:, None] * k + np.arange(k)
         told = course if name == "stage_position" else None
+        shaken = shaking(name, series.time)
         counter = None if told is None else _counted(machine.platform, len(series))
-        noise, stated, worth = counter or _noise(recording, machine.platform, name, k)
+        noise, stated, worth = counter or _noise(recording, machine.platform, name, k, shaken)
         found.append(
             Output(
                 name,
@@ -286,6 +301,7 @@ def outputs_of(
                 slot,
                 senses.get(name),
                 told,
+                None if shaken is None else shaken[inside],
             )
         )
         width += k * int(rank.max(initial=-1) + 1)
@@ -293,19 +309,27 @@ def outputs_of(
 
 
 def _noise(
-    recording: Recording, platform: Platform, name: str, k: int
+    recording: Recording, platform: Platform, name: str, k: int, shaken: Array | None
 ) -> tuple[Array, bool, Array]:
     facts = cast(Mapping[str, Mapping[str, Any]], recording.provenance.get("streams") or {})
     stated = facts.get(name, {}).get("noise")
     if stated is None:
-        noise, worth = noise_and_worth(recording[name])
+        series = recording[name] if shaken is None else _quiet(recording[name], shaken)
+        noise, worth = noise_and_worth(series)
         if name in platform.sensors and name != "attitude":
             # what never changes says nothing of its noise, but is no better known than its steps
             rounding = platform.sensors[name].resolution / np.sqrt(12.0)
             still = np.ptp(recording[name].value, axis=0) == 0.0
             noise = np.where(still, np.maximum(noise, rounding), noise)
-        return _with_statement(platform.sensors.get(name), noise, worth, len(recording[name]))
+        return _with_statement(platform.sensors.get(name), noise, worth, len(series))
     return np.broadcast_to(np.asarray(stated, dtype=np.float64), (k,)).copy(), True, np.full(k, inf)
+
+
+def _quiet(series: Series, shaken: Array) -> Series:
+    """Its samples while nothing shakes the sensor; the quietest few where something always does."""
+    whole = shaken.max(axis=1)
+    keep = whole <= np.sort(whole)[min(FEW, len(whole)) - 1]
+    return replace(series, time=series.time[keep], value=series.value[keep])
 
 
 def _with_statement(

@@ -30,7 +30,7 @@ def scale_factor(body: Body, path: States, stream: str) -> Array:
     for index, output in enumerate(body.outputs):
         if output.stream != stream:
             continue
-        shown = -output.predicted(path, body.grid.step) / output.noise
+        shown = -output.predicted(path, body.grid.step) / output.sigma
         for column in range(shown.shape[-1]):
             parts = [np.zeros((1, *o.slot.shape)) for o in body.outputs]
             parts[index][..., column] = shown[..., column]
