@@ -13,6 +13,7 @@ from twin.compare.misfit import misfits, misfits_of
 from twin.diagnose.candidates import Candidate
 from twin.diagnose.determined import determined
 from twin.diagnose.laws import Law
+from twin.diagnose.moves import between, distance, largest, unseen
 from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import Effect
@@ -22,7 +23,7 @@ from twin.predict.base import BaseParameters
 from twin.predict.body import Body, Exact
 from twin.predict.effect_columns import (
     amplitudes,
-    perturbations_of,
+    slopes_of,
     strengths_of,
     with_strengths,
 )
@@ -184,15 +185,29 @@ class Explanation:
             Rows of base and biases, whitened, where it stands; and columns (m, a) of its effects
             and laws, then of more.
         """
-        now = self._rows_of(self._bare, more)
-        edge = now.columns.shape[1] - len(more)
-        hidden = [int(away.sum()) for away in _unseen(self.effects, self.free, self.most)]
+        hidden = [int(away.sum()) for away in unseen(self.effects, self.free, self.most)]
         taken = sum(hidden) + len(self.amplitudes)
         strengths = self.at.strengths[len(self.at.strengths) - taken :]
-        first = edge - taken
-        residual = now.residual - now.columns[:, first:edge] @ strengths
-        columns = self._whole(now.columns[:, first:], strengths, hidden)
-        return Rows(residual, now.columns[:, :first], now.cluster), columns
+        rests = self._rests(taken)
+        now = self._rows_of(self._bare, [*more, *rests.values()])
+        first = now.columns.shape[1] - len(rests) - len(more) - taken
+        edge, end = first + taken, first + taken + len(more)
+        own = now.columns[:, first:edge].copy()
+        # without the effect its rest is not there either
+        for place, rest in zip(rests, now.columns[:, end:].T, strict=True):
+            own[:, place] += rest / strengths[place]
+        columns = np.column_stack([own, now.columns[:, edge:end]])
+        left = Rows(now.residual - own @ strengths, now.columns[:, :first], now.cluster)
+        return left, self._whole(columns, strengths, hidden)
+
+    def _rests(self, count: int) -> dict[int, Perturbation]:
+        """What the last so many perturbations push whatever their strengths, by place."""
+        own = self.problem.perturbations[len(self.problem.perturbations) - count :]
+        return {
+            place: Perturbation(f"{part.name} besides", part.unit, force=part.rest)
+            for place, part in enumerate(own)
+            if part.rest is not None
+        }
 
     def _whole(self, columns: Array, strengths: Array, hidden: Sequence[int]) -> Array:
         """Columns without the first, of so many amplitudes of each effect that no log shows: they
@@ -296,7 +311,7 @@ def explain(
     for _ in range(ROUNDS if effects else 0):
         if _far(formed_at, now) < SETTLED or share < LEAST:
             break
-        there = _between(formed_at, now.effects, share)
+        there = between(formed_at, now.effects, share)
         tried = _fitted(now.following, base, there, now.laws, now.at, follows=follows, before=now)
         settled = _far(there, tried) < SETTLED
         if follows and not settled and tried.cost > now.cost + WORSE:
@@ -312,19 +327,10 @@ def explain(
 def _far(formed_at: Sequence[Effect], now: Explanation) -> float:
     """How far effects have moved from where their columns were formed, in standard deviations."""
     return max(
-        _distance((after.values - first.values)[free], spread)
+        distance((after.values - first.values)[free], spread)
         for after, first, free, spread in zip(
             now.effects, formed_at, now.free, now.covariances, strict=True
         )
-    )
-
-
-def _between(first: Sequence[Effect], last: Sequence[Effect], share: float) -> tuple[Effect, ...]:
-    """So much of the way from one to the other."""
-    # a sum may end a rounding beyond a bound
-    return tuple(
-        end.with_values(np.clip(begin.values + share * (end.values - begin.values), *end.bounds()))
-        for begin, end in zip(first, last, strict=True)
     )
 
 
@@ -341,21 +347,21 @@ def _fitted(
     """With the columns of the effects as they are where they are now; `before` with them as they
     were, where a fit of the same has ended."""
     platform = bodies[0].machine.platform
-    every = [perturbations_of(effect, platform) for effect in effects]
+    every = [slopes_of(effect, platform) for effect in effects]
     free = before.free if before else determined(bodies, base, effects, every, start)
     # as large as the largest; base and the others are no better known than that lets them be
-    most = before.most if before else tuple(map(_largest, effects, free))
-    unseen = _unseen(effects, free, most)
+    most = before.most if before else tuple(map(largest, effects, free))
+    hidden = unseen(effects, free, most)
     rests = [part for effect in effects for part in references_of(effect, bodies)]
     blurred = [
         replace(part, spread=size)
-        for parts, away, size in zip(every, unseen, most, strict=True)
+        for parts, away, size in zip(every, hidden, most, strict=True)
         for part in compress(parts, away)
     ]
     own = [part for parts, ones in zip(every, free, strict=True) for part in compress(parts, ones)]
     problem = Problem(bodies, base, [*rests, *blurred, *own, *(law.perturbation for law in laws)])
     sizes = [strengths_of(effect) for effect in effects]
-    masks = [*unseen, *free]
+    masks = [*hidden, *free]
     first = [size[places] for size, places in zip([*sizes, *sizes], masks, strict=True)]
     # where columns are only formed anew, what else was fitted stays
     stays = before.at.strengths if before else np.zeros(len(problem.perturbations))
@@ -372,24 +378,3 @@ def _fitted(
         size[places] = part
     moved = tuple(map(with_strengths, effects, sizes))
     return Explanation(tuple(bodies), base, moved, free, laws, problem, now, converged, most)
-
-
-def _largest(effect: Effect, free: NDArray[np.bool_]) -> float:
-    """Of its amplitudes, if a log shows any."""
-    size = amplitudes(effect)
-    return float(np.abs(effect.values[size]).max()) if (size & free).any() else 0.0
-
-
-def _unseen(
-    effects: Sequence[Effect], free: Sequence[NDArray[np.bool_]], most: Sequence[float]
-) -> list[NDArray[np.bool_]]:
-    """(p,) of each effect, amplitudes that no log shows beside the others."""
-    return [
-        amplitudes(effect) & ~ones & (size > 0.0)
-        for effect, ones, size in zip(effects, free, most, strict=True)
-    ]
-
-
-def _distance(step: Array, spread: Array) -> float:
-    """Of a step, in standard deviations."""
-    return float(np.sqrt(max(step @ np.linalg.pinv(spread, hermitian=True) @ step, 0.0)))

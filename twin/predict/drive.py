@@ -235,23 +235,42 @@ class Inputs:
         self.stage_course = Course(self.machine, told, place)
         return self._followed(place, rate, seen)
 
-    def with_stages(self, effect: Effect) -> "Inputs":
+    def with_stages(self, effect: Effect, *, counted: bool = True) -> "Inputs":
         """The same, had an effect been at work on the command of stages that are seen: between what
-        a counter tells of a micrometre they then went otherwise."""
+        a counter tells of a micrometre they then went otherwise.
+
+        Args:
+            effect: on the command.
+            counted: whether they went where they were counted, besides.
+        """
         assert self.stage_course is not None
         assert self._stage_seen is not None
-        same = copy(self)
-        same._stage = self._followed(*self.stage_course.otherwise(effect), self._stage_seen)
+        same, there = copy(self), self.stage_course.otherwise(effect)
+        same._stage = self._followed(*there, self._stage_seen) if counted else there
         return same
+
+    def counted_with(self, effect: Effect) -> bool:
+        """Whether counters show no more than rounding of where stages are with such an effect."""
+        assert self.stage_course is not None
+        assert self._stage_seen is not None
+        place, _ = self.stage_course.otherwise(effect)
+        return self._rounded(self._error(place, self._stage_seen))
 
     def _followed(self, place: Series, rate: Series, seen: Series) -> tuple[Series, Series]:
         """Position and rate, moved to where the stages were measured."""
-        sensor = self.machine.platform.sensors.get("stage_position")
-        error = replace(seen, value=seen.value - place.interpolated_at(seen.time))
-        if sensor is not None and np.all(np.abs(error.value) <= sensor.resolution):
+        error = self._error(place, seen)
+        if self._rounded(error):
             return place, rate
+        sensor = self.machine.platform.sensors.get("stage_position")
         left, left_rate = (s.interpolated_at(place.time) for s in _travelled(error, sensor))
         return replace(place, value=place.value + left), replace(rate, value=rate.value + left_rate)
+
+    def _error(self, place: Series, seen: Series) -> Series:
+        return replace(seen, value=seen.value - place.interpolated_at(seen.time))
+
+    def _rounded(self, error: Series) -> bool:
+        sensor = self.machine.platform.sensors.get("stage_position")
+        return sensor is not None and bool(np.all(np.abs(error.value) <= sensor.resolution))
 
     def _gimbals(self) -> tuple[Series, Series] | None:
         """Angle and rate: as told, moved to where they were measured; else as measured.

@@ -52,6 +52,45 @@ def perturbations_of(effect: Effect, platform: Platform) -> tuple[Perturbation, 
     )
 
 
+def slopes_of(effect: Effect, platform: Platform) -> tuple[Perturbation, ...]:
+    """The same for a fit that starts at the effect, with how it changes there.
+
+    Where stages were is known from their counters to a digit, whatever play their screws have, so
+    in proportion to the play little changes; but it says on which side of the digit they stood.
+    """
+    parts, size = perturbations_of(effect, platform), amplitudes(effect)
+    stages = isinstance(effect, SeriesEffect) and effect.stream == "command_stage_position"
+    if not parts or not stages or np.count_nonzero(size) != 1 or not effect.values[size].any():
+        return parts
+    (index,) = np.flatnonzero(size).tolist()
+    value, (low, high) = effect.values[index], effect.bounds()
+    ends = np.clip(value * (1.0 + SMALL * np.array([-1.0, 1.0])), low[index], high[index])
+    before, after = (effect.with_values(np.where(size, end, effect.values)) for end in ends)
+
+    def force(body: Body) -> Array:
+        if not _as_counted(effect, body):
+            return _input_force(effect, body) / value
+        return (_told(after, body) - _told(before, body)) / float(ends[1] - ends[0])
+
+    def rest(body: Body) -> Array:
+        return _input_force(effect, body) - value * force(body)
+
+    return (*parts[:index], replace(parts[index], force=force, rest=rest), *parts[index + 1 :])
+
+
+def _as_counted(effect: Effect, body: Body) -> bool:
+    """Whether the counters, if there are any, show stages where an effect takes them."""
+    return body.inputs.stage_course is None or body.inputs.counted_with(effect)
+
+
+def _told(effect: Effect, body: Body) -> Array:
+    """What the machine was driven with by stages that went as an effect on the command has them,
+    less what the log says."""
+    if body.inputs.stage_course is None:
+        return _input_force(effect, body)
+    return _driven_by(body.inputs.with_stages(effect, counted=False), body)
+
+
 def strengths_of(effect: Effect) -> Array:
     """(p,) the strengths of its perturbations that make up the effect itself."""
     return np.where(amplitudes(effect), effect.values, 0.0)

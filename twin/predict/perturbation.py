@@ -36,6 +36,9 @@ class Perturbation:
     """1 sigma of what is known of the strength beforehand, about 0."""
     force: Callable[[Body], Array] | None = None
     """(S, steps, nv) generalised force at strength 1, along a log's measured motion."""
+    rest: Callable[[Body], Array] | None = None
+    """(S, steps, nv) what it pushes besides, whatever its strength: of what is not proportional,
+    `force` is the slope where it was formed. For a fit; a column is of `force` alone."""
     laws: tuple[tuple[float, TorqueLaw], ...] = ()
     """Torques on the base at strength 1, each so many times, that answer to the path that is
     predicted."""
@@ -58,16 +61,21 @@ class Added:
     perturbations: tuple[Perturbation, ...]
     forces: Array
     """(S, steps, nv, a) at strength 1; zero for a sensor's fault."""
+    rest: Array
+    """(S, steps, nv) at any strength."""
 
     @staticmethod
     def to(body: Body, perturbations: tuple[Perturbation, ...]) -> "Added":
         """Work the forces out."""
         grid = body.grid
         forces = np.zeros((grid.segments, grid.steps, body.machine.model.nv, len(perturbations)))
+        rest = np.zeros(forces.shape[:-1])
         for i, one in enumerate(perturbations):
             if one.force is not None:
                 forces[..., i] = one.force(body)
-        return Added(body, perturbations, forces)
+            if one.rest is not None:
+                rest += one.rest(body)
+        return Added(body, perturbations, forces, rest)
 
     def push(self, strengths: Array) -> Push:
         """All together."""
@@ -77,7 +85,7 @@ class Added:
             for factor, law in one.laws
             if strength != 0.0
         )
-        return Push(np.asarray(self.forces @ strengths, dtype=np.float64), laws)
+        return Push(self.rest + np.asarray(self.forces @ strengths, dtype=np.float64), laws)
 
     def rows(self, path: States, strengths: Array) -> Array:
         """(S, N) residual along a path (1, S, ...), the sensors at fault as they are."""
@@ -89,7 +97,7 @@ class Added:
             for i, one in self._of(output):
                 if one.shown is not None and strengths[i] != 0.0:
                     shown = shown + strengths[i] * one.shown(output, truth)
-            parts.append(output.residual(path, step, late) - shown / output.noise)
+            parts.append(output.residual(path, step, late) - shown / output.sigma)
         return self.body.scatter(parts)[0]
 
     def sensor_columns(self, path: States, strengths: Array) -> Array:
@@ -103,7 +111,7 @@ class Added:
                 own = part[faults.index(i)]
                 if one.shown is not None:
                     shown = one.shown(output, output.predicted(path, step, late))[0]
-                    own[:] = -shown / output.noise
+                    own[:] = -shown / output.sigma
                 if one.late is not None:
                     # Into the past only: what a law commands at an instant answers to the noise of
                     # the sample that it read there, and would seem to explain it.

@@ -1,0 +1,41 @@
+"""Effects between two fits: how far they moved, how large they are, what of them no log shows."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.effects import Effect
+from twin.predict.effect_columns import amplitudes
+
+Array = NDArray[np.float64]
+
+
+def between(first: Sequence[Effect], last: Sequence[Effect], share: float) -> tuple[Effect, ...]:
+    """So much of the way from one to the other."""
+    # a sum may end a rounding beyond a bound
+    return tuple(
+        end.with_values(np.clip(begin.values + share * (end.values - begin.values), *end.bounds()))
+        for begin, end in zip(first, last, strict=True)
+    )
+
+
+def largest(effect: Effect, free: NDArray[np.bool_]) -> float:
+    """Of its amplitudes, if a log shows any."""
+    size = amplitudes(effect)
+    return float(np.abs(effect.values[size]).max()) if (size & free).any() else 0.0
+
+
+def unseen(
+    effects: Sequence[Effect], free: Sequence[NDArray[np.bool_]], most: Sequence[float]
+) -> list[NDArray[np.bool_]]:
+    """(p,) of each effect, amplitudes that no log shows beside the others."""
+    return [
+        amplitudes(effect) & ~ones & (size > 0.0)
+        for effect, ones, size in zip(effects, free, most, strict=True)
+    ]
+
+
+def distance(step: Array, spread: Array) -> float:
+    """Of a step, in standard deviations."""
+    return float(np.sqrt(max(step @ np.linalg.pinv(spread, hermitian=True) @ step, 0.0)))
