@@ -61,3 +61,11 @@ class CommandError(TwinError, ValueError):
 
 class UsageError(TwinError, ValueError):
     """A call or a command line whose parts do not fit together; exit code 2."""
+
+
+class DeviceError(TwinError, OSError):
+    """A device that does not answer, refuses, or answers otherwise than it should."""
+
+    def __init__(self, device: str, problem: str, remedy: str) -> None:
+        super().__init__(f"{device}: {problem}; {remedy}")
+        self.device = device

@@ -1,0 +1,159 @@
+"""What a device is for the hardware plant: frozen settings, an open session, samples, counters.
+
+A session owns its port. A thread of its own is blocked in the port's read and fills a bounded
+queue, so that `read` and `write` never make the loop wait. What arrives is in SI units and in the
+device's own axes: alignment, scale and the host's time base are the plant's business.
+"""
+
+import abc
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+from twin.signals import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One measurement, or the reason why there is none."""
+
+    stream: str
+    """Name of a canonical stream (docs/design.md 4.2), or one of the device's own."""
+    value: tuple[float, ...]
+    """SI, device axes; not a number where nothing trustworthy arrived."""
+    host_time: float
+    """When its last byte arrived, `time.monotonic` [s]."""
+    device_time: float | None = None
+    """The device's own clock, unwrapped [s]; None where it has none."""
+    part: str = ""
+    """Which part (stage, wheel) it is of, if a stream has a column a part; empty: all of them."""
+    valid: bool = True
+    reason: str = ""
+    """Why it is not valid, a sentence."""
+
+
+def missing(stream: str, width: int, host_time: float, reason: str, part: str = "") -> Sample:
+    """A sample that never came: `width` values that are not numbers, and the reason."""
+    nothing = (math.nan,) * width
+    return Sample(stream, nothing, host_time, part=part, valid=False, reason=reason)
+
+
+@dataclass(slots=True)
+class Counters:
+    """What went over the line. Only the session's thread writes here; anybody may look."""
+
+    frames: int = 0
+    """Whole messages that passed their check."""
+    bad_checksums: int = 0
+    gaps: int = 0
+    """Messages that the device's own counter says were sent and that never came."""
+    resyncs: int = 0
+    """Times that bytes were skipped to find the next message."""
+    timeouts: int = 0
+    """Answers, or messages of a stream, that did not come in time."""
+    overflows: int = 0
+    """Samples thrown away, the oldest first, because nobody fetched them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceSettings(abc.ABC):
+    """All that must be known before a device is opened."""
+
+    name: str
+    """As the laboratory calls it; stands in every message."""
+    port: str
+    """Path (best by /dev/serial/by-id) or pyserial URL (`socket://`, `rfc2217://`)."""
+
+    @abc.abstractmethod
+    def session(self) -> "Device":
+        """A session with this device, not yet connected."""
+
+
+DeviceCommand = Mapping[str, Array]
+"""Command stream (`command_stage_position`, ...) -> (k,), SI, device axes, parts as in settings."""
+
+
+class Device(abc.ABC):
+    """An open session with one device, or with several on one line.
+
+    Life: connect, configure, (arm, write ...), safe_stop, disarm, close. A device that only
+    measures has nothing to arm and takes no command.
+    """
+
+    streams: Mapping[str, int]
+    """Streams that it gives and their widths, known before connecting."""
+    commands: Mapping[str, int]
+    """Command streams that it takes and their widths; empty for a sensor."""
+    counters: Counters
+    fault: str
+    """Why nothing can be trusted or commanded until the next `connect`, a sentence; else empty."""
+
+    @abc.abstractmethod
+    def connect(self) -> None:
+        """Open the port and make sure that the device answers, as the one that is expected.
+
+        Connecting what is connected does nothing; after a fault it begins anew.
+
+        Raises:
+            DeviceError: no port, no answer, or another device.
+        """
+
+    @abc.abstractmethod
+    def configure(self) -> None:
+        """Write the settings, read them back, and begin to measure.
+
+        Raises:
+            DeviceError: a setting that the device refuses or reports otherwise than written.
+        """
+
+    @abc.abstractmethod
+    def arm(self) -> None:
+        """Take commands from now on.
+
+        Raises:
+            DeviceError: not configured, not homed, or in a fault.
+        """
+
+    @abc.abstractmethod
+    def read(self) -> list[Sample]:
+        """All that arrived since the last call, in the order of arrival. Never blocks.
+
+        Silence gives nothing, or a sample that is not valid; never the last value again.
+        """
+
+    @abc.abstractmethod
+    def write(self, command: DeviceCommand) -> DeviceCommand:
+        """Apply from now on; return what is really applied, after limits. Never blocks.
+
+        Raises:
+            CommandError: an unknown stream, a wrong shape, a value that is not finite.
+            DeviceError: not armed, or in a fault.
+        """
+
+    @abc.abstractmethod
+    def safe_stop(self, floating: bool) -> None:
+        """Bring what moves to its safe state; `floating`: nothing may lose its hold.
+
+        Works in every state and more than once; raises nothing.
+        """
+
+    @abc.abstractmethod
+    def disarm(self) -> None:
+        """Take no command from now on. What moves keeps its safe state; raises nothing."""
+
+    @abc.abstractmethod
+    def close(self) -> None:
+        """Stop safely if armed, end the thread, release the port; raises nothing."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
