@@ -7,6 +7,7 @@ device's own axes: alignment, scale and the host's time base are the plant's bus
 
 import abc
 import math
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import TracebackType
@@ -25,6 +26,8 @@ class Sample:
     """SI, device axes; not a number where nothing trustworthy arrived."""
     host_time: float
     """When its last byte arrived, `time.monotonic` [s]."""
+    latency: float = 0.0
+    """How old the value was by then, as far as is known: its time on the line [s]."""
     device_time: float | None = None
     """The device's own clock, unwrapped [s]; None where it has none."""
     part: str = ""
@@ -87,6 +90,9 @@ class Device(abc.ABC):
     commands: Mapping[str, int]
     """Command streams that it takes and their widths; empty for a sensor."""
     counters: Counters
+    notes: deque[str]
+    """What happened that is worth telling (a limit switch, a restart), a sentence each, oldest
+    first; whoever tells it takes it out."""
     fault: str
     """Why nothing can be trusted or commanded until the next `connect`, a sentence; else empty."""
 

@@ -1,0 +1,216 @@
+"""An emulated device on a pseudo-terminal, in a process of its own, at the line's true rate.
+
+A pty passes any number of bytes at once and asks nobody for the baud rate. So this end does both:
+each byte takes its start, eight data and stop bits, and a host that has set another rate than the
+device's gets garbage. A symbolic link names the port, and is pointed to the new one on a replug.
+"""
+
+import multiprocessing
+import os
+import select
+import termios
+import time
+import tty
+from collections.abc import Sequence
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from twin.emulate.emulated import EmulatedDevice
+from twin.emulate.faults import BURST, LINE_FAULTS, Fault, Wire
+from twin.emulate.pacing import PacedQueue
+
+BEAT = 0.001
+"""Longest that the process sleeps [s]: devices send of themselves."""
+
+_RATES = {
+    getattr(termios, f"B{rate}"): rate
+    for rate in (4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600, 2000000, 4000000)
+}
+"""Code of the terminal driver -> baud."""
+
+
+class EmulatedLine:
+    """Starts the process on entry, ends it on exit; faults are scheduled or injected."""
+
+    def __init__(
+        self,
+        device: EmulatedDevice,
+        link: Path,
+        faults: Sequence[Fault] = (),
+        *,
+        seed: int = 0,
+        log: Path | None = None,
+    ) -> None:
+        """`link` will name the port; `log` takes the raw bytes of both directions."""
+        self.link = link
+        # A fork would copy the threads' locks of whoever starts this.
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(
+            target=_serve, args=(device, link, tuple(faults), seed, log, theirs), daemon=True
+        )
+
+    def __enter__(self) -> Self:
+        self._process.start()
+        if not self._pipe.poll(10.0):
+            raise TimeoutError(f"the emulated line {self.link} did not start within 10 s")
+        self._pipe.recv()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._process.is_alive():
+            self._pipe.send(None)
+            self._process.join(5.0)
+        if self._process.is_alive():
+            self._process.kill()
+
+    def inject(self, fault: Fault) -> None:
+        """Begin a fault; its start counts from now."""
+        self._pipe.send(fault)
+
+    def kill(self) -> None:
+        """End the process at once, as a crash does."""
+        self._process.kill()
+        self._process.join(5.0)
+
+
+class _Terminal:
+    """Both ends of a pseudo-terminal; ours keeps the other open, else a host's leaving ends it."""
+
+    def __init__(self, link: Path) -> None:
+        self.master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self.master, False)
+        aside = link.with_name(f"{link.name}.{os.getpid()}")
+        aside.symlink_to(os.ttyname(self._slave))
+        aside.replace(link)
+        self._link = link
+
+    def baud(self) -> int:
+        """What the host has set."""
+        return _RATES.get(termios.tcgetattr(self._slave)[5], 0)
+
+    def read(self) -> bytes:
+        try:
+            return os.read(self.master, 4096)
+        except OSError:
+            return b""
+
+    def write(self, data: bytes) -> None:
+        """Send; what a host does not fetch is lost, as in a full receive buffer."""
+        try:
+            os.write(self.master, data)
+        except BlockingIOError:
+            return
+
+    def close(self) -> None:
+        self._link.unlink(missing_ok=True)
+        os.close(self.master)
+        os.close(self._slave)
+
+
+def _serve(
+    device: EmulatedDevice,
+    link: Path,
+    faults: tuple[Fault, ...],
+    seed: int,
+    log: Path | None,
+    pipe: Connection,
+) -> None:
+    """Be the device until told to stop, or until whoever started this is gone."""
+    server = _Server(device, link, faults, seed)
+    pipe.send("ready")
+    with open(log, "wb", buffering=0) if log else open(os.devnull, "wb") as record:
+        while True:
+            try:
+                while pipe.poll():
+                    order = pipe.recv()
+                    if order is None:
+                        return
+                    server.add(order)
+            except (EOFError, OSError):
+                return
+            sent, into = server.step()
+            for mark, data in ((b"<", into), (b">", sent)):
+                if data:
+                    record.write(mark + data.hex().encode() + b"\n")
+            server.sleep(pipe)
+
+
+class _Server:
+    """The loop's state: terminal, both directions of the line, what is wrong with it."""
+
+    def __init__(
+        self, device: EmulatedDevice, link: Path, faults: tuple[Fault, ...], seed: int
+    ) -> None:
+        self._device, self._link = device, link
+        self._start = time.monotonic()
+        own = [fault for fault in faults if fault.kind not in LINE_FAULTS]
+        self._wire = Wire([fault for fault in faults if fault.kind in LINE_FAULTS], seed)
+        self._pending = sorted(
+            own + [f for f in self._wire.faults if f.kind == "power_cycle"], key=lambda f: f.start
+        )
+        self._to_device, self._to_host = PacedQueue(), PacedQueue()
+        self._terminal: _Terminal | None = _Terminal(link)
+
+    def add(self, fault: Fault) -> None:
+        fault = replace(fault, start=self._now() + fault.start)
+        if fault.kind in LINE_FAULTS:
+            self._wire.faults.append(fault)
+        if fault.kind not in LINE_FAULTS or fault.kind == "power_cycle":
+            self._pending.append(fault)
+            self._pending.sort(key=lambda each: each.start)
+
+    def step(self) -> tuple[bytes, bytes]:
+        """Bytes that went out to the host, and those that came in to the device."""
+        now = self._now()
+        self._happen(now)
+        if self._terminal is None:
+            self._device.advance(now)
+            return b"", b""
+        byte_time = (1 + 8 + self._device.stop_bits) / self._device.baud
+        self._to_device.send(self._terminal.read(), now, byte_time)
+        matched = self._terminal.baud() == self._device.baud
+        into = self._wire.carry(self._to_device.arrived(now), now, matched=matched)
+        sent = self._device.receive(into, now) if into else b""
+        self._to_host.send(sent + self._device.advance(now), now, byte_time)
+        burst = self._wire.active("burst", now)
+        arrived = self._to_host.arrived(now // BURST * BURST if burst else now)
+        out = self._wire.carry(arrived, now, matched=matched)
+        if out:
+            self._terminal.write(out)
+        return out, into
+
+    def sleep(self, pipe: Connection) -> None:
+        """Until the host or the owner says something, or the next beat."""
+        watched: list[int | Connection] = [pipe]
+        if self._terminal is not None:
+            watched.append(self._terminal.master)
+        select.select(watched, [], [], BEAT)
+
+    def _now(self) -> float:
+        return time.monotonic() - self._start
+
+    def _happen(self, now: float) -> None:
+        while self._pending and self._pending[0].start <= now:
+            fault = self._pending.pop(0)
+            if fault.kind == "power_cycle":
+                self._device.power_cycle(now)
+            else:
+                self._device.inject(fault.kind, fault.value)
+        unplugged = self._wire.active("unplug", now) is not None
+        if unplugged and self._terminal is not None:
+            self._terminal.close()
+            self._terminal = None
+            self._to_device.clear()
+            self._to_host.clear()
+        elif not unplugged and self._terminal is None:
+            self._terminal = _Terminal(self._link)

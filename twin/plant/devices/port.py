@@ -1,0 +1,119 @@
+"""A serial port, or its like on the network, as the sessions use it.
+
+Opens by path or pyserial URL, asks for low latency where the adapter has it, and turns what goes
+wrong (no such port, no permission, unplugged) into one sentence.
+"""
+
+import contextlib
+import errno
+import time
+
+import serial
+
+from twin.errors import DeviceError
+
+SLICE = 0.02
+"""Longest that one read of the port blocks [s]: so fast does a session hear that it shall end."""
+
+_REMEDIES = {
+    errno.ENOENT: "check the cable and the path",
+    errno.EACCES: "ask for membership of the group that owns the port (often `dialout`)",
+    errno.EBUSY: "close the other program that has it open",
+}
+
+
+class Port:
+    """One open line to a device. Reading belongs to one thread; so does writing."""
+
+    def __init__(
+        self, device: str, url: str, *, baud: int, stop_bits: int = 1, exclusive: bool = True
+    ) -> None:
+        """Open it, and throw away what had arrived before.
+
+        Raises:
+            DeviceError: there is no such port, or it cannot be had.
+        """
+        self.device = device
+        self.url = url
+        self.byte_time = (1 + 8 + stop_bits) / baud
+        """Of one byte on the line [s]."""
+        try:
+            self._serial = serial.serial_for_url(
+                url,
+                baudrate=baud,
+                stopbits=stop_bits,
+                timeout=SLICE,
+                write_timeout=1.0,
+                exclusive=True if exclusive and "://" not in url else None,
+            )
+        except (OSError, ValueError) as error:
+            code = error.errno if isinstance(error, OSError) else None
+            # pyserial says of a port that another program holds: EAGAIN, from flock
+            code = errno.EBUSY if code in (errno.EAGAIN, errno.EWOULDBLOCK) else code
+            remedy = _REMEDIES.get(code or 0, "check the path or URL, and the baud rate")
+            raise DeviceError(device, f"cannot open {url} ({_why(error)})", remedy) from error
+        self.low_latency = False
+        """The adapter passes bytes on at once, instead of up to 16 ms later."""
+        # pseudo-terminals refuse with ValueError, network ports do not know the method
+        with contextlib.suppress(AttributeError, ValueError, NotImplementedError, OSError):
+            self._serial.set_low_latency_mode(True)
+            self.low_latency = True
+
+    def read(self, timeout: float) -> bytes:
+        """All that has arrived; waits for the first byte up to `timeout` [s], then gives nothing.
+
+        Raises:
+            DeviceError: the port is gone.
+        """
+        deadline = time.monotonic() + timeout
+        try:
+            while True:
+                data = self._serial.read(1)
+                if data:
+                    waiting = self._serial.in_waiting
+                    return data + self._serial.read(waiting) if waiting else data
+                if time.monotonic() >= deadline:
+                    return b""
+        # closing a port in the middle of a read gives TypeError; unplugging, either of OSError
+        # and its child SerialException
+        except (OSError, TypeError) as error:
+            raise self._lost(error) from error
+
+    def waiting(self) -> bytes:
+        """What has arrived, without waiting for more.
+
+        Raises:
+            DeviceError: the port is gone.
+        """
+        try:
+            waiting = self._serial.in_waiting
+            return self._serial.read(waiting) if waiting else b""
+        except (OSError, TypeError) as error:
+            raise self._lost(error) from error
+
+    def write(self, data: bytes) -> None:
+        """Send.
+
+        Raises:
+            DeviceError: the port is gone, or takes nothing for a second.
+        """
+        try:
+            self._serial.write(data)
+        except (OSError, TypeError) as error:
+            raise self._lost(error) from error
+
+    def close(self) -> None:
+        """Release it; raises nothing."""
+        with contextlib.suppress(OSError, TypeError):
+            self._serial.close()
+
+    def _lost(self, error: Exception) -> DeviceError:
+        problem = f"lost {self.url} ({_why(error)})"
+        return DeviceError(self.device, problem, "plug it in again, then connect anew")
+
+
+def _why(error: Exception) -> str:
+    """The core of an error text of pyserial, which repeats the port and its own name."""
+    if isinstance(error, OSError) and error.errno is not None:
+        return error.strerror or errno.errorcode.get(error.errno, str(error.errno))
+    return str(error).splitlines()[0].rstrip(".")
