@@ -6,6 +6,7 @@ wrong (no such port, no permission, unplugged) into one sentence.
 
 import contextlib
 import errno
+import os
 import time
 
 import serial
@@ -115,5 +116,5 @@ class Port:
 def _why(error: Exception) -> str:
     """The core of an error text of pyserial, which repeats the port and its own name."""
     if isinstance(error, OSError) and error.errno is not None:
-        return error.strerror or errno.errorcode.get(error.errno, str(error.errno))
+        return os.strerror(error.errno)
     return str(error).splitlines()[0].rstrip(".")

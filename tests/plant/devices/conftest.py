@@ -1,0 +1,72 @@
+"""Emulated devices on ptys, each in a process of its own, and sessions that talk to them."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from twin.emulate.emulated import EmulatedDevice
+from twin.emulate.faults import Fault
+from twin.emulate.line import EmulatedLine
+from twin.plant.devices.device import Device, Sample
+
+Plug = Callable[..., EmulatedLine]
+WaitFor = Callable[..., list[Sample]]
+
+
+@pytest.fixture
+def plug(tmp_path: Path) -> Iterator[Plug]:
+    """Puts an emulated device on a line; `plug(device, faults...)`."""
+    with ExitStack() as lines:
+
+        def start(device: EmulatedDevice, *faults: Fault, seed: int = 0) -> EmulatedLine:
+            line = EmulatedLine(device, tmp_path / "port", faults, seed=seed)
+            return lines.enter_context(line)
+
+        yield start
+
+
+@pytest.fixture
+def collect() -> Callable[[Device, float], list[Sample]]:
+    """What a session gives within that time [s]."""
+
+    def collected(device: Device, seconds: float) -> list[Sample]:
+        samples: list[Sample] = []
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            samples += device.read()
+            time.sleep(0.005)
+        return samples
+
+    return collected
+
+
+@pytest.fixture
+def wait_for() -> WaitFor:
+    """What a session gives until something is so; fails when that takes too long."""
+
+    def waited(
+        device: Device, wanted: Callable[[list[Sample]], bool], seconds: float = 5.0
+    ) -> list[Sample]:
+        samples: list[Sample] = []
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            samples += device.read()
+            if wanted(samples):
+                return samples
+            time.sleep(0.005)
+        pytest.fail(f"not within {seconds} s; last: {samples[-3:]}, notes {list(device.notes)}")
+
+    return waited
+
+
+@pytest.fixture
+def reasons() -> Callable[[Sequence[Sample]], str]:
+    """All reasons given, in one text."""
+
+    def given(samples: Sequence[Sample]) -> str:
+        return " | ".join(dict.fromkeys(each.reason for each in samples if not each.valid))
+
+    return given
