@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from twin.errors import DeviceError, UnknownName, UsageError
+from twin.plant.devices.checks import Believable
 from twin.plant.devices.device import DeviceSettings, Sample
 from twin.plant.devices.port import Port
 from twin.plant.devices.sensor import Sensor
-from twin.plant.devices.xbus.checks import Believable
 from twin.plant.devices.xbus.counting import DeviceClock, Wrapping
 from twin.plant.devices.xbus.data import (
     Output,

@@ -1,7 +1,7 @@
-"""Whether a value that passed the checksum can be believed: finite, in range, alive.
+"""Whether a value that passed its protocol's check can be believed: finite, in range, alive.
 
-One corrupt frame in 256 passes the checksum of an Xbus frame, and a broken sensor sends frames that
-are perfect. So each value is held against what its sensor can measure.
+A weak checksum lets corrupt values through, some devices have none, and a broken sensor sends
+messages that are perfect. So each value is held against what its sensor can measure.
 """
 
 import math
