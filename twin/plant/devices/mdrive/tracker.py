@@ -1,0 +1,167 @@
+"""What is known of one stage between two looks at it, and what a new look means.
+
+The counter of an open-loop drive can be believed as long as it lies where the last order allows:
+between the start of the move and its target. Whatever is outside is doubted, and the second time it
+means that the position is lost.
+"""
+
+from dataclasses import dataclass
+
+from twin.plant.devices.mdrive.settings import DriveSettings
+from twin.plant.devices.mdrive.tables import Effect, error_named
+
+_SLACK = 2
+"""Microsteps that a counter may lie outside of its move: it is printed while it changes."""
+_PATIENCE = 0.1
+"""So long after an order [s] a drive that stands has not heard it."""
+_GRACE = 0.5
+"""So long after the end of its move [s] a drive still says that it moves: it is stuck."""
+_ORDERS = 3
+"""So often an order is given."""
+_FRESH = 0.5
+"""An order that could not be given for so long [s] is dropped: whoever gave it may be dead."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What a drive says of itself."""
+
+    position: int
+    """P [microsteps]."""
+    moving: bool
+    """MV."""
+    time: float
+    """Of the host [s]."""
+
+
+class Tracker:
+    """One stage."""
+
+    def __init__(self, settings: DriveSettings) -> None:
+        self.settings = settings
+        self.position = 0
+        self.homed = False
+        self.moving = False
+        self.stopping = False
+        self.lost = ""
+        """Why the position cannot be trusted; empty: it can, once homed."""
+        self.notes: list[str] = []
+        self._start = self._target = 0
+        self._given = 0.0
+        self._orders = 0
+        self._pending: tuple[int, float] | None = None
+        self._blocked = 0
+        self._doubts = 0
+
+    @property
+    def target(self) -> int:
+        """Where it rests when what was ordered is done [microsteps]."""
+        return self._target
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        return f"stage {self.settings.part} (drive {self.settings.address})"
+
+    def rest(self, position: int) -> None:
+        """It stands there, and is believed."""
+        self.position = self._start = self._target = position
+        self.moving = self.stopping = False
+        self._pending, self._orders, self._doubts, self._blocked = None, 0, 0, 0
+
+    def allow(self, wanted: int) -> int:
+        """The nearest target [microsteps] that travel, reach and limit switches let it have."""
+        settings = self.settings
+        low = max(settings.steps(settings.travel[0]), self._target - settings.reach)
+        high = min(settings.steps(settings.travel[1]), self._target + settings.reach)
+        if self._blocked > 0:
+            high = min(high, self._target)
+        elif self._blocked < 0:
+            low = max(low, self._target)
+        # a stage beyond its travel is let back, not made to leap
+        return max(min(wanted, max(high, self._target - settings.reach)), low)
+
+    def want(self, target: int, now: float) -> None:
+        """Go there as soon as it stands; what was wanted before is forgotten."""
+        self._pending = (target, now)
+
+    def drop(self) -> None:
+        """Nothing is wanted any more."""
+        self._pending = None
+
+    def order(self, now: float) -> int | None:
+        """The target that should be sent to the drive now, and counts as given; None: nothing."""
+        if self.moving or self.stopping or self.lost:
+            return None
+        if self._pending is not None:
+            (target, wanted), self._pending = self._pending, None
+            if now - wanted > _FRESH or target == self._target == self.position:
+                return None
+            self._start, self._target, self._orders = self.position, target, 0
+        elif self.position == self._target or now - self._given < _PATIENCE:
+            return None
+        elif self._orders >= _ORDERS:
+            self.notes.append(f"{self.name}: does not move, {_ORDERS} orders were in vain")
+            self.rest(self.position)
+            return None
+        self._given = now
+        self._orders += 1
+        return self._target
+
+    def look(self, look: Look) -> str:
+        """Take what the drive says; why it cannot be believed, or nothing."""
+        low, high = sorted((self._start, self._target))
+        if not low - _SLACK <= look.position <= high + _SLACK:
+            self._doubts += 1
+            if self._doubts > 1:
+                self.lost = (
+                    f"{self.name}: its counter leapt from {self.position} to {look.position} "
+                    f"microsteps outside of {low} to {high}; capture the table and home it again"
+                )
+            return self.lost or f"{self.name}: counter at {look.position}, not in {low} to {high}"
+        self._doubts = 0
+        self.position, self.moving = look.position, look.moving
+        if look.moving:
+            if look.time > self._given + self._longest() + _GRACE and not self.stopping:
+                self.lost = (
+                    f"{self.name}: says that it moves, long after its move must have ended; "
+                    "switch it off and on, and home it again"
+                )
+            return self.lost
+        if look.position != self._target and (self.stopping or look.position != self._start):
+            if not self.stopping:
+                self.notes.append(
+                    f"{self.name}: stopped at {1e3 * self.settings.metres(look.position):.3f} mm, "
+                    f"short of {1e3 * self.settings.metres(self._target):.3f} mm"
+                )
+            blocked, pending = self._blocked, self._pending
+            self.rest(look.position)
+            self._blocked, self._pending = blocked, pending
+        elif look.position == self._target:
+            self._start = self._target
+        self.stopping = False
+        return ""
+
+    def moved_off(self) -> None:
+        """An order away from a limit switch was given: the switch blocks no more."""
+        if self._blocked * (self._target - self._start) < 0:
+            self._blocked = 0
+
+    def complain(self, code: int) -> None:
+        """Take an error code of the drive."""
+        if code == 0:
+            return
+        error = error_named(code)
+        sentence = f"{self.name}: {error.sentence} (error {code})"
+        self.notes.append(sentence)
+        if error.effect is Effect.lost:
+            self.lost = sentence + "; capture the table and home it again"
+        elif error.effect is Effect.limit:
+            self._blocked = 1 if code == 83 else -1
+            self._pending = None
+
+    def _longest(self) -> float:
+        settings = self.settings
+        distance = abs(self._target - self._start)
+        ramps = 2.0 * settings.speed / settings.acceleration
+        return distance / settings.rate(settings.speed) + ramps + settings.settling * 1e-3
