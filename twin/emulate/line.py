@@ -47,7 +47,7 @@ class EmulatedLine:
         """`link` will name the port; `log` takes the raw bytes of both directions."""
         self.link = link
         # A fork would copy the threads' locks of whoever starts this.
-        context = multiprocessing.get_context("spawn")
+        context = multiprocessing.get_context("forkserver")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(
             target=_serve, args=(device, link, tuple(faults), seed, log, theirs), daemon=True

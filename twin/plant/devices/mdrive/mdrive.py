@@ -31,9 +31,10 @@ from twin.plant.devices.port import Port
 from twin.plant.devices.worker import SampleQueue, Worker
 
 _STREAM, _COMMAND = "stage_position", "command_stage_position"
+_MISSES = 3
+"""Answers missing one after the other, until a drive counts as silent."""
 _SILENT = 2.0
-"""A drive that did not answer is asked again after that long [s], so that the others are not kept
-waiting."""
+"""A silent drive is asked again after that long [s], so that the others are not kept waiting."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +83,7 @@ class MDrive(Device):
         self.stages = [Tracker(drive) for drive in settings.drives]
         self._modes = [Mode() for _ in settings.drives]
         self._silent_until = [0.0 for _ in settings.drives]
+        self._misses = [0 for _ in settings.drives]
         self._queue = SampleQueue(self.counters)
         self._port: Port | None = None
         self._line: Line | None = None
@@ -248,11 +250,13 @@ class MDrive(Device):
         address = stage.settings.address
         reason = self._look(k)
         now = self._line.heard
-        if reason and not stage.lost and self._silent_until[k] < now:
+        if reason and not stage.lost and not self._misses[k]:
             # once more, at once: a corrupt answer must not cost a sample
             reason = self._look(k)
-        if reason and (stage.moving or stage.lost):
+        if stage.doubted:
             self._line.tell(address, "SL 0", mode)
+        if stage.lost:
+            self._silent_until[k] = time.monotonic() + _SILENT
         self._collect_notes(stage)
         if not reason and not stage.homed:
             reason = f"{stage.name}: is not homed"
@@ -275,6 +279,7 @@ class MDrive(Device):
         answer = self._line.ask(stage.settings.address, self._items, mode, tries=2)
         if answer is None or len(answer) != len(self._items):
             return self._silence(k)
+        self._misses[k] = 0
         if answer[3] != (HOMED if stage.homed else CONFIGURED):
             stage.lost = (
                 f"{stage.name}: has started anew ({mark} is {answer[3]}), its position is lost; "
@@ -293,9 +298,12 @@ class MDrive(Device):
             return stage.lost or stage.look(Look(position, bool(moving), self._line.heard))
 
     def _silence(self, k: int) -> str:
-        """A drive did not answer: has it started anew, in its saved mode?"""
+        """A drive did not answer; one that does not for long may have started anew."""
         assert self._line is not None
         stage = self.stages[k]
+        self._misses[k] += 1
+        if self._misses[k] < _MISSES:
+            return f"{stage.name}: no answer that can be trusted"
         self._silent_until[k] = time.monotonic() + _SILENT
         self._line.activate()
         saved = Mode(checked=False)

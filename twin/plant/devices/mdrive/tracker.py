@@ -59,6 +59,11 @@ class Tracker:
         return self._target
 
     @property
+    def doubted(self) -> bool:
+        """The last look could not be believed, or the position is lost."""
+        return bool(self._doubts or self.lost)
+
+    @property
     def name(self) -> str:
         """For messages."""
         return f"stage {self.settings.part} (drive {self.settings.address})"
