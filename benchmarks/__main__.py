@@ -12,6 +12,7 @@ SUBJECTS = {
     "recording": "what recording costs",
     "identify": "the base from a log of five minutes",
     "diagnose": "the causes of what a model gets wrong, from a log of five minutes",
+    "vendor": "bytes a second through the parsers of vendors' devices",
     "machines": "steps a second of every machine",
     "batch": "closed loop against bare physics",
 }

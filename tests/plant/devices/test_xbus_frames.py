@@ -151,6 +151,12 @@ def test_a_corrupt_length_does_not_swallow_what_stands_behind_it():
     assert parser.idle() == parse(PACKET), "a quiet line says that they will not come"
 
 
+def test_a_length_that_the_device_cannot_have_to_send_is_not_waited_for():
+    broken = bytearray(PACKET)
+    broken[3:6] = b"\xff\x08\x00"
+    assert FrameParser(Counters(), longest=254).feed(bytes(broken) + PACKET) == parse(PACKET)
+
+
 def test_data_whose_lengths_contradict_each_other_is_not_data():
     assert decode_data(b"\x80\x20\x0c\x00") is None
     assert decode_data(b"\x80\x20\x0b" + bytes(11)) is None

@@ -40,8 +40,10 @@ def encode(message: Message) -> bytes:
 class FrameParser:
     """Takes bytes as they come; keeps at most one unfinished frame."""
 
-    def __init__(self, counters: Counters) -> None:
+    def __init__(self, counters: Counters, longest: int = LONGEST) -> None:
+        """`longest`: data that the device can have to send; more is a corrupt length at once."""
         self._counters = counters
+        self._longest = longest
         self._buffer = bytearray()
         self._skipping = False
 
@@ -104,8 +106,10 @@ class FrameParser:
             if len(buffer) < start + 6:
                 return None
             size, first = int.from_bytes(buffer[start + 4 : start + 6], "big"), start + 6
-            if not _EXTENDED <= size <= LONGEST:
+            if size < _EXTENDED:
                 return first, first
+        if size > self._longest:
+            return first, first
         return first, first + size + 1
 
     def _skip(self, count: int) -> None:

@@ -37,6 +37,8 @@ _TRIES = 30
 """Of GoToConfig; data in flight delay its answer, and a device that boots needs a second."""
 _QUIET = 0.05
 """So long without a byte [s], an unfinished frame stays unfinished."""
+_LONGEST = 254
+"""Bytes of data in any message of a configuration that the settings can ask for."""
 _LEAP = 1.0
 """A larger step of the device's clock [s], beyond the packets that are missing, is no step."""
 _LOST = 1000
@@ -134,7 +136,7 @@ class Mti(Sensor):
             silence=settings.silence,
         )
         self._settings = settings
-        self._parser = FrameParser(self.counters)
+        self._parser = FrameParser(self.counters, _LONGEST)
         self._packets = Wrapping(1 << 16)
         self._clock = DeviceClock(settings.clock_span)
         self._streams = {CHANNELS[name].kind: name for name in settings.rates}
@@ -144,7 +146,7 @@ class Mti(Sensor):
         self.device_id = 0
 
     def _greet(self, port: Port) -> None:
-        self._parser = FrameParser(self.counters)
+        self._parser = FrameParser(self.counters, _LONGEST)
         self._request(port, MessageId.GO_TO_CONFIG, tries=_TRIES)
         answer = self._request(port, MessageId.REQUEST_DEVICE_ID)
         self.device_id = int.from_bytes(answer, "big")
