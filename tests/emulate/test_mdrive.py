@@ -142,3 +142,12 @@ def test_homing_ends_where_the_switch_opens():
     bench.say(b"1HM 1\n", 2.0)
     assert bench.say(b'1PR MV,"_"EF\n') == b"0_0\r\n"
     assert axis.carriage(bench.now) == pytest.approx(0.0, abs=20.0)
+
+
+def test_after_the_hosts_death_a_bounded_move_ends_within_its_quarter_second_and_one_ramp():
+    saved = {"PY": 1, "EM": 1, "VM": 503_937, "A": 1_024_000, "D": 1_024_000}
+    bench = Bench(EmulatedDrive(saved=saved))
+    bench.say(b"\n")
+    bench.say(b"1MA 125984\n", 0.0)  # VM x 0.25 s, and not a word afterwards
+    bench.wait(0.25 + 503_937 / 1_024_000)
+    assert bench.say(b'1PR MV,"_"P\n') == b"0_125984\r\n"
