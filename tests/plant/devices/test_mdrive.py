@@ -289,6 +289,20 @@ def test_a_position_that_is_lost_is_a_reason_and_stops_all_moves(
         session.arm()
 
 
+def test_a_lost_position_stays_lost_in_the_next_session(armed, mdrive, wait_for, reasons):
+    line, session = armed()
+    line.inject(Fault("stall"))
+    wait_for(session, lambda got: "stalled" in reasons(got))
+    session.configure()
+    with pytest.raises(DeviceError, match="is not homed"):
+        session.arm()
+    session.close()
+    later = mdrive()
+    later.configure()
+    with pytest.raises(DeviceError, match="is not homed"):
+        later.arm()
+
+
 def test_a_drive_that_says_for_ever_that_it_moves_is_not_believed(armed, wait_for, reasons):
     line, session = armed(None, stage(acceleration=0.5))
     line.inject(Fault("stuck_moving"))

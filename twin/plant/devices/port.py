@@ -117,4 +117,6 @@ def _why(error: Exception) -> str:
     """The core of an error text of pyserial, which repeats the port and its own name."""
     if isinstance(error, OSError) and error.errno is not None:
         return os.strerror(error.errno)
-    return str(error).splitlines()[0].rstrip(".")
+    text = str(error).splitlines()[0].rstrip(".")
+    # this is how pyserial sees an unplugged adapter
+    return "unplugged" if "returned no data" in text else text

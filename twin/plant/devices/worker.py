@@ -1,8 +1,10 @@
 """The thread of a session, and the bounded queue between it and the loop."""
 
 import threading
+import traceback
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 
 from twin.errors import TwinError
 from twin.plant.devices.device import Counters, Sample
@@ -64,5 +66,7 @@ class Worker:
             self._failed(str(error))
         except Exception as error:
             # A mistake of ours must end in a stopped session and a reason, not in a silent thread.
-            self._failed(f"{self._thread.name}: stopped by {type(error).__name__}: {error}")
-            raise
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            where = f"{Path(place.filename).name}:{place.lineno}"
+            what = f"{type(error).__name__} at {where}: {error}"
+            self._failed(f"{self._thread.name}: stopped by {what}; please report it")

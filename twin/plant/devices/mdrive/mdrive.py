@@ -116,6 +116,8 @@ class MDrive(Device):
         assert self._line is not None
         wanted = Mode(self.settings.echo_mode, self.settings.checksum)
         for k, drive in enumerate(self.settings.drives):
+            if self.stages[k].lost:
+                self._forget_home(k)
             mode, position, homed, error = set_up(
                 self.name, self._line, drive, self.settings.mark, wanted
             )
@@ -256,7 +258,8 @@ class MDrive(Device):
         if stage.doubted:
             self._line.tell(address, "SL 0", mode)
         if stage.lost:
-            self._silent_until[k] = time.monotonic() + _SILENT
+            self._forget_home(k)
+            self._leave(k)
         self._collect_notes(stage)
         if not reason and not stage.homed:
             reason = f"{stage.name}: is not homed"
@@ -280,12 +283,13 @@ class MDrive(Device):
         if answer is None or len(answer) != len(self._items):
             return self._silence(k)
         self._misses[k] = 0
+        if stage.lost:
+            return stage.lost
         if answer[3] != (HOMED if stage.homed else CONFIGURED):
             stage.lost = (
                 f"{stage.name}: has started anew ({mark} is {answer[3]}), its position is lost; "
                 "capture the table, configure and home it again"
             )
-        if stage.lost:
             return stage.lost
         position, moving, failing = answer[:3]
         apart = abs(answer[-1] - position)
@@ -304,7 +308,7 @@ class MDrive(Device):
         self._misses[k] += 1
         if self._misses[k] < _MISSES:
             return f"{stage.name}: no answer that can be trusted"
-        self._silent_until[k] = time.monotonic() + _SILENT
+        self._leave(k)
         self._line.activate()
         saved = Mode(checked=False)
         woken = self._line.ask(stage.settings.address, ["EM"], saved, tries=1)
@@ -314,6 +318,16 @@ class MDrive(Device):
                 "capture the table, configure and home it again"
             )
         return stage.lost or f"{stage.name}: does not answer"
+
+    def _forget_home(self, k: int) -> None:
+        """The drive itself must not say to a later session that it is homed."""
+        assert self._line is not None
+        address, mode = self.stages[k].settings.address, self._modes[k]
+        self._line.tell(address, f"{self.settings.mark}={CONFIGURED}", mode)
+
+    def _leave(self, k: int) -> None:
+        """Ask the others first."""
+        self._silent_until[k] = time.monotonic() + (_SILENT if len(self.stages) > 1 else 0.0)
 
     def _apart(self, stage: Tracker, moving: int | bool) -> int:
         """How far a stage can go between two numbers of one answer [microsteps]."""
