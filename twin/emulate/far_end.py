@@ -1,0 +1,160 @@
+"""The far end of our link, emulated: what docs/link.md says a firmware must do, and no more.
+
+No input or output: bytes and the far end's own clock come in, bytes go out. The C99 firmware in
+docs/firmware is held against it, byte for byte.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.plant.devices.link import (
+    Arm,
+    Event,
+    Flag,
+    Frame,
+    Hello,
+    MessageType,
+    Parser,
+    SampleRows,
+    Schema,
+    SetPoint,
+    State,
+    TimeSync,
+    packed,
+)
+
+Array = NDArray[np.float64]
+
+ALL_CHANNELS = 255
+"""Stands for a channel's number where none is meant."""
+
+_CLOCK = 2**32
+_MS = 1000
+
+
+class FarEnd:
+    """The state machine of one far end. Clocks are its own, microseconds, 32 bits."""
+
+    def __init__(self, schema: Schema, name: str, longest_valid_ms: int, now_us: int) -> None:
+        """Begin: safe, not greeted, a greeting on its way."""
+        self.schema = schema
+        self.state = State.safe
+        self.flags = Flag(0)
+        self.parser = Parser(schema, "host")
+        self.setpoint: dict[int, Array] = {}
+        """Of channels that have a set-point in force, SI."""
+        self._hello = Hello(schema.hash, longest_valid_ms, name).packed()
+        self._longest = longest_valid_ms
+        self._until: dict[int, int] = {}
+        """Channel -> when its set-point runs out [us]; `ALL_CHANNELS` before the first one."""
+        self._sequence = 0
+        self._out: list[bytes] = []
+        self._send(MessageType.hello, self._hello, now_us)
+
+    def receive(self, data: bytes, now_us: int) -> None:
+        """Bytes of the host; what they ask for waits in `take`."""
+        self.advance(now_us)
+        # frame by frame, so that an answer acknowledges its own question
+        for piece in data.split(b"\0")[:-1]:
+            self._hear(piece + b"\0", now_us)
+        self.parser.feed(data.rsplit(b"\0", 1)[-1])
+
+    def advance(self, now_us: int) -> None:
+        """Let set-points run out."""
+        over = [c for c, until in self._until.items() if (now_us - until) % _CLOCK < _CLOCK // 2]
+        if over:
+            self._make_safe()
+            first = ALL_CHANNELS if ALL_CHANNELS in over else min(over)
+            self.event("EXPIRED", first, now_us)
+
+    def take(self) -> bytes:
+        """What it has said since the last call."""
+        out, self._out = b"".join(self._out), []
+        return out
+
+    def sample(self, channel: int, time_us: int, value: Array, now_us: int) -> None:
+        """Send values (columns,) of a measured channel that were true at `time_us`."""
+        rows = SampleRows(channel, (time_us % _CLOCK,), value[None])
+        self._send(MessageType.samples, rows.packed(self.schema), now_us)
+
+    def event(self, code: str, value: float, now_us: int) -> None:
+        """Tell the host something."""
+        self._send(MessageType.event, Event(code, value).packed(), now_us)
+
+    def fault(self, code: str, value: float, now_us: int) -> None:
+        """Be safe until a DISARM acknowledges it."""
+        self._make_safe()
+        self.state = State.fault
+        self.event(code, value, now_us)
+
+    def _hear(self, packet: bytes, now_us: int) -> None:
+        for frame in self.parser.feed(packet):
+            match frame.type:
+                case MessageType.hello:
+                    self._greeted(Hello.unpacked(frame.payload), now_us)
+                case MessageType.timesync:
+                    asked = TimeSync.unpacked(frame.payload)
+                    answer = TimeSync(asked.host_ns, now_us % _CLOCK).packed()
+                    self._send(MessageType.timesync, answer, now_us)
+                case MessageType.arm:
+                    self._arm(Arm.unpacked(frame.payload), now_us)
+                case MessageType.setpoint:
+                    self._told(frame, now_us)
+                case MessageType.disarm:
+                    self._make_safe()
+                    self.state = State.safe
+                    self.event("SAFE", 0.0, now_us)
+                case _:
+                    self._make_safe()
+                    self.event("SAFE", 0.0, now_us)
+
+    def _greeted(self, hello: Hello, now_us: int) -> None:
+        # who greets begins anew: what the last host armed is not this one's
+        self._make_safe()
+        same = hello.schema_hash == self.schema.hash
+        self.flags = Flag.greeted if same else Flag(0)
+        self._send(MessageType.hello, self._hello, now_us)
+        if not same:
+            self.event("SCHEMA", 0.0, now_us)
+
+    def _arm(self, arm: Arm, now_us: int) -> None:
+        if arm.schema_hash != self.schema.hash or Flag.greeted not in self.flags:
+            self.event("SCHEMA", 0.0, now_us)
+        elif self.state is State.fault:
+            self.event("FAULTED", 0.0, now_us)
+        elif not 0 < arm.valid_for_ms <= self._longest:
+            self.event("VALUE", ALL_CHANNELS, now_us)
+        else:
+            self._make_safe()
+            self.state = State.armed
+            self._until[ALL_CHANNELS] = now_us + _MS * arm.valid_for_ms
+            self.event("ARMED", 0.0, now_us)
+
+    def _told(self, frame: Frame, now_us: int) -> None:
+        wish = SetPoint.unpacked(frame.payload, self.schema)
+        if self.state is not State.armed:
+            self.event("UNARMED", MessageType.setpoint, now_us)
+        elif (
+            frame.payload[1]
+            or not 0 < wish.valid_for_ms <= self._longest
+            or not np.isfinite(wish.value).all()
+        ):
+            self.event("VALUE", wish.channel, now_us)
+        else:
+            self._until.pop(ALL_CHANNELS, None)
+            self._until[wish.channel] = now_us + _MS * wish.valid_for_ms
+            self.setpoint[wish.channel] = wish.value
+            self.flags |= Flag.live
+
+    def _make_safe(self) -> None:
+        if self.state is State.armed:
+            self.state = State.safe
+        self.flags &= ~Flag.live
+        self._until.clear()
+        self.setpoint.clear()
+
+    def _send(self, kind: MessageType, payload: bytes, now_us: int) -> None:
+        heard = self.parser.last_sequence or 0
+        frame = Frame(kind, payload, self._sequence, now_us, heard, self.state, self.flags)
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        self._out.append(packed(frame))
