@@ -81,6 +81,10 @@ class FarEnd:
         """Tell the host something."""
         self._send(MessageType.event, Event(code, value).packed(), now_us)
 
+    def skip(self, frames: int) -> None:
+        """Lose the next frames: their numbers are never sent."""
+        self._sequence = (self._sequence + frames) & 0xFFFF
+
     def fault(self, code: str, value: float, now_us: int) -> None:
         """Be safe until a DISARM acknowledges it."""
         self._make_safe()

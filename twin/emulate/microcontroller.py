@@ -1,0 +1,183 @@
+"""A microcontroller at the far end of our link, emulated: stages, coils, wheels and an IMU.
+
+Its main loop runs once a millisecond: set-points that ran out, actuators, samples that are due.
+Its clock has an offset and a drift of its own. It can be made to fail.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.emulate.actuators import EmulatedStages, EmulatedWheels
+from twin.emulate.emulated import EmulatedDevice
+from twin.emulate.far_end import FarEnd
+from twin.errors import UnknownName
+from twin.plant.devices.link import Schema
+
+Array = NDArray[np.float64]
+
+LOOP = 1e-3
+"""Period of the firmware's main loop [s]."""
+
+FAULTS: Mapping[str, str] = {
+    "mute": "it hears and obeys, but says nothing, for `value` seconds",
+    "deaf": "it hears nothing, for `value` seconds",
+    "hang": "its main loop stands for `value` seconds: no time-to-live is enforced meanwhile",
+    "reset": "it restarts: safe, clock and counters at zero, step counters too",
+    "gap": "the next `value` frames are never sent",
+    "corrupt": "a bit flips in each of the next `value` frames",
+    "stuck": "the values of all its samples stand still, for `value` seconds",
+    "stale": "its samples are the last ones again, stamps and all, for `value` seconds",
+    "fault": "the firmware reports a fault: LIMIT of part `value`",
+    "drift": "its clock runs fast by `value` (s/s) from now on",
+}
+
+
+class EmulatedMicrocontroller(EmulatedDevice):
+    """The far end and what is wired to it."""
+
+    def __init__(
+        self,
+        schema: Schema,
+        rates: Mapping[str, float],
+        *,
+        stages: EmulatedStages | None = None,
+        wheels: EmulatedWheels | None = None,
+        name: str = "emulated",
+        longest_valid_ms: int = 500,
+        clock_us: int = 0,
+        drift: float = 0.0,
+        baud: int = 115_200,
+    ) -> None:
+        """`rates`: of the measured channels [Hz], by stream; `clock_us`: its clock at time 0."""
+        self.baud = baud
+        self.schema = schema
+        self.stages, self.wheels = stages, wheels
+        self.shown: dict[str, Array] = {}
+        """What sensors that nothing here moves show, by stream, SI."""
+        self.dipole = np.zeros(3)
+        """[A m^2], what the coils give."""
+        self._name, self._longest = name, longest_valid_ms
+        self._periods = {
+            number: 1.0 / rates[channel.stream]
+            for number, channel in enumerate(schema.channels)
+            if channel.stream in rates
+        }
+        self._drift = drift
+        self._mark, self._mark_us = 0.0, float(clock_us)
+        self._loops = 0
+        self._until = dict.fromkeys(FAULTS, -np.inf)
+        self._corrupt = 0
+        self._last: dict[int, tuple[int, Array]] = {}
+        self._now = 0.0
+        self._begin()
+
+    def receive(self, data: bytes, now: float) -> bytes:
+        out = self.advance(now)
+        if not self._is("deaf") and not self._is("hang"):
+            self.far_end.receive(data, self._clock(now))
+        return out + self._said()
+
+    def advance(self, now: float) -> bytes:
+        while (self._loops + 1) * LOOP <= now + 1e-9:
+            self._loops += 1
+            self._now = self._loops * LOOP
+            if not self._is("hang"):
+                self._loop()
+        self._now = max(self._now, now)
+        return self._said()
+
+    def power_cycle(self, now: float) -> None:
+        self.advance(now)
+        self._restart()
+        self._until = dict.fromkeys(FAULTS, -np.inf)
+        self._corrupt = 0
+
+    def inject(self, fault: str, value: float = 0.0) -> None:
+        if fault not in FAULTS:
+            raise UnknownName("fault of a microcontroller", fault, FAULTS)
+        if fault == "reset":
+            self._restart()
+        elif fault == "gap":
+            self.far_end.skip(round(value))
+        elif fault == "corrupt":
+            self._corrupt = round(value)
+        elif fault == "fault":
+            self.far_end.fault("LIMIT", value, self._clock(self._now))
+        elif fault == "drift":
+            self._mark_us, self._mark = self._exact_clock(self._now), self._now
+            self._drift = value
+        else:
+            self._until[fault] = self._now + value
+
+    def _begin(self) -> None:
+        now_us = self._clock(self._now)
+        self.far_end = FarEnd(self.schema, self._name, self._longest, now_us)
+        self._due = dict.fromkeys(self._periods, self._now)
+
+    def _restart(self) -> None:
+        self._mark, self._mark_us = self._now, 0.0
+        if self.stages is not None:
+            self.stages.restart()
+        self.dipole = np.zeros(3)
+        self._last.clear()
+        self._begin()
+
+    def _loop(self) -> None:
+        now_us = self._clock(self._now)
+        self.far_end.advance(now_us)
+        told = {
+            self.schema.channels[number].stream: value
+            for number, value in self.far_end.setpoint.items()
+        }
+        if self.stages is not None:
+            self.stages.step(told.get("command_stage_position"), LOOP)
+        if self.wheels is not None:
+            self.wheels.step(told.get("command_wheel_torque"), LOOP)
+        self.dipole = told.get("command_dipole", np.zeros(3))
+        for number, period in self._periods.items():
+            if self._now + 1e-9 >= self._due[number]:
+                self._due[number] += period
+                self._sample(number, now_us)
+
+    def _sample(self, number: int, now_us: int) -> None:
+        value = self._measured(self.schema.channels[number].stream)
+        time_us, before = self._last.get(number, (now_us, value))
+        if self._is("stale"):
+            now_us, value = time_us, before
+        elif self._is("stuck"):
+            value = before
+        self._last[number] = (now_us, value)
+        self.far_end.sample(number, now_us, value, self._clock(self._now))
+
+    def _measured(self, stream: str) -> Array:
+        if stream == "stage_position" and self.stages is not None:
+            return self.stages.counted
+        if stream == "wheel_speed" and self.wheels is not None:
+            return self.wheels.speed.copy()
+        width = self.schema.channels[self.schema.number_of(stream)].columns
+        return self.shown.get(stream, np.zeros(width))
+
+    def _said(self) -> bytes:
+        said = self.far_end.take()
+        if self._is("mute") or self._is("hang"):
+            return b""
+        if self._corrupt and said:
+            frames = said[:-1].split(b"\0")
+            for place in range(min(self._corrupt, len(frames))):
+                bad = frames[place]
+                # of the last byte: its bit 1 cannot make it a zero that ends the frame early
+                frames[place] = bad[:-1] + bytes(((bad[-1] ^ 2) or 4,))
+            self._corrupt = max(0, self._corrupt - len(frames))
+            said = b"\0".join(frames) + b"\0"
+        return said
+
+    def _is(self, fault: str) -> bool:
+        return self._now < self._until[fault]
+
+    def _exact_clock(self, now: float) -> float:
+        return self._mark_us + (now - self._mark) * (1.0 + self._drift) * 1e6
+
+    def _clock(self, now: float) -> int:
+        return int(self._exact_clock(now)) % 2**32
