@@ -40,7 +40,8 @@ class EmulatedStages:
             wanted = np.zeros(self.count)
         else:
             away = target - self.counted
-            reach = np.sqrt(2.0 * self.acceleration * np.abs(away))
+            # braking by `gain` a step takes v^2 / (2 a) + v duration / 2, this step included
+            reach = np.sqrt(0.25 * gain**2 + 2.0 * self.acceleration * np.abs(away)) - 0.5 * gain
             wanted = np.sign(away) * np.minimum(
                 np.minimum(self.speed, reach), np.abs(away) / duration
             )

@@ -242,3 +242,4 @@ def test_random_and_mutated_bytes_raise_nothing_and_the_next_good_frame_is_heard
 def test_events_are_told_in_a_sentence():
     assert told("EXPIRED", 2.0) == "no new set-point came in time on channel 2; it is safe"
     assert told("HOT", 91.5) == "HOT (91.5)"
+    assert told("{x}", 1.0) == "{x} (1)", "a firmware's code is no template"

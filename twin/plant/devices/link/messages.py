@@ -138,4 +138,4 @@ EVENTS: dict[str, str] = {
 
 def told(code: str, value: float) -> str:
     """The sentence of an event; the code itself where it is a firmware's own."""
-    return EVENTS.get(code, code + " ({value:g})").format(value=value)
+    return EVENTS[code].format(value=value) if code in EVENTS else f"{code} ({value:g})"

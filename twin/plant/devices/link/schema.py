@@ -56,10 +56,6 @@ class Channel:
         """The host sends it."""
         return bool(self.safe)
 
-    @cached_property
-    def _row(self) -> struct.Struct:
-        return struct.Struct(f"<{self.columns}{'f' if self.number == 'float32' else 'i'}")
-
     @property
     def size(self) -> int:
         """Bytes of one row of values."""
@@ -76,7 +72,8 @@ class Channel:
 
     def unpacked(self, data: bytes) -> Array:
         """Values (columns,) in SI; NaN where there is none."""
-        raw = self._row.unpack(data)
+        kind = "f" if self.number == "float32" else "i"
+        raw = struct.unpack(f"<{self.columns}{kind}", data)
         if self.number == "float32":
             return np.array(raw)
         return np.array([np.nan if count == NOTHING else count * self.scale for count in raw])
