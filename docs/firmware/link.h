@@ -10,6 +10,10 @@
 #include <stdint.h>
 #include <string.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define LINK_VERSION 1
 #define LINK_LONGEST_FRAME 254   /* header, payload and check, before stuffing */
 #define LINK_HEADER 12
@@ -131,5 +135,9 @@ void link_event(struct link *link, const char *code, float value, uint32_t now_u
 
 /* CRC-16/IBM-3740, for tests. */
 uint16_t link_checksum(const uint8_t *data, size_t count);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

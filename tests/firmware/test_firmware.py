@@ -287,6 +287,17 @@ def test_a_schema_too_large_for_the_firmware_cannot_be_armed(tmp_path: Path):
     assert subprocess.run([tmp_path / "a"]).returncode == 0
 
 
+@pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler `c++` on this machine")
+def test_a_sketch_in_cpp_may_include_the_headers(tmp_path: Path):
+    (tmp_path / "sketch.cpp").write_text(
+        "#include <unistd.h>\n"
+        '#include "link.h"\n#include "schema.h"\nstatic struct link far_end;\n'
+        "void loop() { link_init(&far_end, &schema, 0); }\n"
+    )
+    words = ["c++", "-Wall", "-Werror", "-fsyntax-only", "-I", str(FIRMWARE), "sketch.cpp"]
+    subprocess.run(words, cwd=tmp_path, check=True)
+
+
 def test_the_firmware_needs_no_library_but_copies_of_memory():
     text = (FIRMWARE / "link.c").read_text() + (FIRMWARE / "link.h").read_text()
     assert set(re.findall(r"#include [<\"](\S+)[>\"]", text)) == {"link.h", "stdint.h", "string.h"}

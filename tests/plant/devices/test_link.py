@@ -1,9 +1,13 @@
 """The link's frames: what goes in comes out, what is damaged does not, whatever the bytes."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from twin.plant.devices.link import (
+    EVENTS,
     LONGEST_PAYLOAD,
     MESSAGES,
     Arm,
@@ -243,3 +247,12 @@ def test_events_are_told_in_a_sentence():
     assert told("EXPIRED", 2.0) == "no new set-point came in time on channel 2; it is safe"
     assert told("HOT", 91.5) == "HOT (91.5)"
     assert told("{x}", 1.0) == "{x} (1)", "a firmware's code is no template"
+
+
+def test_the_document_lists_every_message_event_and_the_longest_payload():
+    document = (Path(__file__).parents[3] / "docs" / "link.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d+) \| (\w+) \| ([\w ]+) \|", document, re.MULTILINE)
+    stated = [(str(int(kind)), kind.name.upper(), row.sender) for kind, row in MESSAGES.items()]
+    assert rows == stated
+    assert all(code in document for code in EVENTS)
+    assert f"0 to {LONGEST_PAYLOAD} | payload" in document
