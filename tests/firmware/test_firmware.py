@@ -25,9 +25,11 @@ from twin.plant.devices.link import (
     Schema,
     SetPoint,
     TimeSync,
+    checksum,
     packed,
 )
 from twin.plant.devices.link.c_header import c_header
+from twin.plant.devices.link.cobs import stuff, unstuff
 
 FIRMWARE = Path(__file__).parents[2] / "docs" / "firmware"
 CC = shutil.which("cc")
@@ -176,7 +178,16 @@ def random_frame(rng: np.random.Generator, number: int) -> bytes:
     }
     kind = list(payload)[rng.choice(7, p=[0.05, 0.1, 0.5, 0.2, 0.06, 0.06, 0.03])]
     body = payload[kind] if rng.random() < 0.97 else payload[kind][:-1] + b"\0\1"
-    return packed(Frame(kind, body, number & 0xFFFF, number, 0, 0, 0))
+    frame = packed(Frame(kind, body, number & 0xFFFF, number, 0, 0, 0))
+    return of_another_version(frame) if rng.random() < 0.02 else frame
+
+
+def of_another_version(frame: bytes) -> bytes:
+    """The same with a version that nobody speaks, and a check that is right."""
+    body = unstuff(frame[:-1])
+    assert body is not None
+    body = b"\x02" + body[1:-2]
+    return stuff(body + checksum(body).to_bytes(2, "little")) + b"\0"
 
 
 def random_operations(count: int, seed: int) -> list[Operation]:
