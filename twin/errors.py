@@ -69,3 +69,10 @@ class DeviceError(TwinError, OSError):
     def __init__(self, device: str, problem: str, remedy: str) -> None:
         super().__init__(f"{device}: {problem}; {remedy}")
         self.device = device
+
+
+class SafetyError(TwinError, RuntimeError):
+    """What the guard of a machine refuses."""
+
+    def __init__(self, problem: str, remedy: str) -> None:
+        super().__init__(f"{problem}; {remedy}")

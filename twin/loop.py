@@ -31,7 +31,7 @@ class Ended(Enum):
     degraded = "degraded"
     """The whole duration, but some runs of the batch were stopped."""
     safe_stop = "safe_stop"
-    """Asked to stop (Ctrl-C)."""
+    """Asked to stop (Ctrl-C), or the machine was brought to its safe state."""
     failed = "failed"
     """No run is left."""
 
@@ -95,6 +95,9 @@ def fly(
                 for observer in observers:
                     observer.collect(tick)
                 clock.lap("record")
+            if plant.safe_reason:
+                ended, reason = Ended.safe_stop, plant.safe_reason
+                break
             if len(plant.stopped) == n:
                 ended = Ended.failed
                 reason = next(iter(plant.stopped.values()))

@@ -16,6 +16,8 @@ class Plant(abc.ABC):
     """Runs in the batch; 1 on hardware."""
     stopped: dict[int, str]
     """Runs that have ended early, with the reason: row -> sentence."""
+    safe_reason: str = ""
+    """Why the machine was brought to its safe state, a sentence; empty while it was not."""
 
     @abc.abstractmethod
     def read(self, until: float) -> Reading:
@@ -35,6 +37,16 @@ class Plant(abc.ABC):
             UnknownName: a channel the machine lacks.
             CommandError: an array of the wrong shape.
         """
+
+    def safe_stop(self, rest: Command, *, floating: bool) -> None:
+        """Bring what moves to rest at once.
+
+        Args:
+            rest: the command at which it rests; a plant without a way of its own is told just it.
+            floating: nothing may lose its hold.
+        """
+        del floating
+        self.write(rest)
 
     def truth(self) -> dict[str, Samples]:
         """A simulation's true states at the last `read`, as `truth_*` streams; else nothing."""

@@ -1,0 +1,273 @@
+"""A guard round any plant: nothing leaves unarmed, nothing leaves that the rules forbid, and what
+goes wrong ends in the safe state with a sentence.
+
+Safe while floating: stages stop and hold, wheels get zero torque and are not braked, gimbals
+stand, rotors keep their speed, coils are off, thrusters closed. Nothing goes back to zero: a mass
+that runs to its end throws a floating table.
+"""
+
+from collections import Counter
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import SafetyError, UsageError
+from twin.plant.guard.rules import Rules
+from twin.plant.guard.seen import Seen
+from twin.plant.guard.settings import GuardSettings
+from twin.plant.guard.watchdog import Watchdog
+from twin.plant.limits import Limits
+from twin.plant.plant import Plant
+from twin.signals import Command, Reading, Samples
+
+Array = NDArray[np.float64]
+
+YES = "arm"
+"""What the operator types to arm, once a session and after each stop."""
+
+
+class Phase(Enum):
+    """What the guard lets through."""
+
+    disarmed = "Nothing leaves: it is read and computed only."
+    armed = "Commands leave, within the rules."
+    stopped = "It was brought to its safe state and must be armed anew."
+
+
+class Held(Enum):
+    """What the operator says where no signal does; the value is the word to type."""
+
+    floating = "floating"
+    captured = "captured"
+    """The air is off or the table is clamped, and somebody has looked."""
+
+
+class Guarded(Plant):
+    """One machine behind its guard."""
+
+    def __init__(self, plant: Plant, settings: GuardSettings, *, calibrated: bool) -> None:
+        """Disarmed, always.
+
+        Args:
+            plant: of one run.
+            settings: the laboratory's numbers.
+            calibrated: whether the machine's calibration was read.
+
+        Raises:
+            UsageError: a batch of runs.
+        """
+        if plant.n != 1:
+            raise UsageError(f"a guard is for one machine, not for a batch of {plant.n}")
+        self.platform = plant.platform
+        self.n = 1
+        self.stopped = {}
+        self.phase = Phase.disarmed
+        self.seen = Seen(self.platform)
+        self.settings = settings
+        self._plant, self._calibrated = plant, calibrated
+        self._rules = Rules(self.platform, settings)
+        self._limits = Limits(self.platform)
+        self._word: Held | None = None
+        self._applied: Command = {}
+        self._watchdog: Watchdog | None = None
+        self._floated = False
+
+    @property
+    def limited(self) -> Counter[str]:
+        """Ticks in which each rule changed a command."""
+        return self._rules.count
+
+    @property
+    def floating(self) -> bool:
+        """As a signal or the operator says; where neither does, it may float."""
+        signal = self.seen.floating(self.settings.air_pressure)
+        if signal is None:
+            return self._word is not Held.captured
+        return signal or self._word is Held.floating
+
+    def arm(self, said: str, *, held: Held | None = None) -> None:
+        """Let commands through from now on.
+
+        Args:
+            said: what the operator typed for it, this session: "arm".
+            held: whether it floats, typed by the operator where no signal says so.
+
+        Raises:
+            SafetyError: why not; the machine stays as it is.
+        """
+        if said != YES:
+            raise SafetyError("not armed: nobody has said so", f"type {YES!r}, each session")
+        if not self._calibrated:
+            raise SafetyError(
+                "not armed: no calibration file", "calibrate this machine and name its file"
+            )
+        self._check_held(held)
+        if (stale := self.seen.stale(1)) is not None:
+            raise SafetyError(
+                f"not armed: no fresh sample of {stale} ({_seconds(self.seen.age(stale))})",
+                "read until every stream runs, and check the device that is silent",
+            )
+        lean = self.seen.lean
+        if np.isfinite(self.settings.tilt_cutout) and lean is None:
+            raise SafetyError(
+                "not armed: no sensor tells the tilt, so that nothing could cut out",
+                "add one, or set tilt_cutout = inf and watch it",
+            )
+        if lean is not None and lean > self.settings.tilt_cutout:
+            raise SafetyError(f"not armed: {self._tilted(lean)}", "level it first")
+        if self.platform.stages and self.seen.stage_position is None:
+            raise SafetyError(
+                "not armed: nobody has measured where the stages are", "home them, captured"
+            )
+        self._word = held
+        if self.floating and self.seen.lost:
+            raise SafetyError(f"not armed: {self.seen.lost}", "capture it first, then home")
+        self._applied = self._rest()
+        self.stopped = {}
+        self.safe_reason = ""
+        self._floated = self.floating
+        self._end_watchdog()
+        if np.isfinite(self.settings.watchdog):
+            self._watchdog = Watchdog(self.settings.watchdog, self._quiet)
+        self.phase = Phase.armed
+
+    def captured(self) -> None:
+        """The operator says that the table is held: positions may be established anew.
+
+        Raises:
+            SafetyError: a signal says that it floats.
+        """
+        self._check_held(Held.captured)
+        self._word = Held.captured
+        self.seen.captured()
+
+    def captured_only(self, what: str) -> None:
+        """Homing, zeroing and moves from end to end come through here.
+
+        Raises:
+            SafetyError: it floats, or may.
+        """
+        if self.floating:
+            raise SafetyError(
+                f"{what} refused: the table floats, and a mass that runs to its end throws it",
+                "capture it (air off or clamped), confirm that, then try again",
+            )
+
+    def disarm(self) -> None:
+        """Safe, and nothing leaves from now on."""
+        if self.phase is Phase.armed:
+            self._make_safe()
+        self.phase = Phase.disarmed
+        self._end_watchdog()
+
+    def stop(self, reason: str) -> None:
+        """Bring it to its safe state, because of `reason`; the run ends with it."""
+        if self.phase is not Phase.armed:
+            return
+        self.phase = Phase.stopped
+        self.safe_reason = reason
+        self.stopped[0] = reason
+        self._make_safe()
+
+    def read(self, until: float) -> Reading:
+        reading = self._plant.read(until)
+        self.seen.take(reading)
+        if self.phase is Phase.armed:
+            reason = self._plant.stopped.get(0) or self._danger()
+            if reason:
+                self.stop(reason)
+        return reading
+
+    def write(self, command: Command) -> Command:
+        self._limits.check(command, self.n)
+        for name, value in command.items():
+            if not np.isfinite(value).all():
+                column = int(np.argmin(np.isfinite(value[0])))
+                what = self.platform.columns(name)[column]
+                self.stop(f"{name} {what} is {value[0, column]}: the law has failed")
+        if self.phase is not Phase.armed:
+            return self._applied or self._rest()
+        if self._watchdog is not None:
+            self._watchdog.feed()
+        # what is held is weighed again too: a torque that was allowed once fills a wheel in time
+        wanted = self._applied | command
+        applied = self._plant.write(self._rules.limited(wanted, self.seen, floating=self.floating))
+        if self.safe_reason:
+            # the watchdog has barked meanwhile, and this command came after its stop
+            self._make_safe()
+        else:
+            self._applied = applied
+            self.seen.told(applied, self.platform.tick)
+        return dict(self._applied)
+
+    def truth(self) -> dict[str, Samples]:
+        return self._plant.truth()
+
+    def close(self) -> None:
+        self.disarm()
+        self._plant.close()
+
+    def _check_held(self, held: Held | None) -> None:
+        signal = self.seen.floating(self.settings.air_pressure)
+        if signal is None and held is None:
+            raise SafetyError(
+                "not armed: no signal says whether it floats",
+                "look, and type 'floating' or 'captured'",
+            )
+        if signal and held is Held.captured:
+            raise SafetyError(
+                "the air says that it floats, the operator that it is captured",
+                "turn the air off or clamp the table; never go by the word alone",
+            )
+
+    def _danger(self) -> str:
+        """Why it must stop now; empty: it need not."""
+        lean = self.seen.lean
+        if lean is not None and lean > self.settings.tilt_cutout:
+            return self._tilted(lean)
+        stale = self.seen.stale(self.settings.stale_cycles)
+        if stale is not None:
+            return (
+                f"{stale} is stale: nothing valid for {_seconds(self.seen.age(stale))}, in "
+                f"{self.settings.stale_cycles} periods"
+            )
+        if self._floated and not self.floating:
+            return "the air was lost: the table is coming down"
+        if self.floating and self.seen.lost:
+            return f"{self.seen.lost}; masses hold, wheels coast: capture it first"
+        self._floated = self.floating
+        return ""
+
+    def _tilted(self, lean: float) -> str:
+        return (
+            f"it leans by {np.degrees(lean):.1f} deg, more than the "
+            f"{np.degrees(self.settings.tilt_cutout):.1f} deg at which all stops"
+        )
+
+    def _quiet(self, seconds: float) -> None:
+        self.stop(f"no command for {seconds:.2f} s: the loop has stopped or hangs")
+
+    def _make_safe(self) -> None:
+        self._end_watchdog()
+        self._applied = self._rest()
+        self._plant.safe_stop(self._applied, floating=self.floating)
+
+    def _rest(self) -> Command:
+        """Nothing pushes, and stages hold where their ramps let them stop."""
+        rest = {name: np.zeros((1, width)) for name, width in self.platform.commands.items()}
+        place = self.seen.stage_position
+        if "command_stage_position" in rest and place is not None:
+            told = self._applied.get("command_stage_position", place[None])[0]
+            ramp = np.array([0.5 * s.speed**2 / s.acceleration for s in self.platform.stages])
+            rest["command_stage_position"] = (place + np.clip(told - place, -ramp, ramp))[None]
+        return rest
+
+    def _end_watchdog(self) -> None:
+        if self._watchdog is not None:
+            self._watchdog.stop()
+            self._watchdog = None
+
+
+def _seconds(age: float) -> str:
+    return "never one" if np.isinf(age) else f"{age:.2f} s"
