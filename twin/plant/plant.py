@@ -38,6 +38,16 @@ class Plant(abc.ABC):
             CommandError: an array of the wrong shape.
         """
 
+    def engage(self) -> None:  # noqa: B027  (a simulated plant takes commands at once)
+        """Let commands reach the actuators; who may ask for it, `twin.plant.guard` decides.
+
+        Raises:
+            DeviceError: a device refuses.
+        """
+
+    def disengage(self) -> None:  # noqa: B027
+        """Take no command to the actuators from now on; what moves is safe already."""
+
     def safe_stop(self, rest: Command, *, floating: bool) -> None:
         """Bring what moves to rest at once.
 

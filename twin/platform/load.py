@@ -88,6 +88,7 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
         for stream in sensor_table.keys
     }
     effects = _effects(table.table("effects", required=False))
+    table.raw("hardware")  # `twin.plant.hardware_setup` knows what it means
     if not variant:
         mass_properties.close()
     table.close()

@@ -95,6 +95,7 @@ class Guarded(Plant):
 
         Raises:
             SafetyError: why not; the machine stays as it is.
+            DeviceError: a device refuses.
         """
         if said != YES:
             raise SafetyError("not armed: nobody has said so", f"type {YES!r}, each session")
@@ -123,6 +124,7 @@ class Guarded(Plant):
         self._word = held
         if self.floating and self.seen.lost:
             raise SafetyError(f"not armed: {self.seen.lost}", "capture it first, then home")
+        self._plant.engage()
         self._applied = self._rest()
         self.stopped = {}
         self.safe_reason = ""
@@ -159,6 +161,7 @@ class Guarded(Plant):
         if self.phase is Phase.armed:
             self._make_safe()
         self.phase = Phase.disarmed
+        self._plant.disengage()
         self._end_watchdog()
 
     def stop(self, reason: str) -> None:

@@ -1,0 +1,195 @@
+"""`[hardware]` of a platform.toml, or of a file of its own: which device carries which channel.
+
+    [hardware]
+    calibration = "bench_2.toml"          # without it nothing is armed
+
+    [hardware.guard]
+    max_balance_step = 0.002              # N m; the other numbers of `twin.plant.guard.settings`
+
+    [hardware.devices.feather]
+    kind = "microcontroller"              # the rest are the settings of that kind
+    port = "/dev/serial/by-id/usb-Adafruit_Feather_M0-if00"
+    [[hardware.devices.feather.channels]]
+    stream = "gyro"                       # unit, columns, number, scale, safe: docs/link.md
+    columns = 3
+
+    [hardware.streams.gyro]
+    device = "feather"
+    body_from_device = [0.0, 1.0, 0.0, 0.0]
+    [hardware.streams.stage_position]
+    device = "feather"
+    scale = -1.0
+    [hardware.commands.command_stage_position]
+    device = "feather"
+    scale = -1.0
+
+The calibration file belongs to one machine: `platform = "..."`, and `[streams.NAME]` with `bias`
+and `scale`, one number or one a column, which apply before the alignment; those of a position to
+its command too.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from twin.config import Table, read_toml
+from twin.errors import PlatformError, UnknownName
+from twin.plant.devices.device import DeviceSettings
+from twin.plant.devices.kinds import KINDS
+from twin.plant.guard.settings import GuardSettings, guard_settings
+from twin.plant.routes import Array, Route
+from twin.platform import Platform
+
+
+@dataclass(frozen=True)
+class HardwareSetup:
+    """What is wired to a machine."""
+
+    devices: Mapping[str, DeviceSettings]
+    """By the laboratory's name."""
+    measured: tuple[Route, ...]
+    commanded: tuple[Route, ...]
+    guard: GuardSettings
+    calibration: Path | None
+    """The file that was read; None: nothing may be armed."""
+
+
+def read_hardware(platform: Platform, path: Path | None = None) -> HardwareSetup:
+    """The hardware of a platform.
+
+    Args:
+        platform: whose channels are carried.
+        path: a file with [hardware]; the platform's own platform.toml unless given.
+
+    Raises:
+        PlatformError: no such table, or something wrong in it, with file and line.
+    """
+    path = path or platform.folder / "platform.toml"
+    file = read_toml(path, PlatformError)
+    if "hardware" not in file:
+        raise PlatformError(
+            path, "no [hardware]", "say which device carries which channel (docs/hardware.md)"
+        )
+    table = file.table("hardware")
+    calibration = None
+    corrections: Mapping[str, tuple[float | Array, float | Array]] = {}
+    if "calibration" in table:
+        calibration = path.parent / table.text("calibration")
+        corrections = _calibration(calibration, platform)
+    guard = _guard(table.table("guard", required=False), platform)
+    devices = _devices(table.table("devices"))
+    measured = _routes(table.table("streams"), platform, devices, corrections)
+    commanded = _routes(table.table("commands", required=False), platform, devices, corrections)
+    _every_column(table, "streams", measured, platform)
+    _every_column(table, "commands", commanded, platform)
+    table.close()
+    return HardwareSetup(devices, measured, commanded, guard, calibration)
+
+
+def _devices(table: Table) -> dict[str, DeviceSettings]:
+    devices: dict[str, DeviceSettings] = {}
+    for name in table.keys:
+        one = table.table(name)
+        read = KINDS[one.text("kind", among=sorted(KINDS))]
+        devices[name] = read(one, name, one.text("port"))
+        one.close()
+    return devices
+
+
+def _guard(table: Table, platform: Platform) -> GuardSettings:
+    usual = guard_settings(platform)
+    cycles = round(table.number("stale_cycles", usual.stale_cycles, low=1.0))
+    numbers = {
+        field.name: table.number(field.name, getattr(usual, field.name), low=0.0)
+        for field in fields(GuardSettings)
+        if field.name != "stale_cycles"
+    }
+    table.close()
+    return GuardSettings(stale_cycles=cycles, **numbers)
+
+
+def _calibration(path: Path, platform: Platform) -> dict[str, tuple[float | Array, float | Array]]:
+    """Stream -> bias and scale."""
+    file = read_toml(path, PlatformError)
+    machine = file.text("platform")
+    if machine != platform.name.split(":")[0]:
+        raise file.fail(
+            "platform", f"is {machine!r}, this is {platform.name}", "name this machine's own file"
+        )
+    file.raw("notes")
+    streams, found = file.table("streams", required=False), {}
+    for stream in streams.keys:
+        one = streams.table(stream)
+        width = len(platform.columns(stream))
+        found[stream] = one.numbers("bias", width, 0.0), one.numbers("scale", width, 1.0)
+        one.close()
+    file.close()
+    return found
+
+
+def _routes(
+    table: Table,
+    platform: Platform,
+    devices: Mapping[str, DeviceSettings],
+    corrections: Mapping[str, tuple[float | Array, float | Array]],
+) -> tuple[Route, ...]:
+    routes: list[Route] = []
+    for stream in table.keys:
+        if stream.startswith("command_") and stream not in platform.commands:
+            raise table.fail(stream, "is no command of this machine", "remove it")
+        try:
+            columns = platform.columns(stream)
+        except UnknownName as problem:
+            raise table.fail(stream, f"is not known: {problem}", "correct the name") from None
+        # a commanded position is one of those that are measured
+        measured = stream.removeprefix("command_")
+        # a stream in parts, from several devices, is an array of tables
+        many = isinstance(table.raw(stream), list)
+        for one in table.tables(stream) if many else [table.table(stream)]:
+            routes.append(_route(one, stream, columns, devices, corrections.get(measured)))
+    return tuple(routes)
+
+
+def _route(
+    one: Table,
+    stream: str,
+    columns: tuple[str, ...],
+    devices: Mapping[str, DeviceSettings],
+    correction: tuple[float | Array, float | Array] | None,
+) -> Route:
+    device = one.text("device", among=sorted(devices))
+    parts = one.texts("parts", columns)
+    unknown = [part for part in parts if part not in columns]
+    if unknown or len(set(parts)) < len(parts):
+        raise one.fail("parts", f"are {list(parts)}", f"use each of {', '.join(columns)} once")
+    numbers = tuple(columns.index(part) for part in parts)
+    turn = one.numbers("body_from_device", 4) if "body_from_device" in one else None
+    if turn is not None and abs(np.linalg.norm(turn) - 1.0) > 1e-6:
+        raise one.fail("body_from_device", "is no unit quaternion", "scale it to length 1")
+    if turn is not None and stream != "attitude" and len(columns) != 3:
+        raise one.fail("body_from_device", f"cannot turn {stream}", "give `scale` or `parts`")
+    scale = one.numbers("scale", len(parts), np.ones(len(parts)))
+    if (scale == 0.0).any():
+        raise one.fail("scale", "is zero", "give what the value should be over what it is")
+    bias = one.numbers("bias", len(parts), np.zeros(len(parts)))
+    if correction is not None:
+        for_these = [np.broadcast_to(c, len(columns))[list(numbers)] for c in correction]
+        bias, scale = bias + for_these[0], scale * for_these[1]
+    source = one.text("source", stream)
+    one.close()
+    return Route(stream, device, source, numbers, turn, scale, bias)
+
+
+def _every_column(table: Table, key: str, routes: tuple[Route, ...], platform: Platform) -> None:
+    """No column twice, and a stream that is carried at all is carried whole."""
+    for stream in {route.stream for route in routes}:
+        names = platform.columns(stream)
+        carried = [names[c] for route in routes if route.stream == stream for c in route.columns]
+        if sorted(carried) != sorted(names):
+            raise table.fail(
+                key,
+                f"carry {', '.join(carried)} of {stream}",
+                f"carry each of {', '.join(names)} once",
+            )
