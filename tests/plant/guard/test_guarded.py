@@ -1,7 +1,9 @@
 """The guard's rules, each with its sentence, on machines that do as they are shown."""
 
+import re
 import time
-from dataclasses import replace
+from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from twin.errors import SafetyError, UsageError
 from twin.estimators.named import load_estimator
 from twin.loop import Ended, fly
 from twin.plant.guard.guarded import Guarded, Held, Phase
+from twin.plant.guard.rules import RULES
 from twin.plant.guard.settings import GuardSettings, guard_settings
 from twin.plant.plant import Plant
 from twin.plant.simulated import InitialState, SimulatedPlant
@@ -472,3 +475,12 @@ def test_settings_of_a_machine_of_which_nothing_is_stated():
     assert 0.0 < settings.max_balance_step < 1.0
     assert settings.tilt_cutout == pytest.approx(0.8 * load_platform("sads").stop_angle)
     assert guard_settings(load_platform("dfki_pendulum")).max_balance_step == np.inf
+
+
+def test_the_document_names_every_rule_and_every_number():
+    document = (Path(__file__).parents[3] / "docs" / "safety.md").read_text(encoding="utf-8")
+    assert re.findall(
+        r"^\| (\w+) \| (?!then)", document.split("| rule |")[1], re.MULTILINE
+    ) == list(RULES)
+    for field in fields(GuardSettings):
+        assert f"`{field.name}`" in document, field.name
