@@ -1,5 +1,7 @@
 """The driver of our own link over a pseudo-terminal, against an emulated board in a process."""
 
+import signal
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -10,7 +12,15 @@ import pytest
 
 from twin.errors import CommandError, DeviceError, UnknownName
 from twin.plant.devices.device import Sample
-from twin.plant.devices.link import Channel, Schema
+from twin.plant.devices.link import (
+    Channel,
+    Event,
+    MessageType,
+    Parser,
+    SampleRows,
+    Schema,
+    State,
+)
 from twin.plant.devices.microcontroller import Microcontroller, MicrocontrollerSettings
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
@@ -298,3 +308,52 @@ def test_before_it_is_configured_it_takes_nothing(line: "EmulatedLine"):
         session.connect()
         session.connect()
         assert session.read() == []
+
+
+HOST = """
+import sys, time
+import numpy as np
+from tests.plant.devices.test_microcontroller import CHANNELS
+from twin.plant.devices.microcontroller import MicrocontrollerSettings
+device = MicrocontrollerSettings(name="feather", port=sys.argv[1], channels=CHANNELS).session()
+device.connect()
+device.configure()
+device.arm()
+print("armed", flush=True)
+while True:
+    device.write({"command_stage_position": np.array([0.02, 0.0, 0.0])})
+    time.sleep(0.05)
+"""
+
+
+def test_a_host_that_is_killed_leaves_the_far_end_safe_by_itself(tmp_path: Path):
+    log = tmp_path / "bytes.log"
+    with EmulatedLine(board(), tmp_path / "feather", log=log) as line:
+        host = subprocess.Popen(
+            [sys.executable, "-c", HOST, str(line.link)],
+            stdout=subprocess.PIPE,
+            cwd=Path(__file__).parents[3],
+        )
+        assert host.stdout is not None
+        assert host.stdout.readline() == b"armed\n"
+        time.sleep(0.5)
+        host.send_signal(signal.SIGKILL)
+        host.wait()
+        host.stdout.close()
+        time.sleep(1.0)
+    said = [row[1:] for row in log.read_text().splitlines() if row.startswith(">")]
+    frames = Parser(Schema(CHANNELS), "far end").feed(bytes.fromhex("".join(said)))
+    last = max(frame.last_received for frame in frames)
+    heard = next(frame.time_us for frame in frames if frame.last_received == last)
+    events = [(f, Event.unpacked(f.payload)) for f in frames if f.type == MessageType.event]
+    expired, event = events[-1]
+    assert event == Event("EXPIRED", 2.0)
+    assert 0.15 < (expired.time_us - heard) * 1e-6 < 0.26, "valid_for is 0.25 s"
+    assert frames[-1].state == State.safe
+    places = [
+        SampleRows.unpacked(frame.payload, Schema(CHANNELS))
+        for frame in frames
+        if frame.type == MessageType.samples and frame.payload[0] == 1
+    ]
+    np.testing.assert_array_equal(places[-1].value, places[-5].value)
+    assert 1e-3 < places[-1].value[0, 0] < 0.02, "it moved, and holds where it stopped"

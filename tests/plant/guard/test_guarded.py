@@ -288,6 +288,24 @@ def test_closing_it_armed_leaves_it_safe():
     assert bench.guard.phase is Phase.disarmed
 
 
+def test_a_sample_that_comes_late_does_not_replace_a_newer_one():
+    bench = Bench().armed()
+    bench.read(3)
+    newest = bench.guard.seen.newest["stage_position"][0]
+    honest = bench.plant.read
+
+    def late(until: float) -> Reading:
+        reading = honest(until)
+        old = reading.streams["stage_position"]
+        old = replace(old, time=old.time - 10.0, value=old.value + 0.05)
+        return replace(reading, streams=dict(reading.streams) | {"stage_position": old})
+
+    bench.plant.read = late
+    bench.read()
+    assert bench.guard.seen.newest["stage_position"][0] == newest
+    assert not bench.guard.seen.lost
+
+
 # ---- the safe state
 
 

@@ -17,7 +17,10 @@ _LATE = 2.0
 """Periods of a stream after which its newest sample is no longer fresh."""
 
 _JUMP = 1e-4
-"""[m]: a stage's reading may be off by this, over what its drive can move."""
+"""[m]: a stage's reading may be off by this, over what its drive can move, and by its noise."""
+
+_SIGMAS = 8.0
+"""Of that noise: two readings at 100 Hz for a year differ by less."""
 
 
 class Seen:
@@ -35,6 +38,9 @@ class Seen:
         self._needed = tuple(name for name in _NEEDED if name in platform.sensors)
         self._stale = dict.fromkeys(self._needed, 0)
         self._speed = np.array([stage.speed for stage in platform.stages])
+        stage_sensor = platform.sensors.get("stage_position")
+        noise = 0.0 if stage_sensor is None else float(np.max(stage_sensor.noise))
+        self._tolerance = _JUMP + _SIGMAS * noise
         self._momentum = np.zeros(len(platform.wheels))
         self._inertia = np.array([wheel.inertia for wheel in platform.wheels])
 
@@ -45,6 +51,8 @@ class Seen:
             if good.size:
                 last = int(good[-1])
                 new = float(samples.time[0, last]), samples.value[0, last]
+                if name in self.newest and new[0] <= self.newest[name][0]:
+                    continue
                 if name == "stage_position":
                     self._check_jump(*new)
                 self.newest[name] = new
@@ -120,7 +128,7 @@ class Seen:
         if before is None:
             return
         moved = np.abs(position - before[1])
-        most = self._speed * (time - before[0] + self._platform.tick) + _JUMP
+        most = self._speed * (time - before[0] + self._platform.tick) + self._tolerance
         far = np.flatnonzero(moved > most)
         if far.size:
             name = self._platform.stages[int(far[0])].name
