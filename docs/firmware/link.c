@@ -1,6 +1,13 @@
 /* The far end of our link; link.h says what each function is for, docs/link.md the protocol. */
 #include "link.h"
 
+#if LINK_COLUMNS > 58
+#error "a frame holds at most 58 columns"
+#endif
+#if LINK_OUT < 300 || LINK_OUT > 65535
+#error "LINK_OUT: 300 to 65535 bytes, so that the longest frame fits"
+#endif
+
 #define ALL_CHANNELS 255
 #define NOTHING 0x80000000u /* the int32 that says that there is no value */
 
