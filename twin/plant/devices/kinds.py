@@ -6,7 +6,12 @@ from typing import Literal
 from twin.config import Table
 from twin.plant.devices.device import DeviceSettings
 from twin.plant.devices.link import Channel
+from twin.plant.devices.mdrive.mdrive import MDriveSettings
+from twin.plant.devices.mdrive.settings import DriveSettings
 from twin.plant.devices.microcontroller import BOOTLOADER_BAUD, MicrocontrollerSettings
+from twin.plant.devices.settings_table import read_settings
+from twin.plant.devices.solar2.solar2 import Solar2Settings
+from twin.plant.devices.xbus.mti import MtiSettings
 from twin.signals import STREAMS
 
 _NUMBERS: Mapping[str, Literal["float32", "int32"]] = {"float32": "float32", "int32": "int32"}
@@ -50,7 +55,28 @@ def _channel(row: Table) -> Channel:
     return channel
 
 
+def _mdrive(table: Table, name: str, port: str) -> DeviceSettings:
+    rows = table.tables("drives")
+    if not rows:
+        raise table.fail("drives", "are missing", "state each drive of the line: [[...drives]]")
+    drives = tuple(read_settings(DriveSettings, row) for row in rows)
+    for row in rows:
+        row.close()
+    return read_settings(MDriveSettings, table, name=name, port=port, drives=drives)
+
+
+def _mti(table: Table, name: str, port: str) -> DeviceSettings:
+    return read_settings(MtiSettings, table, name=name, port=port)
+
+
+def _solar2(table: Table, name: str, port: str) -> DeviceSettings:
+    return read_settings(Solar2Settings, table, name=name, port=port)
+
+
 KINDS: Mapping[str, Callable[[Table, str, str], DeviceSettings]] = {
     "microcontroller": _microcontroller,
+    "mdrive": _mdrive,
+    "mti": _mti,
+    "solar2": _solar2,
 }
 """Kind -> what reads the settings from their table, given the device's name and port."""
