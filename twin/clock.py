@@ -65,8 +65,13 @@ class SimulatedClock(Clock):
 class WallClock(Clock):
     """Ticks at absolute deadlines of the monotonic clock."""
 
+    def __init__(self, start: float | None = None) -> None:
+        """`start`: when tick 0 is due, `time.monotonic` [s]; as soon as ticks are asked for."""
+        super().__init__()
+        self._start = start
+
     def ticks(self, period: float, duration: float) -> Iterator[float]:
-        start = time.monotonic()
+        start = time.monotonic() if self._start is None else self._start
         last = _last_tick(period, duration)
         number = 0
         while number <= last:

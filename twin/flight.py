@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from twin.bench import BENCHES, Bench, open_bench
 from twin.budget import momentum_budget
 from twin.clock import Clock
 from twin.controller import AnyController, load_controller
@@ -13,6 +14,7 @@ from twin.effects import Effect, effects_of, with_effects
 from twin.errors import UnknownName, UsageError
 from twin.estimators import Estimator, load_estimator, usual_estimator
 from twin.loop import Observer, Outcome, fly
+from twin.plant.guard.guarded import Held
 from twin.plant.plant import Plant
 from twin.plant.replayed import ReplayedPlant
 from twin.plant.simulated import InitialState, SimulatedPlant
@@ -20,7 +22,7 @@ from twin.platform import Platform, load_platform
 from twin.recording import open_log
 from twin.reference import Reference, parse_reference
 
-PLANTS = ("sim", "replay:LOG")
+PLANTS = ("sim", "replay:LOG", *BENCHES)
 
 
 @dataclass(frozen=True)
@@ -42,9 +44,16 @@ class Flight:
         return self.plant.platform
 
     @property
+    def bench(self) -> Bench | None:
+        """Where the machine or its emulation stands; None of a simulation or a log."""
+        return self.plant if isinstance(self.plant, Bench) else None
+
+    @property
     def effects(self) -> tuple[Effect, ...]:
-        """What a simulated machine has beyond its parts; nothing of a log that is replayed."""
-        return effects_of(self.platform) if isinstance(self.plant, SimulatedPlant) else ()
+        """What a simulated machine has beyond its parts; nothing of a log or a real machine."""
+        simulated = self.plant if self.bench is None else self.bench.emulation
+        real = simulated is None or isinstance(simulated, ReplayedPlant)
+        return () if real else effects_of(self.platform)
 
     def warnings(self) -> list[str]:
         """What will go wrong, known before it starts; a sentence each."""
@@ -71,7 +80,8 @@ class Flight:
         ]
 
     def fly(self, clock: Clock, observers: Sequence[Observer] = ()) -> Outcome:
-        """Run the loop to its end."""
+        """Run the loop to its end; a bench is watched and armed first, and has its own clock."""
+        clock = clock if self.bench is None else self.bench.begin()
         return fly(
             self.plant,
             self.estimator,
@@ -95,6 +105,7 @@ def prepare(
     initial: InitialState | None = None,
     gains: Mapping[str, float] | None = None,
     effects: Sequence[Effect] = (),
+    held: Held | None = None,
 ) -> Flight:
     """Find everything by its name and put it together.
 
@@ -102,13 +113,14 @@ def prepare(
         platform: a shipped name, or a folder; `:variant` may follow.
         controller: a shipped name, or a file.
         estimator: a name of `twin.estimators`; None for the machine's usual one.
-        plant: `sim` or `replay:LOG`.
+        plant: `sim`, `replay:LOG`, or one that `twin.bench.open_bench` knows.
         reference: see `twin.reference.parse_reference`; None: what the law is usually given.
         duration: [s]; None: 60 s, or the whole log that is replayed.
         seed: of all random numbers.
-        initial: of a simulated plant.
+        initial: of a simulated or emulated plant.
         gains: of the law, by name.
         effects: what a simulated machine has beyond what its platform states.
+        held: arm a machine on its bench, and whether it floats; None: nothing leaves.
 
     Raises:
         UnknownName: a name that is not known.
@@ -120,17 +132,22 @@ def prepare(
     law = load_controller(controller, gains)
     start = initial or InitialState()
     kind, _, rest = plant.partition(":")
+    length = 60.0 if duration is None else duration
+    if held is not None and kind in ("sim", "replay"):
+        raise UsageError(
+            f"--arm is for a machine on its bench; plant {plant} takes commands at once"
+        )
+    if effects and kind in ("replay", "serial"):
+        what = "a log that is replayed" if kind == "replay" else "a real machine"
+        raise UsageError(f"effects are simulated; {what} has its own: drop --effects")
     if plant == "sim":
         body: Plant = SimulatedPlant(machine, seed=seed, initial=start)
-        length = 60.0 if duration is None else duration
-    elif kind == "replay" and rest and effects:
-        raise UsageError(
-            "effects are simulated; a log that is replayed has its own: drop --effects"
-        )
     elif kind == "replay" and rest:
         replayed = ReplayedPlant(machine, open_log(Path(rest)))
         body = replayed
         length = replayed.duration if duration is None else min(duration, replayed.duration)
+    elif plant == "pty" or kind == "serial":
+        body = open_bench(machine, plant, held=held, seed=seed, initial=start)
     else:
         raise UnknownName("plant", plant, PLANTS)
     if length <= 0.0:

@@ -107,7 +107,7 @@ def test_a_recording_is_replayed_as_if_it_were_hardware(tmp_path, capsys):
         (["sads:nosuch"], "no variant named 'nosuch'"),
         (["sads", "--controller", "quaternion_pid"], "did you mean 'quaternion_pd'"),
         (["sads", "--estimator", "kalman"], "no estimator named 'kalman'"),
-        (["sads", "--plant", "serial:COM1"], "no plant named 'serial:COM1'"),
+        (["sads", "--plant", "telnet:COM1"], "no plant named 'telnet:COM1'"),
         (["sads", "--reference", "wobble"], "no reference named 'wobble'"),
         (["sads", "--duration", "-3"], "duration is -3 s"),
         (["sads", "--controller", "mass_pid", "--gains", "integral"], "give NAME=VALUE"),

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -26,7 +26,11 @@ def _arg(metavar: str) -> object:
 
 @dataclass(frozen=True)
 class Run:
-    """Fly a platform under a control law: simulated, or a log played as if it were hardware."""
+    """Fly a platform under a control law: simulated, emulated, real, or as a log has it.
+
+    On hardware and on its emulation nothing leaves unless --arm says so: without it the sensors are
+    read and the law is computed, and that is all. Ctrl-C stops safely; it is no emergency stop.
+    """
 
     platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
     """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
@@ -38,8 +42,12 @@ class Run:
     """Attitude and gyro bias filtered (`filter`) or the sensors as they are (`passthrough`), by
     default the first where the machine has gyro and attitude; `inclinometer`, rates by its
     differences; `vertical_offset` and `offset`, which tell where the CM is."""
-    plant: Annotated[str, _arg("sim|replay:LOG")] = "sim"
-    """Simulated, or a log played as if it were hardware."""
+    plant: Annotated[str, _arg("sim|pty|serial:URL|replay:LOG")] = "sim"
+    """Simulated; its devices emulated on a pseudo-terminal; the real ones (of the platform's
+    [hardware], at that port; or those of serial:FILE.toml); or a log played as if it were these."""
+    arm: Annotated[Literal["floating", "captured"] | None, _arg("floating|captured")] = None
+    """Let commands leave, within the rules of docs/safety.md. The word is the operator's, who has
+    looked: whether the table floats, or is captured (air off or clamped)."""
     reference: Annotated[str | None, _arg("REFERENCE")] = None
     """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or `multisine[:AMPLITUDE[@FREQUENCY]]`,
     in degrees and hertz; by default what the law is usually given."""
@@ -73,11 +81,13 @@ class Run:
         from twin.flight import prepare
         from twin.loop import Ended, Observer
         from twin.metrics import Metrics
+        from twin.plant.guard.guarded import Held
         from twin.stream.flight_recorder import FlightRecorder
         from twin.stream.provenance import provenance
         from twin.stream.recorder import FileRecorder
 
         effects = () if self.effects is None else parse_effects(self.effects)
+        self._check()
         with ExitStack() as stack:
             recorder = None
             if self.rrd is not None or self.spawn:
@@ -94,8 +104,8 @@ class Run:
                 initial=self._initial(),
                 gains=_gains(self.gains),
                 effects=effects,
+                held=None if self.arm is None else Held(self.arm),
             )
-            stack.enter_context(flight.plant)
             warnings = flight.warnings()
             self._announce(flight, warnings)
             metrics, black_box = Metrics(flight.platform), FlightRecorder(flight.plant)
@@ -104,15 +114,28 @@ class Run:
                 facts = provenance(flight.platform, seed=self.seed, command=sys.argv)
                 recorder.start(flight.platform, facts)
                 observers.append(recorder)
+            # last, for a machine on its bench moves from now on
+            stack.enter_context(flight.plant)
             clock = WallClock() if self.realtime else SimulatedClock()
             outcome = flight.fly(clock, observers)
+        told = [] if flight.bench is None else flight.bench.told()
 
         kept = self._keep(black_box, flight.platform)
         if self.json:
             print_json(self._document(outcome, metrics, warnings))
         else:
-            print("\n".join([*_report(flight, outcome, metrics), *self._where(kept)]))
+            print("\n".join([*_report(flight, outcome, metrics), *told, *self._where(kept)]))
         return 0 if outcome.ended in (Ended.done, Ended.safe_stop) else 1
+
+    def _check(self) -> None:
+        from twin.errors import UsageError
+
+        moved = any((*self.attitude, *self.rate, *self.velocity))
+        if self.plant.startswith("serial") and moved:
+            raise UsageError(
+                "--attitude, --rate and --velocity are of a simulated machine; a real one starts "
+                "as it stands: leave them out"
+            )
 
     def _initial(self) -> "InitialState":
         import numpy as np
@@ -138,11 +161,17 @@ class Run:
         lines = [
             f"{flight.platform.name}: {self.controller} with estimator {estimator}, "
             f"reference {reference}, {flight.duration:g} s at {flight.platform.control_rate:g} Hz, "
-            f"plant {self.plant}, seed {self.seed}",
+            f"plant {self.plant}, {self._seeded()}",
             *(f"with {effect.words()}" for effect in flight.effects),
             *(f"warning: {warning}" for warning in warnings),
         ]
         print("\n".join(lines), file=sys.stderr, flush=True)
+
+    def _seeded(self) -> str:
+        on_bench = self.plant == "pty" or self.plant.startswith("serial")
+        armed = f", armed as {self.arm}" if self.arm else ", not armed: nothing leaves"
+        seed = "" if self.plant.startswith("serial") else f"seed {self.seed}"
+        return (seed + (armed if on_bench else "")).removeprefix(", ")
 
     def _keep(self, black_box: "FlightRecorder", platform: "Platform") -> list[Path]:
         """Write the flight record of every run that was stopped."""

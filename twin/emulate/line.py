@@ -8,10 +8,11 @@ device's gets garbage. A symbolic link names the port, and is pointed to the new
 import multiprocessing
 import os
 import select
+import signal
 import termios
 import time
 import tty
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -25,6 +26,9 @@ from twin.emulate.pacing import PacedQueue
 BEAT = 0.001
 """Longest that the process sleeps [s]: devices send of themselves."""
 
+_START = 60.0
+"""Longest wait for the process [s]: it may have a machine to compile."""
+
 _RATES = {
     getattr(termios, f"B{rate}"): rate
     for rate in (4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600, 2000000, 4000000)
@@ -37,14 +41,17 @@ class EmulatedLine:
 
     def __init__(
         self,
-        device: EmulatedDevice,
+        device: EmulatedDevice | Callable[[], EmulatedDevice],
         link: Path,
         faults: Sequence[Fault] = (),
         *,
         seed: int = 0,
         log: Path | None = None,
     ) -> None:
-        """`link` will name the port; `log` takes the raw bytes of both directions."""
+        """`link` will name the port; `log` takes the raw bytes of both directions.
+
+        A `device` that cannot travel to another process is made there: give what makes it.
+        """
         self.link = link
         # A fork would copy the threads' locks of whoever starts this.
         context = multiprocessing.get_context("forkserver")
@@ -55,8 +62,8 @@ class EmulatedLine:
 
     def __enter__(self) -> Self:
         self._process.start()
-        if not self._pipe.poll(10.0):
-            raise TimeoutError(f"the emulated line {self.link} did not start within 10 s")
+        if not self._pipe.poll(_START):
+            raise TimeoutError(f"the emulated line {self.link} did not start within {_START:g} s")
         self._pipe.recv()
         return self
 
@@ -71,6 +78,11 @@ class EmulatedLine:
             self._process.join(5.0)
         if self._process.is_alive():
             self._process.kill()
+
+    @property
+    def alive(self) -> bool:
+        """Its process runs."""
+        return self._process.is_alive()
 
     def inject(self, fault: Fault) -> None:
         """Begin a fault; its start counts from now."""
@@ -118,7 +130,7 @@ class _Terminal:
 
 
 def _serve(
-    device: EmulatedDevice,
+    device: EmulatedDevice | Callable[[], EmulatedDevice],
     link: Path,
     faults: tuple[Fault, ...],
     seed: int,
@@ -126,7 +138,10 @@ def _serve(
     pipe: Connection,
 ) -> None:
     """Be the device until told to stop, or until whoever started this is gone."""
-    server = _Server(device, link, faults, seed)
+    # Ctrl-C is meant for the loop, which still has to bring the device to rest.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    made = device if isinstance(device, EmulatedDevice) else device()
+    server = _Server(made, link, faults, seed)
     pipe.send("ready")
     with open(log, "wb", buffering=0) if log else open(os.devnull, "wb") as record:
         while True:

@@ -1,7 +1,8 @@
 """A microcontroller at the far end of our link, emulated: stages, coils, wheels and an IMU.
 
 Its main loop runs once a millisecond: set-points that ran out, actuators, samples that are due.
-Its clock has an offset and a drift of its own. It can be made to fail.
+Its clock has an offset and a drift of its own. It can be made to fail. What is wired to it
+is a simulated machine, or simple parts on a body that stands still.
 """
 
 from collections.abc import Mapping
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from twin.emulate.actuators import EmulatedStages, EmulatedWheels
 from twin.emulate.emulated import EmulatedDevice
 from twin.emulate.far_end import FarEnd
+from twin.emulate.machine import SimulatedMachine
 from twin.errors import UnknownName
 from twin.plant.devices.link import Schema
 
@@ -44,16 +46,30 @@ class EmulatedMicrocontroller(EmulatedDevice):
         *,
         stages: EmulatedStages | None = None,
         wheels: EmulatedWheels | None = None,
+        machine: SimulatedMachine | None = None,
         name: str = "emulated",
         longest_valid_ms: int = 500,
         clock_us: int = 0,
         drift: float = 0.0,
         baud: int = 115_200,
     ) -> None:
-        """`rates`: of the measured channels [Hz], by stream; `clock_us`: its clock at time 0."""
+        """Switch it on.
+
+        Args:
+            schema: its channels.
+            rates: of the measured channels that no machine gives [Hz], by stream.
+            stages: parts that stand behind it,
+            wheels: unless
+            machine: gives the samples and takes the set-points.
+            name: with which it greets.
+            longest_valid_ms: for which it takes a set-point [ms].
+            clock_us: its clock at time 0 [us].
+            drift: its clock's rate error [s/s].
+            baud: of its line.
+        """
         self.baud = baud
         self.schema = schema
-        self.stages, self.wheels = stages, wheels
+        self.stages, self.wheels, self.machine = stages, wheels, machine
         self.shown: dict[str, Array] = {}
         """What sensors that nothing here moves show, by stream, SI."""
         self.dipole = np.zeros(3)
@@ -71,6 +87,8 @@ class EmulatedMicrocontroller(EmulatedDevice):
         self._corrupt = 0
         self._last: dict[int, tuple[int, Array]] = {}
         self._now = 0.0
+        self._told: dict[str, Array] = {}
+        """Set-points in force at the last round of the main loop, by stream."""
         self._begin()
 
     def receive(self, data: bytes, now: float) -> bytes:
@@ -85,6 +103,9 @@ class EmulatedMicrocontroller(EmulatedDevice):
             self._now = self._loops * LOOP
             if not self._is("hang"):
                 self._loop()
+            elif self.machine is not None:
+                # nobody lets the outputs go while its main loop stands
+                self.machine.step(self._told, self._now)
         self._now = max(self._now, now)
         return self._said()
 
@@ -115,11 +136,15 @@ class EmulatedMicrocontroller(EmulatedDevice):
         now_us = self._clock(self._now)
         self.far_end = FarEnd(self.schema, self._name, self._longest, now_us)
         self._due = dict.fromkeys(self._periods, self._now)
+        self._began = self._now
 
     def _restart(self) -> None:
         self._mark, self._mark_us = self._now, 0.0
+        self._told = {}
         if self.stages is not None:
             self.stages.restart()
+        if self.machine is not None:
+            self.machine.restart()
         self.dipole = np.zeros(3)
         self._last.clear()
         self._begin()
@@ -127,10 +152,16 @@ class EmulatedMicrocontroller(EmulatedDevice):
     def _loop(self) -> None:
         now_us = self._clock(self._now)
         self.far_end.advance(now_us)
-        told = {
+        told = self._told = {
             self.schema.channels[number].stream: value
             for number, value in self.far_end.setpoint.items()
         }
+        if self.machine is not None:
+            for shown in self.machine.step(told, self._now):
+                # what was true before a restart has no stamp on the new clock
+                if shown.time >= self._began:
+                    number = self.schema.number_of(shown.source)
+                    self._send(number, self._clock(shown.time), shown.value)
         if self.stages is not None:
             self.stages.step(told.get("command_stage_position"), LOOP)
         if self.wheels is not None:
@@ -139,17 +170,16 @@ class EmulatedMicrocontroller(EmulatedDevice):
         for number, period in self._periods.items():
             if self._now + 1e-9 >= self._due[number]:
                 self._due[number] += period
-                self._sample(number, now_us)
+                self._send(number, now_us, self._measured(self.schema.channels[number].stream))
 
-    def _sample(self, number: int, now_us: int) -> None:
-        value = self._measured(self.schema.channels[number].stream)
-        time_us, before = self._last.get(number, (now_us, value))
+    def _send(self, number: int, time_us: int, value: Array) -> None:
+        time_before, before = self._last.get(number, (time_us, value))
         if self._is("stale"):
-            now_us, value = time_us, before
+            time_us, value = time_before, before
         elif self._is("stuck"):
             value = before
-        self._last[number] = (now_us, value)
-        self.far_end.sample(number, now_us, value, self._clock(self._now))
+        self._last[number] = (time_us, value)
+        self.far_end.sample(number, time_us, value, self._clock(self._now))
 
     def _measured(self, stream: str) -> Array:
         if stream == "stage_position" and self.stages is not None:

@@ -55,6 +55,11 @@ class HardwarePlant(Plant):
         self._applied: Command = {}
 
     @property
+    def zero(self) -> float:
+        """When its time 0 was, or is, `time.monotonic` [s]."""
+        return self._zero
+
+    @property
     def counters(self) -> dict[str, Counters]:
         """What went over each line, by device."""
         return {name: device.counters for name, device in self.devices.items()}
@@ -88,6 +93,8 @@ class HardwarePlant(Plant):
                     self._merged.add(sample, route, self._zero, column)
             if device.fault and self.armed:
                 self._fail(device.fault)
+            elif device.fault:
+                self.stopped.setdefault(0, device.fault)
         return self._merged.take(until)
 
     def write(self, command: Command) -> Command:

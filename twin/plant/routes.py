@@ -44,3 +44,9 @@ class Route:
         if self.body_from_device is not None:
             value = matrix(self.body_from_device).T @ value
         return value / self.scale + self.bias
+
+    def shown(self, value: Array) -> Array:
+        """What the device shows where the machine has `value`: `taken` undone, attitudes too."""
+        if self.stream == "attitude" and self.body_from_device is not None:
+            return multiply(value, self.body_from_device) / self.scale + self.bias
+        return self.given(value)

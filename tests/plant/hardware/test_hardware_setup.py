@@ -153,4 +153,4 @@ def test_the_calibration_of_another_machine_is_refused(tmp_path: Path):
 
 def test_a_platform_file_may_hold_its_hardware_itself():
     with pytest.raises(PlatformError, match="platform.toml.*no \\[hardware\\]"):
-        read_hardware(load_platform("cubesat"))
+        read_hardware(load_platform("sads"))

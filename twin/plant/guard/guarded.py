@@ -180,6 +180,9 @@ class Guarded(Plant):
             reason = self._plant.stopped.get(0) or self._danger()
             if reason:
                 self.stop(reason)
+        elif self._plant.stopped and not self.safe_reason:
+            # a dry run ends with what it reads from
+            self.safe_reason = self.stopped[0] = self._plant.stopped[0]
         return reading
 
     def write(self, command: Command) -> Command:

@@ -1,0 +1,219 @@
+"""The loop flies an emulated machine over its line as it flies a simulated one, and ends safely."""
+
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.bench import Bench, open_bench
+from twin.cli.main import main
+from twin.controller.load import load_controller
+from twin.emulate.faults import Fault
+from twin.emulate.platform import EmulatedPlatform
+from twin.errors import DeviceError, PlatformError, SafetyError, UnknownName, UsageError
+from twin.estimators.named import load_estimator
+from twin.loop import Ended, Outcome, fly
+from twin.plant.guard.guarded import Held
+from twin.plant.hardware_setup import read_hardware
+from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.platform import Platform, load_platform
+from twin.recording import open_log
+from twin.reference import Hold
+from twin.rotation import from_rotation_vector
+from twin.signals import Reading, Tick
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+
+TILTED = InitialState(attitude=from_rotation_vector(np.array([0.05, 0.0, 0.0])))
+
+
+PATIENCE = 2.0
+"""[s]: set-points outlast what a busy test machine makes its processes wait."""
+
+
+@dataclass
+class Kept:
+    """An observer that keeps every tick, and does something at one of them."""
+
+    at: float = np.inf
+    do: Callable[[], object] = lambda: None
+    ticks: list[Tick] = field(default_factory=list[Tick])
+
+    def collect(self, tick: Tick) -> None:
+        self.ticks.append(tick)
+        if tick.reading.time >= self.at:
+            self.at = np.inf
+            self.do()
+
+    def stream(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Times (m,) and values (m, k) of all samples."""
+        return samples_of([tick.reading for tick in self.ticks], name)
+
+
+def samples_of(readings: list[Reading], name: str) -> tuple[np.ndarray, np.ndarray]:
+    found = [reading.streams[name] for reading in readings if name in reading.streams]
+    times = np.concatenate([samples.time[0] for samples in found])
+    return times, np.concatenate([samples.value[0] for samples in found])
+
+
+@pytest.fixture
+def cubesat() -> Platform:
+    return load_platform("cubesat")
+
+
+@pytest.fixture
+def on_bench(cubesat: Platform) -> Callable[..., Bench]:
+    """The emulated table: `on_bench(held, initial)`, not entered."""
+
+    def made(held: Held | None = None, initial: InitialState | None = None) -> Bench:
+        setup = read_hardware(cubesat)
+        devices = {name: replace(d, valid_for=PATIENCE) for name, d in setup.devices.items()}
+        setup = replace(setup, devices=devices)
+        emulation = EmulatedPlatform(cubesat, setup, seed=3, initial=initial)
+        return Bench(cubesat, setup, held=held, emulation=emulation)
+
+    return made
+
+
+def flown(bench: Bench, kept: Kept, duration: float, law: str = "mass_magnetic_pid") -> Outcome:
+    clock = bench.begin()
+    estimator, controller = load_estimator("passthrough"), load_controller(law)
+    return fly(bench, estimator, controller, Hold(), clock, duration=duration, observers=[kept])
+
+
+def test_what_the_simulated_sensors_give_comes_over_the_line_sample_by_sample(cubesat, on_bench):
+    kept = Kept()
+    with on_bench(initial=TILTED) as bench:
+        outcome = flown(bench, kept, 2.0)
+    assert outcome.ended is Ended.done, outcome.reason
+    alone = SimulatedPlant(cubesat, seed=3, initial=TILTED)
+    simulated = [alone.read(number * cubesat.tick) for number in range(1200)]
+    for name in ("gyro", "attitude", "accelerometer", "magnetometer"):
+        (times, values), (_, true) = kept.stream(name), samples_of(simulated, name)
+        first = int(np.argmin(np.abs(true - values[0]).sum(axis=1)))
+        np.testing.assert_allclose(
+            values, true[first : first + len(values)], rtol=2e-7, atol=1e-9, err_msg=name
+        )
+        assert len(values) > 30
+        np.testing.assert_allclose(np.diff(times), 0.05, atol=2e-3)
+
+
+def test_until_it_is_armed_nothing_leaves(on_bench):
+    kept = Kept()
+    with on_bench(initial=TILTED) as bench:
+        outcome = flown(bench, kept, 1.5)
+    assert outcome.ended is Ended.done
+    assert not kept.stream("stage_position")[1].any(), "the masses stand"
+    assert kept.ticks[-1].wanted["command_stage_position"].any(), "though the law would move them"
+
+
+def test_a_mass_goes_where_it_is_told_over_the_line(on_bench):
+    goal = np.array([[4e-4, -2e-4, 0.0]])
+    with on_bench(Held.captured) as bench:
+        for now in bench.begin().ticks(bench.platform.tick, 1.5):
+            reading = bench.read(now)
+            applied = bench.write({"command_stage_position": goal})
+    assert not bench.safe_reason
+    np.testing.assert_allclose(applied["command_stage_position"], goal, atol=1e-9)
+    np.testing.assert_allclose(
+        reading.streams["stage_position"].value[0, -1], goal[0], atol=0.5e-5 + 2e-6
+    )
+
+
+@pytest.mark.parametrize("held", [Held.floating, None], ids=["armed", "dry run"])
+@pytest.mark.parametrize("how", ["killed", "unplugged"])
+def test_a_machine_that_is_lost_ends_the_run_safely_with_a_sentence(on_bench, how, held):
+    with on_bench(held) as bench:
+        line = bench.emulation.line
+        gone = line.kill if how == "killed" else lambda: line.inject(Fault("unplug"))
+        outcome = flown(bench, Kept(at=0.5, do=gone), 8.0)
+    assert outcome.ended is Ended.safe_stop
+    assert "feather: lost" in outcome.reason or "is stale" in outcome.reason
+    assert outcome.duration < 4.0
+
+
+def test_a_far_end_that_hears_nothing_more_brings_its_masses_to_rest(on_bench):
+    far = np.array([[0.015, 0.0, 0.0]])
+    places = []
+    with on_bench(Held.captured) as bench:
+        for now in bench.begin().ticks(bench.platform.tick, 5.0):
+            reading = bench.read(now)
+            if now < 0.5:
+                bench.write({"command_stage_position": far})
+            if "stage_position" in reading.streams:
+                places.append(reading.streams["stage_position"].value[0, -1, 0])
+    assert places[-1] == pytest.approx(places[-10], abs=1e-9), "it rests"
+    assert 1e-4 < places[-1] < 0.7 * far[0, 0], "where its time-to-live has stopped it"
+
+
+def test_a_table_that_leans_too_far_is_not_armed(on_bench):
+    leaning = InitialState(attitude=from_rotation_vector(np.array([0.0, 0.65, 0.0])))
+    with on_bench(Held.captured, leaning) as bench, pytest.raises(SafetyError, match="it leans by"):
+        bench.begin()
+
+
+@pytest.mark.parametrize(
+    ("plant", "error", "sentence"),
+    [
+        ("serial:", UsageError, "names no port"),
+        ("pty:1", UnknownName, "no plant named 'pty:1'"),
+        ("serial:no.toml", PlatformError, "no.toml"),
+    ],
+)
+def test_a_bench_that_cannot_be_is_refused_with_a_sentence(cubesat, plant, error, sentence):
+    with pytest.raises(error, match=sentence):
+        open_bench(cubesat, plant)
+
+
+def test_a_port_that_is_not_there_is_told(cubesat):
+    bench = open_bench(cubesat, "serial:/dev/not_there")
+    with pytest.raises(DeviceError, match="feather: cannot open /dev/not_there"), bench:
+        pass
+
+
+def test_a_port_of_its_own_needs_a_calibration_before_it_is_armed(cubesat):
+    with (
+        EmulatedPlatform(cubesat, read_hardware(cubesat)) as emulation,
+        open_bench(cubesat, f"serial:{emulation.ports['feather']}", held=Held.captured) as bench,
+        pytest.raises(SafetyError, match="no calibration file"),
+    ):
+        bench.begin()
+
+
+def test_a_run_over_the_line_is_recorded(tmp_path, capsys):
+    shutil.copytree(load_platform("cubesat").folder, tmp_path / "table")
+    file = tmp_path / "table" / "platform.toml"
+    text = file.read_text(encoding="utf-8")
+    kind = 'kind = "microcontroller"\n'
+    file.write_text(text.replace(kind, f"{kind}valid_for = {PATIENCE}\n"), encoding="utf-8")
+    out = tmp_path / "out.rrd"
+    words = [str(tmp_path / "table"), "--plant", "pty", "--arm", "floating", "--rrd", str(out)]
+    law = ["--controller", "mass_magnetic_pid", "--duration", "3"]
+    assert main(["run", *words, *law]) == 0
+    told = capsys.readouterr()
+    assert "armed as floating" in told.err
+    assert "feather:" in told.out
+    recording = open_log(out)
+    assert recording.stop == pytest.approx(3.0, abs=0.1)
+    assert {"gyro", "attitude", "stage_position", "command_stage_position"} <= set(recording)
+    assert not [name for name in recording if name.startswith("truth")]
+
+
+def test_emulate_prints_a_port_that_a_run_can_open_and_ends_with_ctrl_c():
+    words = [sys.executable, "-m", "twin", "emulate", "cubesat", "--attitude", "3", "0", "0"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as one:
+        assert one.stdout is not None
+        device, _, port = one.stdout.readline().strip().partition(": ")
+        assert device == "feather"
+        assert main(["run", "cubesat", "--plant", f"serial:{port}", "--duration", "1"]) == 0
+        one.send_signal(signal.SIGINT)
+        _, errors = one.communicate(timeout=20.0)
+    assert one.returncode == 0
+    assert "Traceback" not in errors
+    assert not Path(port).exists()

@@ -1,0 +1,173 @@
+"""A machine on its bench, or its emulation: opened, watched, armed if somebody says so, closed.
+
+The loop is that of every plant. What differs is told here: time is the wall's, nothing leaves
+until it is armed, and in the end the machine is left in its safe state.
+"""
+
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from twin.clock import Clock, WallClock
+from twin.emulate.faults import Fault
+from twin.emulate.platform import EmulatedPlatform, with_port
+from twin.errors import UnknownName, UsageError
+from twin.plant.guard.guarded import YES, Guarded, Held
+from twin.plant.hardware import HardwarePlant
+from twin.plant.hardware_setup import HardwareSetup, read_hardware
+from twin.plant.plant import Plant
+from twin.plant.simulated import InitialState
+from twin.platform import Platform
+from twin.signals import Command, Reading
+
+BENCHES = ("pty", "serial:URL")
+"""Kinds of plants that are opened here."""
+
+WATCHED = 1.0
+"""So long it is read before it is armed [s]."""
+
+_ARMING = 0.2
+"""Between arming and the first tick [s]; the far end waits longer for its first set-point."""
+
+
+class Bench(Plant):
+    """One machine behind its guard; opened when it is entered."""
+
+    def __init__(
+        self,
+        platform: Platform,
+        setup: HardwareSetup,
+        *,
+        held: Held | None = None,
+        emulation: EmulatedPlatform | None = None,
+    ) -> None:
+        """Nothing is opened yet.
+
+        Args:
+            platform: the machine.
+            setup: its wiring.
+            held: arm it, and whether it floats, both as the operator says; None: a dry run.
+            emulation: what stands for the machine, started and ended with this.
+        """
+        self.platform = platform
+        self.n = 1
+        self.stopped = {}
+        self.emulation = emulation
+        self._setup, self._held = setup, held
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Start the emulation, if there is one, and connect every device.
+
+        Raises:
+            DeviceError: one that is not there, or another.
+        """
+        with ExitStack() as stack:
+            setup = self._setup
+            if self.emulation is not None:
+                setup = stack.enter_context(self.emulation).setup
+            self.hardware = HardwarePlant(self.platform, setup)
+            # an emulated machine is what its platform says: there is nothing to calibrate
+            calibrated = setup.calibration is not None or self.emulation is not None
+            guard = Guarded(self.hardware, setup.guard, calibrated=calibrated)
+            self.guard = stack.enter_context(guard)
+            self.hardware.connect()
+            self._stack = stack.pop_all()
+        return self
+
+    def read(self, until: float) -> Reading:
+        reading = self.guard.read(until)
+        self._note()
+        return reading
+
+    def write(self, command: Command) -> Command:
+        applied = self.guard.write(command)
+        self._note()
+        return applied
+
+    def close(self) -> None:
+        self._stack.close()
+
+    def begin(self) -> Clock:
+        """Watch it, then arm it if that was said; the clock whose first tick is at hand.
+
+        Raises:
+            SafetyError: why it is not armed.
+            DeviceError: a device refuses.
+        """
+        tick = self.platform.tick
+        last = -int(np.ceil(_ARMING / tick))
+        first = last - int(np.ceil(WATCHED / tick))
+        start = time.monotonic() - first * tick
+        for number in range(first, last + 1):
+            time.sleep(max(start + number * tick - time.monotonic(), 0.0))
+            self.read(number * tick)
+        if self._held is not None:
+            self.guard.arm(YES, held=self._held)
+        return WallClock(self.hardware.zero)
+
+    def told(self) -> list[str]:
+        """What devices, line and guard have to say of the time since the last call."""
+        lines = list(dict.fromkeys(self.hardware.notes()))
+        for name, counters in self.hardware.counters.items():
+            wrong = {
+                "wrong checksums": counters.bad_checksums,
+                "gaps": counters.gaps,
+                "resynchronisations": counters.resyncs,
+                "silences": counters.timeouts,
+                "samples nobody fetched": counters.overflows,
+            }
+            bad = ", ".join(f"{count} {what}" for what, count in wrong.items() if count)
+            lines.append(f"{name}: {counters.frames} frames, {bad or 'none wrong'}")
+        acted = ", ".join(f"{rule} {count}" for rule, count in self.guard.limited.items())
+        return [*lines, f"ticks in which a rule limited the command: {acted}"] if acted else lines
+
+    def _note(self) -> None:
+        """The loop looks here for how the guard's run ended."""
+        self.stopped, self.safe_reason = self.guard.stopped, self.guard.safe_reason
+
+
+def open_bench(
+    machine: Platform,
+    plant: str,
+    *,
+    held: Held | None = None,
+    seed: int = 0,
+    initial: InitialState | None = None,
+    faults: Sequence[Fault] = (),
+) -> Bench:
+    """What a plant's name stands for, not yet entered.
+
+    Args:
+        machine: with the effects of its emulation.
+        plant: `pty`, its emulation; `serial:URL`, its own [hardware] with its device at that port;
+            or `serial:FILE.toml`, the [hardware] of that file.
+        held: see `Bench`.
+        seed: of an emulation's noise.
+        initial: of an emulation.
+        faults: of an emulation.
+
+    Raises:
+        UnknownName: another plant.
+        UsageError: wiring that does not fit.
+        PlatformError: no [hardware], or something wrong in it.
+    """
+    kind, _, where = plant.partition(":")
+    if plant == "pty":
+        setup = read_hardware(machine)
+        emulation = EmulatedPlatform(machine, setup, seed=seed, initial=initial, faults=faults)
+        return Bench(machine, setup, held=held, emulation=emulation)
+    if kind != "serial":
+        raise UnknownName("plant", plant, BENCHES)
+    if not where:
+        raise UsageError(
+            "--plant serial: names no port; give serial:/dev/serial/by-id/..., a URL such as "
+            "serial:socket://HOST:PORT, or serial:FILE.toml with [hardware]"
+        )
+    if where.endswith(".toml"):
+        return Bench(machine, read_hardware(machine, Path(where)), held=held)
+    return Bench(machine, with_port(read_hardware(machine), where), held=held)

@@ -1,0 +1,64 @@
+"""`twin emulate`: a platform's devices on pseudo-terminals, until Ctrl-C."""
+
+import sys
+import time
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+
+Angles = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Emulate:
+    """Stand for a machine: its devices on pseudo-terminals, its simulation behind them.
+
+    What opens the printed port meets the board as it is on the bench: our driver with `twin run
+    PLATFORM --plant serial:PORT`, or a program of one's own that is to be tried. Time is the
+    wall's, bytes come at the line's rate, set-points run out. It ends with Ctrl-C.
+    """
+
+    platform: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PLATFORM")]
+    """A shipped name (see `twin platforms`) or a folder, with [hardware]; `:VARIANT` may follow."""
+    effects: Annotated[str | None, tyro.conf.arg(metavar="NAME[:TARGET]=VALUE[/VALUE ...],...")] = (
+        None
+    )
+    """What the machine has beyond its platform; see `twin effects`."""
+    attitude: Annotated[Angles, tyro.conf.arg(metavar="ROLL PITCH YAW")] = (0.0, 0.0, 0.0)
+    """At the start, in degrees."""
+    duration: Annotated[float | None, tyro.conf.arg(metavar="SECONDS")] = None
+    """End by itself after this."""
+    seed: int = 0
+    """Of the sensors' noise."""
+
+    def run(self) -> int:
+        """Emulate; the exit code."""
+        import numpy as np
+
+        from twin.effects import parse_effects, with_effects
+        from twin.emulate.platform import EmulatedPlatform
+        from twin.plant.hardware_setup import read_hardware
+        from twin.plant.simulated import InitialState
+        from twin.platform import load_platform
+        from twin.rotation import from_euler_zyx
+
+        effects = () if self.effects is None else parse_effects(self.effects)
+        machine = with_effects(load_platform(self.platform), effects)
+        roll, pitch, yaw = np.radians(self.attitude)
+        initial = InitialState(attitude=from_euler_zyx(yaw, pitch, roll))
+        setup = read_hardware(machine)
+        with EmulatedPlatform(machine, setup, seed=self.seed, initial=initial) as emulation:
+            for name, port in emulation.ports.items():
+                print(f"{name}: {port}", flush=True)
+            print(f"{machine.name} is emulated until Ctrl-C", file=sys.stderr, flush=True)
+            end = np.inf if self.duration is None else time.monotonic() + self.duration
+            try:
+                while time.monotonic() < end and emulation.line.alive:
+                    time.sleep(0.05)
+            except KeyboardInterrupt:
+                return 0
+            if not emulation.line.alive:
+                print("twin: the emulation has ended by itself; please report it", file=sys.stderr)
+                return 1
+        return 0
