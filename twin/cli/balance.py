@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -49,8 +49,11 @@ class Balance:
     target: Annotated[float | None, _arg("N_M")] = None
     """Gravity torque that may be left at the worst attitude; by default that of the machine's
     paper, else that of 5 um."""
-    plant: Annotated[str, _arg("sim")] = "sim"
-    """The simulated machine."""
+    plant: Annotated[str, _arg("sim|pty|serial:URL")] = "sim"
+    """Simulated; its devices emulated on a pseudo-terminal; or the real ones, as of `twin run`."""
+    arm: Annotated[Literal["floating"] | None, _arg("floating")] = None
+    """Let commands leave, within the rules of docs/safety.md, on the bench and on its emulation:
+    the operator's word, who has looked, that the table floats."""
     effects: Annotated[str | None, _arg("NAME[:TARGET]=VALUE[/VALUE ...],...")] = None
     """What the simulated machine has beyond its platform; see `twin effects`."""
     offset: Annotated[Triple | None, _arg("X Y Z")] = None
@@ -72,11 +75,14 @@ class Balance:
 
     def run(self) -> int:
         """Balance; the exit code."""
+        from twin.bench import Bench, open_bench
         from twin.cli.output import check_writable, print_json
         from twin.clock import SimulatedClock
         from twin.effects import parse_effects, with_effects
         from twin.estimators import load_estimator, usual_estimator
         from twin.loop import Observer, fly
+        from twin.plant.guard.guarded import Held
+        from twin.plant.plant import Plant
         from twin.plant.simulated import InitialState, SimulatedPlant
         from twin.platform import load_platform
         from twin.procedures import balancing, usual_target
@@ -92,7 +98,10 @@ class Balance:
         if self.rrd is not None:
             check_writable(self.rrd)
         with ExitStack() as stack:
-            procedure = balancing(machine, self.runs, way=way, target=target, tell=_tell)
+            simulated = self.plant == "sim"
+            procedure = balancing(
+                machine, self.runs, way=way, target=target, tell=_tell, wait=simulated
+            )
             stack.enter_context(procedure.lab.fits)
             offsets, positions = self._start(machine, way, target)
             _tell(
@@ -100,26 +109,36 @@ class Balance:
                 f"plant {self.plant}, seed {self.seed}"
             )
             initial = InitialState(stage_position=positions, center_of_mass_offset=offsets)
-            plant = stack.enter_context(
-                SimulatedPlant(machine, runs=range(self.runs), seed=self.seed, initial=initial)
-            )
+            if simulated:
+                plant: Plant = SimulatedPlant(
+                    machine, runs=range(self.runs), seed=self.seed, initial=initial
+                )
+            else:
+                plant = open_bench(
+                    machine, self.plant, held=Held.floating, seed=self.seed, initial=initial
+                )
             observers: list[Observer] = [procedure.lab.logbook]
             if self.rrd is not None:
                 recorder = stack.enter_context(FileRecorder(self.rrd))
                 recorder.start(machine, provenance(machine, seed=self.seed, command=sys.argv))
                 observers.append(recorder)
+            # last, for a machine on its bench moves from now on
+            stack.enter_context(plant)
+            clock = plant.begin() if isinstance(plant, Bench) else SimulatedClock()
             outcome = fly(
                 plant,
                 load_estimator(usual_estimator(machine)),
                 procedure,
                 Hold(),
-                SimulatedClock(),
+                clock,
                 duration=self.duration,
                 observers=observers,
             )
             idle = {name: 0.0 * value for name, value in plant.write({}).items()}
             idle.pop("command_stage_position", None)
             plant.write(idle)
+            if isinstance(plant, Bench):
+                _tell("\n".join(plant.told()))
         notes = procedure.lab.notes
         documents = [self._document(outcome, notes, run, target, way) for run in range(self.runs)]
         if self.json:
@@ -133,8 +152,23 @@ class Balance:
 
         if self.plant.startswith("replay"):
             raise UsageError("a log that is replayed does not move: balance the simulated machine")
-        if self.plant != "sim":
-            raise UnknownName("plant", self.plant, ("sim",))
+        real = self.plant.startswith("serial")
+        if not real and self.plant not in ("sim", "pty"):
+            raise UnknownName("plant", self.plant, ("sim", "pty", "serial:URL"))
+        if self.plant == "sim" and self.arm:
+            raise UsageError("--arm is for a machine on its bench; the simulated one moves at once")
+        if self.plant != "sim" and not self.arm:
+            raise UsageError(
+                "balancing moves masses, and nobody has armed it: look whether the table floats "
+                "free, then say --arm floating"
+            )
+        if self.plant != "sim" and self.runs > 1:
+            raise UsageError(f"runs is {self.runs}; there is one machine on a bench")
+        if real and (self.effects or self.offset or self.random_offset or any(self.stages)):
+            raise UsageError(
+                "--effects, --offset, --random-offset and --stages are of a simulated machine; a "
+                "real one has its own: leave them out"
+            )
         if self.runs < 1:
             raise UsageError(f"runs is {self.runs}; give 1 or more")
         if self.duration <= 0.0:
