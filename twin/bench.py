@@ -4,18 +4,22 @@ The loop is that of every plant. What differs is told here: time is the wall's, 
 until it is armed, and in the end the machine is left in its safe state.
 """
 
-import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
-from twin.clock import Clock, WallClock
+from twin.clock import Clock, WallClock, last_tick
 from twin.emulate.faults import Fault
+from twin.emulate.lockstep import LockstepTime
 from twin.emulate.platform import EmulatedPlatform, with_port
 from twin.errors import UnknownName, UsageError
+from twin.plant.devices.device import Device
+from twin.plant.devices.host_time import WALL, HostTime
+from twin.plant.devices.microcontroller import Microcontroller, MicrocontrollerSettings
 from twin.plant.guard.guarded import YES, Guarded, Held
 from twin.plant.hardware import HardwarePlant
 from twin.plant.hardware_setup import HardwareSetup, read_hardware
@@ -32,6 +36,21 @@ WATCHED = 1.0
 
 _ARMING = 0.2
 """Between arming and the first tick [s]; the far end waits longer for its first set-point."""
+
+
+class LockstepClock(Clock):
+    """Each tick comes when the emulation has got there; none is ever late."""
+
+    def __init__(self, host: LockstepTime, start: float) -> None:
+        """`start`: host's time at which tick 0 is due [s]."""
+        super().__init__()
+        self._host, self._start = host, start
+
+    def ticks(self, period: float, duration: float) -> Iterator[float]:
+        for number in range(last_tick(period, duration) + 1):
+            self._host.sleep(self._start + number * period - self._host.now())
+            self._tick()
+            yield number * period
 
 
 class Bench(Plant):
@@ -70,7 +89,18 @@ class Bench(Plant):
             setup = self._setup
             if self.emulation is not None:
                 setup = stack.enter_context(self.emulation).setup
-            self.hardware = HardwarePlant(self.platform, setup)
+            self._host: HostTime = WALL
+            devices: dict[str, Device] | None = None
+            if self.emulation is not None and self.emulation.lockstep:
+                self._host = LockstepTime(self.emulation.line)
+                # what the wall's clock says of a loop in lockstep means nothing
+                setup = replace(setup, guard=replace(setup.guard, watchdog=np.inf))
+                devices = {
+                    name: Microcontroller(settings, self._host)
+                    for name, settings in setup.devices.items()
+                    if isinstance(settings, MicrocontrollerSettings)
+                }
+            self.hardware = HardwarePlant(self.platform, setup, devices, self._host)
             # an emulated machine is what its platform says: there is nothing to calibrate
             calibrated = setup.calibration is not None or self.emulation is not None
             guard = Guarded(self.hardware, setup.guard, calibrated=calibrated)
@@ -102,12 +132,15 @@ class Bench(Plant):
         tick = self.platform.tick
         last = -int(np.ceil(_ARMING / tick))
         first = last - int(np.ceil(WATCHED / tick))
-        start = time.monotonic() - first * tick
+        host = self._host
+        start = host.now() - first * tick
         for number in range(first, last + 1):
-            time.sleep(max(start + number * tick - time.monotonic(), 0.0))
+            host.sleep(start + number * tick - host.now())
             self.read(number * tick)
         if self._held is not None:
             self.guard.arm(YES, held=self._held)
+        if isinstance(host, LockstepTime):
+            return LockstepClock(host, self.hardware.zero)
         return WallClock(self.hardware.zero)
 
     def told(self) -> list[str]:
@@ -139,6 +172,7 @@ def open_bench(
     seed: int = 0,
     initial: InitialState | None = None,
     faults: Sequence[Fault] = (),
+    lockstep: bool = False,
 ) -> Bench:
     """What a plant's name stands for, not yet entered.
 
@@ -150,6 +184,7 @@ def open_bench(
         seed: of an emulation's noise.
         initial: of an emulation.
         faults: of an emulation.
+        lockstep: an emulation and this process wait for each other instead of for the wall's clock.
 
     Raises:
         UnknownName: another plant.
@@ -159,7 +194,9 @@ def open_bench(
     kind, _, where = plant.partition(":")
     if plant == "pty":
         setup = read_hardware(machine)
-        emulation = EmulatedPlatform(machine, setup, seed=seed, initial=initial, faults=faults)
+        emulation = EmulatedPlatform(
+            machine, setup, seed=seed, initial=initial, faults=faults, lockstep=lockstep
+        )
         return Bench(machine, setup, held=held, emulation=emulation)
     if kind != "serial":
         raise UnknownName("plant", plant, BENCHES)

@@ -57,7 +57,7 @@ class SimulatedClock(Clock):
     """The next tick comes at once."""
 
     def ticks(self, period: float, duration: float) -> Iterator[float]:
-        for number in range(_last_tick(period, duration) + 1):
+        for number in range(last_tick(period, duration) + 1):
             self._tick()
             yield number * period
 
@@ -72,7 +72,7 @@ class WallClock(Clock):
 
     def ticks(self, period: float, duration: float) -> Iterator[float]:
         start = time.monotonic() if self._start is None else self._start
-        last = _last_tick(period, duration)
+        last = last_tick(period, duration)
         number = 0
         while number <= last:
             wait = start + number * period - time.monotonic()
@@ -86,6 +86,6 @@ class WallClock(Clock):
             number = max(due, number + 1)
 
 
-def _last_tick(period: float, duration: float) -> int:
+def last_tick(period: float, duration: float) -> int:
     """Number of the last tick at or before `duration`."""
     return int(np.floor(duration / period * (1.0 + 1e-12) + 1e-9))

@@ -106,6 +106,7 @@ def prepare(
     gains: Mapping[str, float] | None = None,
     effects: Sequence[Effect] = (),
     held: Held | None = None,
+    lockstep: bool = False,
 ) -> Flight:
     """Find everything by its name and put it together.
 
@@ -121,6 +122,7 @@ def prepare(
         gains: of the law, by name.
         effects: what a simulated machine has beyond what its platform states.
         held: arm a machine on its bench, and whether it floats; None: nothing leaves.
+        lockstep: of an emulation; see `twin.bench.open_bench`.
 
     Raises:
         UnknownName: a name that is not known.
@@ -137,6 +139,8 @@ def prepare(
         raise UsageError(
             f"--arm is for a machine on its bench; plant {plant} takes commands at once"
         )
+    if lockstep and plant != "pty":
+        raise UsageError(f"--lockstep is for plant pty; {plant} has no emulation to wait for")
     if effects and kind in ("replay", "serial"):
         what = "a log that is replayed" if kind == "replay" else "a real machine"
         raise UsageError(f"effects are simulated; {what} has its own: drop --effects")
@@ -147,7 +151,7 @@ def prepare(
         body = replayed
         length = replayed.duration if duration is None else min(duration, replayed.duration)
     elif plant == "pty" or kind == "serial":
-        body = open_bench(machine, plant, held=held, seed=seed, initial=start)
+        body = open_bench(machine, plant, held=held, seed=seed, initial=start, lockstep=lockstep)
     else:
         raise UnknownName("plant", plant, PLANTS)
     if length <= 0.0:

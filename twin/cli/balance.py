@@ -54,6 +54,9 @@ class Balance:
     arm: Annotated[Literal["floating"] | None, _arg("floating")] = None
     """Let commands leave, within the rules of docs/safety.md, on the bench and on its emulation:
     the operator's word, who has looked, that the table floats."""
+    lockstep: bool = False
+    """With plant pty: loop and emulation wait for each other instead of keeping to the wall's
+    clock. As fast as both can, and no computer is too slow for it."""
     effects: Annotated[str | None, _arg("NAME[:TARGET]=VALUE[/VALUE ...],...")] = None
     """What the simulated machine has beyond its platform; see `twin effects`."""
     offset: Annotated[Triple | None, _arg("X Y Z")] = None
@@ -99,9 +102,9 @@ class Balance:
             check_writable(self.rrd)
         with ExitStack() as stack:
             simulated = self.plant == "sim"
-            procedure = balancing(
-                machine, self.runs, way=way, target=target, tell=_tell, wait=simulated
-            )
+            # a fit takes no time where the wall's clock does not count
+            wait = simulated or self.lockstep
+            procedure = balancing(machine, self.runs, way=way, target=target, tell=_tell, wait=wait)
             stack.enter_context(procedure.lab.fits)
             offsets, positions = self._start(machine, way, target)
             _tell(
@@ -115,7 +118,12 @@ class Balance:
                 )
             else:
                 plant = open_bench(
-                    machine, self.plant, held=Held.floating, seed=self.seed, initial=initial
+                    machine,
+                    self.plant,
+                    held=Held.floating,
+                    seed=self.seed,
+                    initial=initial,
+                    lockstep=self.lockstep,
                 )
             observers: list[Observer] = [procedure.lab.logbook]
             if self.rrd is not None:
@@ -157,6 +165,10 @@ class Balance:
             raise UnknownName("plant", self.plant, ("sim", "pty", "serial:URL"))
         if self.plant == "sim" and self.arm:
             raise UsageError("--arm is for a machine on its bench; the simulated one moves at once")
+        if self.lockstep and self.plant != "pty":
+            raise UsageError(
+                f"--lockstep is for plant pty; {self.plant} has no emulation to wait for"
+            )
         if self.plant != "sim" and not self.arm:
             raise UsageError(
                 "balancing moves masses, and nobody has armed it: look whether the table floats "
@@ -209,10 +221,12 @@ class Balance:
         told = notes.runs[run]
         if told.phase is Phase.done:
             ended, reason = "done", None
-        elif run in outcome.stopped:
+        elif run in outcome.stopped and outcome.stopped[run] != outcome.reason:
             ended, reason = "failed", outcome.stopped[run]
         elif told.phase is Phase.stopped or outcome.ended.value == "safe_stop":
             ended, reason = "safe_stop", told.reason or outcome.reason
+        elif run in outcome.stopped:
+            ended, reason = "failed", outcome.stopped[run]
         else:
             ended = "failed"
             reason = f"not balanced within {self.duration:g} s; it was in phase {told.phase.name}"

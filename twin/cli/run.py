@@ -48,6 +48,9 @@ class Run:
     arm: Annotated[Literal["floating", "captured"] | None, _arg("floating|captured")] = None
     """Let commands leave, within the rules of docs/safety.md. The word is the operator's, who has
     looked: whether the table floats, or is captured (air off or clamped)."""
+    lockstep: bool = False
+    """With plant pty: loop and emulation wait for each other instead of keeping to the wall's
+    clock. As fast as both can, and no computer is too slow for it."""
     reference: Annotated[str | None, _arg("REFERENCE")] = None
     """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or `multisine[:AMPLITUDE[@FREQUENCY]]`,
     in degrees and hertz; by default what the law is usually given."""
@@ -104,6 +107,7 @@ class Run:
                 initial=self._initial(),
                 gains=_gains(self.gains),
                 effects=effects,
+                lockstep=self.lockstep,
                 held=None if self.arm is None else Held(self.arm),
             )
             warnings = flight.warnings()

@@ -26,6 +26,9 @@ from twin.emulate.pacing import PacedQueue
 BEAT = 0.001
 """Longest that the process sleeps [s]: devices send of themselves."""
 
+_PATIENCE = 1.0
+"""Longest wait in lockstep for bytes that were written [s]: an unplugged line loses them."""
+
 _START = 60.0
 """Longest wait for the process [s]: it may have a machine to compile."""
 
@@ -47,8 +50,11 @@ class EmulatedLine:
         *,
         seed: int = 0,
         log: Path | None = None,
+        lockstep: bool = False,
     ) -> None:
         """`link` will name the port; `log` takes the raw bytes of both directions.
+
+        In `lockstep` time passes by `go_on` only (`twin.emulate.lockstep`).
 
         A `device` that cannot travel to another process is made there: give what makes it.
         """
@@ -57,7 +63,9 @@ class EmulatedLine:
         context = multiprocessing.get_context("forkserver")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(
-            target=_serve, args=(device, link, tuple(faults), seed, log, theirs), daemon=True
+            target=_serve,
+            args=(device, link, tuple(faults), seed, log, theirs, lockstep),
+            daemon=True,
         )
 
     def __enter__(self) -> Self:
@@ -88,6 +96,25 @@ class EmulatedLine:
         """Begin a fault; its start counts from now."""
         self._pipe.send(fault)
 
+    def go_on(self, until: float, sent: int) -> tuple[float, int] | None:
+        """Let time pass in lockstep, at most until it says something.
+
+        Args:
+            until: the emulation's time [s].
+            sent: bytes that the host has written so far; they are waited for.
+
+        Returns:
+            Its time [s], and how many bytes it has said so far; None: it is gone.
+        """
+        try:
+            self._pipe.send((until, sent))
+            while not self._pipe.poll(0.5):
+                if not self.alive:
+                    return None
+            return self._pipe.recv()
+        except (EOFError, OSError):
+            return None
+
     def kill(self) -> None:
         """End the process at once, as a crash does."""
         self._process.kill()
@@ -116,12 +143,12 @@ class _Terminal:
         except OSError:
             return b""
 
-    def write(self, data: bytes) -> None:
-        """Send; what a host does not fetch is lost, as in a full receive buffer."""
+    def write(self, data: bytes) -> int:
+        """Send; how many went. What a host does not fetch is lost, as in a full receive buffer."""
         try:
-            os.write(self.master, data)
+            return os.write(self.master, data)
         except BlockingIOError:
-            return
+            return 0
 
     def close(self) -> None:
         self._link.unlink(missing_ok=True)
@@ -136,12 +163,13 @@ def _serve(
     seed: int,
     log: Path | None,
     pipe: Connection,
+    lockstep: bool,
 ) -> None:
     """Be the device until told to stop, or until whoever started this is gone."""
     # Ctrl-C is meant for the loop, which still has to bring the device to rest.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     made = device if isinstance(device, EmulatedDevice) else device()
-    server = _Server(made, link, faults, seed)
+    server = _Server(made, link, faults, seed, lockstep=lockstep)
     pipe.send("ready")
     with open(log, "wb", buffering=0) if log else open(os.devnull, "wb") as record:
         while True:
@@ -150,9 +178,15 @@ def _serve(
                     order = pipe.recv()
                     if order is None:
                         return
-                    server.add(order)
+                    if isinstance(order, Fault):
+                        server.add(order)
+                    else:
+                        pipe.send(server.go_on(*order))
             except (EOFError, OSError):
                 return
+            if lockstep:
+                pipe.poll(None)
+                continue
             sent, into = server.step()
             for mark, data in ((b"<", into), (b">", sent)):
                 if data:
@@ -164,9 +198,18 @@ class _Server:
     """The loop's state: terminal, both directions of the line, what is wrong with it."""
 
     def __init__(
-        self, device: EmulatedDevice, link: Path, faults: tuple[Fault, ...], seed: int
+        self,
+        device: EmulatedDevice,
+        link: Path,
+        faults: tuple[Fault, ...],
+        seed: int,
+        *,
+        lockstep: bool = False,
     ) -> None:
         self._device, self._link = device, link
+        self._granted = 0.0 if lockstep else None
+        self._early = b""
+        self._heard = self._said = 0
         self._start = time.monotonic()
         own = [fault for fault in faults if fault.kind not in LINE_FAULTS]
         self._wire = Wire([fault for fault in faults if fault.kind in LINE_FAULTS], seed)
@@ -184,6 +227,17 @@ class _Server:
             self._pending.append(fault)
             self._pending.sort(key=lambda each: each.start)
 
+    def go_on(self, until: float, sent: int) -> tuple[float, int]:
+        """In lockstep: hear what was sent, then let time pass until it says something."""
+        patience = time.monotonic() + _PATIENCE
+        while self._heard + len(self._early) < sent and time.monotonic() < patience:
+            self._early += b"" if self._terminal is None else self._terminal.read()
+        self._granted, said = self._now(), self._said
+        while self._granted < until - 1e-9 and self._said == said:
+            self._granted = min(self._granted + BEAT, until)
+            self.step()
+        return self._granted, self._said
+
     def step(self) -> tuple[bytes, bytes]:
         """Bytes that went out to the host, and those that came in to the device."""
         now = self._now()
@@ -192,7 +246,9 @@ class _Server:
             self._device.advance(now)
             return b"", b""
         byte_time = (1 + 8 + self._device.stop_bits) / self._device.baud
-        self._to_device.send(self._terminal.read(), now, byte_time)
+        came, self._early = self._early + self._terminal.read(), b""
+        self._heard += len(came)
+        self._to_device.send(came, now, byte_time)
         matched = self._terminal.baud() == self._device.baud
         into = self._wire.carry(self._to_device.arrived(now), now, matched=matched)
         sent = self._device.receive(into, now) if into else b""
@@ -201,7 +257,7 @@ class _Server:
         arrived = self._to_host.arrived(now // BURST * BURST if burst else now)
         out = self._wire.carry(arrived, now, matched=matched)
         if out:
-            self._terminal.write(out)
+            self._said += self._terminal.write(out)
         return out, into
 
     def sleep(self, pipe: Connection) -> None:
@@ -212,7 +268,7 @@ class _Server:
         select.select(watched, [], [], BEAT)
 
     def _now(self) -> float:
-        return time.monotonic() - self._start
+        return time.monotonic() - self._start if self._granted is None else self._granted
 
     def _happen(self, now: float) -> None:
         while self._pending and self._pending[0].start <= now:

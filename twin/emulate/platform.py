@@ -54,6 +54,7 @@ class EmulatedPlatform:
         seed: int = 0,
         initial: InitialState | None = None,
         faults: Sequence[Fault] = (),
+        lockstep: bool = False,
     ) -> None:
         """Nothing is started yet.
 
@@ -63,6 +64,8 @@ class EmulatedPlatform:
             seed: of its sensors' noise.
             initial: its state at time 0; level and at rest unless given.
             faults: of the line and the board.
+            lockstep: time passes only as the host lets it, as fast as both can
+                (`twin.emulate.lockstep`).
 
         Raises:
             UsageError: wiring that cannot be emulated.
@@ -79,6 +82,7 @@ class EmulatedPlatform:
                 f"another process ({problem}); simulate it with --plant sim"
             ) from problem
         self._faults, self._seed = faults, seed
+        self.lockstep = lockstep
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._line: EmulatedLine | None = None
 
@@ -86,7 +90,10 @@ class EmulatedPlatform:
         self._folder = tempfile.TemporaryDirectory(prefix="twin-")
         link = Path(self._folder.name) / self._name
         try:
-            self._line = EmulatedLine(self._board, link, self._faults, seed=self._seed).__enter__()
+            line = EmulatedLine(
+                self._board, link, self._faults, seed=self._seed, lockstep=self.lockstep
+            )
+            self._line = line.__enter__()
         except BaseException:
             self._folder.cleanup()
             raise

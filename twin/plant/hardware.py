@@ -4,13 +4,13 @@ Devices read in threads of their own, so that the loop never waits. Until it is 
 written goes nowhere: the loop reads and computes only. Put a guard round it (`twin.plant.guard`).
 """
 
-import time
 from collections.abc import Mapping
 
 import numpy as np
 
 from twin.errors import DeviceError, UnknownName, UsageError
 from twin.plant.devices.device import Counters, Device
+from twin.plant.devices.host_time import WALL, HostTime
 from twin.plant.hardware_setup import HardwareSetup
 from twin.plant.limits import Limits
 from twin.plant.merged import Merged
@@ -24,7 +24,11 @@ class HardwarePlant(Plant):
     """One machine on its bench."""
 
     def __init__(
-        self, platform: Platform, setup: HardwareSetup, devices: Mapping[str, Device] | None = None
+        self,
+        platform: Platform,
+        setup: HardwareSetup,
+        devices: Mapping[str, Device] | None = None,
+        host: HostTime = WALL,
     ) -> None:
         """Nothing is opened yet.
 
@@ -32,6 +36,7 @@ class HardwarePlant(Plant):
             platform: the machine.
             setup: what is wired to it.
             devices: sessions by name; made from the setup unless given.
+            host: the time by which they are read.
 
         Raises:
             UsageError: a route to a stream that its device lacks, or that is wider there.
@@ -50,13 +55,14 @@ class HardwarePlant(Plant):
             for route in setup.measured
             for column, part in enumerate(platform.columns(route.stream))
         }
-        self._zero = time.monotonic()
+        self._host = host
+        self._zero = host.now()
         self._until = np.inf
         self._applied: Command = {}
 
     @property
     def zero(self) -> float:
-        """When its time 0 was, or is, `time.monotonic` [s]."""
+        """When its time 0 was, or is, by the host's time [s]."""
         return self._zero
 
     @property
@@ -81,7 +87,7 @@ class HardwarePlant(Plant):
 
     def read(self, until: float) -> Reading:
         """As `Plant` says; time begins anew with a reading that is not after the one before."""
-        now = time.monotonic()
+        now = self._host.now()
         if until <= self._until:
             self._zero = now - until
         self._until = until

@@ -5,7 +5,6 @@ which a set-point is valid, so that a host that dies leaves it safe; each `write
 """
 
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from twin.plant.devices.device import (
     Sample,
     missing,
 )
+from twin.plant.devices.host_time import WALL, HostTime
 from twin.plant.devices.link import Channel, Schema, State, told
 from twin.plant.devices.link import Counters as LinkCounters
 from twin.plant.devices.link.near_end import NearEnd
@@ -68,13 +68,17 @@ class MicrocontrollerSettings(DeviceSettings):
 class Microcontroller(Device):
     """An open session with one far end."""
 
-    def __init__(self, settings: MicrocontrollerSettings) -> None:
+    def __init__(self, settings: MicrocontrollerSettings, host: HostTime = WALL) -> None:
         """Nothing is opened yet.
+
+        Args:
+            settings: of the board.
+            host: the time by which it is spoken to.
 
         Raises:
             DeviceError: 1200 baud, or set-points without an end.
         """
-        self.settings = settings
+        self.settings, self._host = settings, host
         self._name, self._schema = settings.name, Schema(settings.channels)
         if settings.baud == BOOTLOADER_BAUD:
             raise self._error(
@@ -103,6 +107,8 @@ class Microcontroller(Device):
         self._outbox = Outbox()
         self._workers: list[Worker] = []
         self._asked = self._complained = 0.0
+        self._disarmed = ""
+        """Why it is no longer armed, as it said itself."""
 
     @property
     def clock(self) -> ClockEstimate | None:
@@ -128,12 +134,13 @@ class Microcontroller(Device):
             port.close()
             raise
         self._port = port
+        self._host.watch(port)
 
     def configure(self) -> None:
         self.connect()
         assert self._port is not None
         self._end_workers()
-        port, now = self._port, time.monotonic()
+        port, now = self._port, self._host.now()
         self._outbox.clear()
         self._queue.take()
         self._complained = self._asked = now
@@ -143,7 +150,7 @@ class Microcontroller(Device):
         ]
         for _ in range(_EXCHANGES):
             self._say(self._end.ask_time)
-            time.sleep(_BETWEEN_EXCHANGES)
+            self._host.sleep(_BETWEEN_EXCHANGES)
         if not self._wait(lambda: self.clock is not None):
             raise self._error(
                 f"it answered the greeting, but gave no time within {_ANSWER} s",
@@ -172,6 +179,7 @@ class Microcontroller(Device):
             raise self._error(f"it was not armed ({reason})", "connect anew")
         self._held.clear()
         self._unheard.clear()
+        self._disarmed = ""
         self.armed = True
 
     def read(self) -> list[Sample]:
@@ -189,7 +197,7 @@ class Microcontroller(Device):
                 )
         self._check()
         if not self.armed:
-            raise self._error("it is not armed", "arm it before it is told")
+            raise self._error(f"it is not armed{self._disarmed}", "arm it before it is told")
         self._check_heard()
         for stream, value in command.items():
             channel = self._schema.channels[self._schema.number_of(stream)]
@@ -199,7 +207,7 @@ class Microcontroller(Device):
                 lambda now: self._end.setpoints(self._held, self._valid_ms, now),
                 self.settings.valid_for,
             )
-            self._unheard.append((sequence, time.monotonic()))
+            self._unheard.append((sequence, self._host.now()))
         return dict(self._held)
 
     def safe_stop(self, floating: bool) -> None:
@@ -230,17 +238,17 @@ class Microcontroller(Device):
         self._port = None
 
     def _greet(self, port: Port) -> None:
-        came, start, asked = 0, time.monotonic(), -np.inf
+        came, start, asked = 0, self._host.now(), -np.inf
         while self._end.greeting is None:
-            now = time.monotonic()
+            now = self._host.now()
             if now - start > _GREETING:
                 raise self._error(*self._no_greeting(came))
             if now - asked > _GREETING / 8:
                 asked = now
                 port.write(self._end.greet(now))
-            data = port.read(0.05)
+            data = self._host.read(port, 0.05)
             came += len(data)
-            self._end.hear(data, time.monotonic())
+            self._end.hear(data, self._host.now())
         greeting = self._end.greeting
         if greeting.schema_hash != self._schema.hash:
             raise self._error(
@@ -260,7 +268,7 @@ class Microcontroller(Device):
 
     def _listen(self, port: Port) -> None:
         data = port.read(SLICE)
-        now = time.monotonic()
+        now = self._host.now()
         with self._lock:
             samples = self._end.hear(data, now) if data else []
         for sample in samples:
@@ -269,6 +277,7 @@ class Microcontroller(Device):
             self._asked = now
             self._say(self._end.ask_time, self.settings.clock_period)
         self._count()
+        port.dealt_with += len(data)
         self._watch(now)
 
     def _watch(self, now: float) -> None:
@@ -279,6 +288,8 @@ class Microcontroller(Device):
             raise self._error("it has restarted", "connect anew, then arm it again")
         if self.armed and end.state is not State.armed:
             self.armed = False
+            event = end.last_event
+            self._disarmed = f" ({told(event.code, event.value)})" if event else ""
         if end.events:
             self._tell()
         if now - max(end.heard, self._complained) > self.settings.silence:
@@ -294,9 +305,17 @@ class Microcontroller(Device):
     def _say(self, make: Callable[[float], bytes], lifetime: float = np.inf) -> int:
         """Send what `make` makes of the time; the sequence of its last frame."""
         with self._lock:
-            frame = make(time.monotonic())
+            frame = make(self._host.now())
             sequence = self._end.last_sequence
-            posted = self._outbox.post(frame, lifetime)
+            if self._host.wall or self._port is None:
+                posted = self._outbox.post(frame, lifetime)
+            else:
+                # time stands meanwhile: nothing can wait, nothing can grow old
+                posted = True
+                try:
+                    self._port.write(frame)
+                except DeviceError as problem:
+                    self.fault = self.fault or str(problem)
         if not posted:
             self.fault = self.fault or f"{self._name}: the line takes nothing; connect anew"
         return sequence
@@ -311,7 +330,7 @@ class Microcontroller(Device):
         """Set-points that are not acknowledged in time may come late: then none is sent."""
         while self._unheard and self._has_heard(self._unheard[0][0]):
             self._unheard.popleft()
-        if self._unheard and time.monotonic() - self._unheard[0][1] > self.settings.valid_for:
+        if self._unheard and self._host.now() - self._unheard[0][1] > self.settings.valid_for:
             self.safe_stop(floating=True)
             raise self._error(
                 f"it has not acknowledged a set-point for {self.settings.valid_for:g} s; it was "
@@ -324,9 +343,9 @@ class Microcontroller(Device):
         return answered >= 0 and (answered - sequence) & 0xFFFF < 0x8000
 
     def _wait(self, done: Callable[[], bool], longest: float = _ANSWER) -> bool:
-        until = time.monotonic() + longest
-        while not done() and not self.fault and time.monotonic() < until:
-            time.sleep(0.002)
+        until = self._host.now() + longest
+        while not done() and not self.fault and self._host.now() < until:
+            self._host.sleep(0.002)
         return done()
 
     def _tell(self) -> None:
@@ -346,7 +365,7 @@ class Microcontroller(Device):
     def _fail(self, reason: str) -> None:
         self.armed = False
         self.fault = self.fault or reason
-        self._give_up(time.monotonic(), reason)
+        self._give_up(self._host.now(), reason)
 
     def _end_workers(self) -> None:
         for worker in self._workers:

@@ -53,6 +53,12 @@ class Port:
             code = errno.EBUSY if code in (errno.EAGAIN, errno.EWOULDBLOCK) else code
             remedy = _REMEDIES.get(code or 0, "check the path or URL, and the baud rate")
             raise DeviceError(device, f"cannot open {url} ({_why(error)})", remedy) from error
+        self.sent = 0
+        """Bytes written."""
+        self.dealt_with = 0
+        """Bytes read that whoever reads has dealt with; counted there."""
+        self.lost = False
+        """It is gone."""
         self.low_latency = False
         """The adapter passes bytes on at once, instead of up to 16 ms later."""
         # pseudo-terminals refuse with ValueError, network ports do not know the method
@@ -100,6 +106,7 @@ class Port:
         """
         try:
             self._serial.write(data)
+            self.sent += len(data)
         except (OSError, TypeError) as error:
             raise self._lost(error) from error
 
@@ -109,6 +116,7 @@ class Port:
             self._serial.close()
 
     def _lost(self, error: Exception) -> DeviceError:
+        self.lost = True
         problem = f"lost {self.url} ({_why(error)})"
         return DeviceError(self.device, problem, "plug it in again, then connect anew")
 
