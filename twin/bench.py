@@ -14,9 +14,9 @@ import numpy as np
 
 from twin.clock import Clock, WallClock, last_tick
 from twin.emulate.faults import Fault
-from twin.emulate.lockstep import LockstepTime
 from twin.emulate.platform import EmulatedPlatform, with_port
 from twin.errors import UnknownName, UsageError
+from twin.lockstep import LockstepTime
 from twin.plant.devices.device import Device
 from twin.plant.devices.host_time import WALL, HostTime
 from twin.plant.devices.microcontroller import Microcontroller, MicrocontrollerSettings

@@ -54,7 +54,7 @@ class EmulatedLine:
     ) -> None:
         """`link` will name the port; `log` takes the raw bytes of both directions.
 
-        In `lockstep` time passes by `go_on` only (`twin.emulate.lockstep`).
+        In `lockstep` time passes by `go_on` only (`twin.lockstep`).
 
         A `device` that cannot travel to another process is made there: give what makes it.
         """

@@ -65,7 +65,7 @@ class EmulatedPlatform:
             initial: its state at time 0; level and at rest unless given.
             faults: of the line and the board.
             lockstep: time passes only as the host lets it, as fast as both can
-                (`twin.emulate.lockstep`).
+                (`twin.lockstep`).
 
         Raises:
             UsageError: wiring that cannot be emulated.
