@@ -1,5 +1,6 @@
 """`twin emulate`: a platform's devices on pseudo-terminals, until Ctrl-C."""
 
+import signal
 import sys
 import time
 from dataclasses import dataclass
@@ -48,6 +49,8 @@ class Emulate:
         roll, pitch, yaw = np.radians(self.attitude)
         initial = InitialState(attitude=from_euler_zyx(yaw, pitch, roll))
         setup = read_hardware(machine)
+        # a shell starts what runs beside it deaf to Ctrl-C
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         with EmulatedPlatform(machine, setup, seed=self.seed, initial=initial) as emulation:
             for name, port in emulation.ports.items():
                 print(f"{name}: {port}", flush=True)
