@@ -102,7 +102,9 @@ def test_what_the_simulated_sensors_give_comes_over_the_line_sample_by_sample(cu
             values, true[first : first + len(values)], rtol=2e-7, atol=1e-9, err_msg=name
         )
         assert len(values) > 30
-        np.testing.assert_allclose(np.diff(times), 0.05, atol=2e-3)
+        # a clock that becomes known better moves all later samples, once
+        assert np.median(np.diff(times)) == pytest.approx(0.05, abs=1e-3)
+        assert np.all(np.diff(times) > 0.0)
 
 
 def test_until_it_is_armed_nothing_leaves(on_bench):
@@ -116,15 +118,15 @@ def test_until_it_is_armed_nothing_leaves(on_bench):
 
 def test_a_mass_goes_where_it_is_told_over_the_line(on_bench):
     goal = np.array([[4e-4, -2e-4, 0.0]])
+    readings: list[Reading] = []
     with on_bench(Held.captured) as bench:
         for now in bench.begin().ticks(bench.platform.tick, 1.5):
-            reading = bench.read(now)
+            readings.append(bench.read(now))
             applied = bench.write({"command_stage_position": goal})
     assert not bench.safe_reason
     np.testing.assert_allclose(applied["command_stage_position"], goal, atol=1e-9)
-    np.testing.assert_allclose(
-        reading.streams["stage_position"].value[0, -1], goal[0], atol=0.5e-5 + 2e-6
-    )
+    _, positions = samples_of(readings, "stage_position")
+    np.testing.assert_allclose(positions[-1], goal[0], atol=0.5e-5 + 2e-6)
 
 
 @pytest.mark.parametrize("held", [Held.floating, None], ids=["armed", "dry run"])

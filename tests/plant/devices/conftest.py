@@ -7,10 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.plant.devices.stages import BAUD, drives, stage
 from twin.emulate.emulated import EmulatedDevice
 from twin.emulate.faults import Fault
 from twin.emulate.line import EmulatedLine
 from twin.plant.devices.device import Device, Sample
+from twin.plant.devices.mdrive.mdrive import MDrive, MDriveSettings
+from twin.plant.devices.mdrive.settings import DriveSettings
 
 Plug = Callable[..., EmulatedLine]
 WaitFor = Callable[..., list[Sample]]
@@ -70,3 +73,33 @@ def reasons() -> Callable[[Sequence[Sample]], str]:
         return " | ".join(dict.fromkeys(each.reason for each in samples if not each.valid))
 
     return given
+
+
+@pytest.fixture
+def mdrive(tmp_path):
+    """A session, closed in the end."""
+    opened = []
+
+    def build(*stages: DriveSettings, **settings) -> MDrive:
+        settings = {"baud": BAUD, "drives": stages or (stage(),), **settings}
+        port = str(tmp_path / "port")
+        opened.append(MDriveSettings(name="stages", port=port, **settings).session())
+        return opened[-1]
+
+    yield build
+    for session in opened:
+        session.close()
+
+
+@pytest.fixture
+def armed(plug, mdrive):
+    """Line and session that takes commands."""
+
+    def build(device=None, *stages, **settings):
+        line = plug(device or drives())
+        session = mdrive(*stages, **settings)
+        session.configure()
+        session.arm()
+        return line, session
+
+    return build

@@ -1,108 +1,24 @@
-"""The guard's rules, each with its sentence, on machines that do as they are shown."""
+"""The guard arms, stops and rests a machine by its rules, each with its sentence."""
 
-import re
 import time
-from dataclasses import fields, replace
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tests.plant.guard.bench import SETTINGS, Bench, Scripted
 from twin.clock import SimulatedClock
 from twin.controller.load import load_controller
 from twin.errors import SafetyError, UsageError
 from twin.estimators.named import load_estimator
 from twin.loop import Ended, fly
 from twin.plant.guard.guarded import Guarded, Held, Phase
-from twin.plant.guard.rules import RULES
-from twin.plant.guard.settings import GuardSettings, guard_settings
-from twin.plant.plant import Plant
+from twin.plant.guard.settings import guard_settings
 from twin.plant.simulated import InitialState, SimulatedPlant
-from twin.platform import Platform, load_platform
+from twin.platform import load_platform
 from twin.reference import Hold
 from twin.rotation import from_rotation_vector
-from twin.signals import Command, Reading, Samples
-
-SETTINGS = GuardSettings(
-    max_balance_step=0.05, tilt_cutout=np.radians(20.0), stroke_margin=5e-3, stale_cycles=5
-)
-
-
-class Scripted(Plant):
-    """Shows what it is told to show, and keeps what it is told to do."""
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform, self.n, self.stopped = platform, 1, {}
-        self.shown = {
-            "attitude": np.array([1.0, 0.0, 0.0, 0.0]),
-            "gyro": np.zeros(3),
-            "stage_position": np.zeros(len(platform.stages)),
-            "wheel_speed": np.zeros(len(platform.wheels)),
-            "gimbal_angle": np.zeros(len(platform.gimbals)),
-            "floating": np.ones(1),
-        }
-        if "inclinometer" in platform.sensors:
-            self.shown["inclinometer"] = np.zeros(2)
-        self.silent: set[str] = set()
-        self.told: list[Command] = []
-        self.safe: list[tuple[Command, bool]] = []
-
-    def read(self, until: float) -> Reading:
-        stamp, valid = np.full((1, 1), until), np.ones((1, 1), dtype=np.bool_)
-        return Reading(
-            until,
-            {
-                name: Samples(value.reshape(1, 1, -1).astype(float), stamp, valid)
-                for name, value in self.shown.items()
-                if value.size and name not in self.silent
-            },
-        )
-
-    def write(self, command: Command) -> Command:
-        self.told.append({name: value.copy() for name, value in command.items()})
-        return dict(command)
-
-    def safe_stop(self, rest: Command, *, floating: bool) -> None:
-        self.safe.append((rest, floating))
-
-
-class Bench:
-    """A guarded machine, and the ticks of its loop."""
-
-    def __init__(self, name: str = "sads", settings: GuardSettings = SETTINGS, **changes) -> None:
-        self.platform = replace(load_platform(name), **changes)
-        self.plant = Scripted(self.platform)
-        self.guard = Guarded(self.plant, settings, calibrated=True)
-        self.tick = 0
-        self.read()
-
-    def read(self, ticks: int = 1) -> None:
-        for _ in range(ticks):
-            self.guard.read(self.tick * self.platform.tick)
-            self.tick += 1
-
-    def armed(self) -> "Bench":
-        self.guard.arm("arm")
-        return self
-
-    def tell(self, **command) -> Command:
-        """Read and write once; what was applied, (columns,) each."""
-        self.read()
-        wish = {f"command_{name}": np.array([value]) for name, value in command.items()}
-        return {name: value[0] for name, value in self.guard.write(wish).items()}
-
-    def is_safe(self, sentence: str) -> bool:
-        """Stopped for that reason, told once, and nothing leaves any more."""
-        count = len(self.plant.told)
-        self.tell()
-        return (
-            self.guard.phase is Phase.stopped
-            and sentence in self.guard.safe_reason
-            and self.guard.stopped == {0: self.guard.safe_reason}
-            and len(self.plant.safe) == 1
-            and len(self.plant.told) == count
-        )
-
+from twin.signals import Reading
 
 # ---- arming
 
@@ -269,13 +185,13 @@ def test_a_position_that_jumps_while_floating_stops_it_until_it_was_captured():
 
 
 def test_a_loop_that_hangs_is_stopped_by_the_watchdog():
-    bench = Bench(settings=replace(SETTINGS, watchdog=0.1)).armed()
+    bench = Bench(settings=replace(SETTINGS, watchdog=1.0)).armed()
     for _ in range(5):
         bench.tell(wheel_torque=[0.1, 0.0, 0.0])
-        time.sleep(0.04)
+        time.sleep(0.3)
     assert bench.guard.phase is Phase.armed
-    time.sleep(0.3)
-    assert bench.is_safe("no command for 0.1")
+    time.sleep(1.5)
+    assert bench.is_safe("no command for 1.")
     rest, _ = bench.plant.safe[0]
     assert not rest["command_wheel_torque"].any()
 
@@ -355,115 +271,6 @@ def test_homing_and_full_strokes_are_for_a_captured_table(what: str):
     bench.guard.captured_only(what)
 
 
-# ---- what limits a command
-
-
-def moved(bench: Bench, target: list[float]) -> np.ndarray:
-    """Where a wish sends the stages, from where they are [m]."""
-    applied = bench.tell(stage_position=target)["command_stage_position"]
-    return applied - bench.plant.shown["stage_position"]
-
-
-def test_one_move_while_floating_changes_the_gravity_torque_by_no_more_than_a_step():
-    bench = Bench(settings=replace(SETTINGS, max_balance_step=2e-3)).armed()
-    lead = moved(bench, [0.05, -0.02, 0.0])
-    slides = np.array([stage.mass * stage.axis for stage in bench.platform.stages])
-    torque = bench.platform.gravity * np.linalg.norm(lead @ slides)
-    assert 0.9 * 2e-3 < torque <= 2e-3
-    assert bench.guard.limited["balance_step"] == 1
-
-
-def test_captured_a_move_is_limited_by_its_drive_alone():
-    bench = Bench(settings=replace(SETTINGS, max_balance_step=2e-3))
-    bench.plant.shown["floating"] = np.zeros(1)
-    bench.read()
-    bench.armed()
-    lead = moved(bench, [0.05, 0.0, 0.0])
-    assert lead[0] == pytest.approx(bench.platform.stages[0].speed * SETTINGS.horizon)
-    assert bench.guard.limited == {"rate": 1}
-
-
-@pytest.mark.parametrize("margin", [0.0, 1e-4])
-def test_no_move_while_floating_brings_the_cm_up_to_the_cr(margin: float):
-    below = np.array([0.0, 0.0, -1e-3])
-    settings = replace(SETTINGS, max_balance_step=np.inf, height_margin=margin)
-    bench = Bench(settings=settings, center_of_mass_offset=below).armed()
-    axes = np.array([stage.axis for stage in bench.platform.stages])
-    up = int(np.argmax(np.abs(axes[:, 2])))
-    place = np.zeros(3)
-    for _ in range(200):
-        wish = place.copy()
-        wish[up] = 0.1 * np.sign(axes[up, 2])
-        bench.plant.shown["stage_position"] = place = place + moved(bench, wish.tolist())
-    height = bench.guard._rules.height(place)
-    resolution = bench.platform.stages[up].resolution * bench.platform.stages[up].mass
-    assert -margin - 2.0 * resolution <= height <= -margin
-    assert bench.guard.limited["height"] > 0
-
-
-def test_top_heavy_it_may_only_go_down():
-    above = np.array([0.0, 0.0, 1e-3])
-    settings = replace(SETTINGS, max_balance_step=np.inf)
-    bench = Bench(settings=settings, center_of_mass_offset=above).armed()
-    axes = np.array([stage.axis for stage in bench.platform.stages])
-    up = int(np.argmax(np.abs(axes[:, 2])))
-    rise = np.zeros(3)
-    rise[up] = 1e-3 * np.sign(axes[up, 2])
-    np.testing.assert_array_equal(moved(bench, rise.tolist()), 0.0)
-    np.testing.assert_allclose(moved(bench, (-rise).tolist()), -rise)
-
-
-def test_a_stage_keeps_off_its_ends():
-    settings = replace(SETTINGS, max_balance_step=np.inf, horizon=100.0)
-    bench = Bench(settings=settings, center_of_mass_offset=np.array([0.0, 0.0, -1.0])).armed()
-    stages = bench.platform.stages
-    np.testing.assert_allclose(
-        moved(bench, [9.0, 9.0, 9.0]), [stage.travel[1] - 5e-3 for stage in stages]
-    )
-    np.testing.assert_allclose(
-        moved(bench, [-9.0, -9.0, -9.0]), [stage.travel[0] + 5e-3 for stage in stages]
-    )
-    assert bench.guard.limited["stroke"] == 2
-
-
-def test_no_motor_is_asked_for_more_than_it_has():
-    bench = Bench().armed()
-    applied = bench.tell(wheel_torque=[2.0, -2.0, 0.1])
-    np.testing.assert_allclose(applied["command_wheel_torque"], [0.5, -0.5, 0.1])
-    assert bench.guard.limited["torque"] == 1
-    coils = Bench("cubesat").armed()
-    np.testing.assert_allclose(
-        coils.tell(dipole=[3.0, 0.0, -0.5])["command_dipole"], [1.0, 0.0, -0.5]
-    )
-    assert coils.guard.limited["torque"] == 1
-    gas = Bench("astros").armed()
-    assert gas.tell(thruster=[-1.0] * 12)["command_thruster"].min() == 0.0
-    gyros = Bench("tas2").armed()
-    rate = gyros.tell(gimbal_rate=[99.0, 0.0, 0.0])["command_gimbal_rate"][0]
-    assert rate == gyros.platform.gimbals[0].rate
-    assert gyros.guard.limited["rate"] == 1
-
-
-def test_a_wheel_near_its_limit_is_turned_no_faster_and_not_braked_either():
-    bench = Bench().armed()
-    wheel = bench.platform.wheels[0]
-    bench.plant.shown["wheel_speed"] = np.array([0.95 * wheel.speed_limit, 0.0, 0.0])
-    assert bench.tell(wheel_torque=[0.1, 0.0, 0.0])["command_wheel_torque"][0] == 0.0
-    assert bench.tell(wheel_torque=[-0.1, 0.0, 0.0])["command_wheel_torque"][0] == -0.1
-    assert bench.guard.limited["momentum"] == 1
-
-
-def test_a_torque_that_is_held_while_speeds_are_not_measured_fills_no_wheel():
-    bench = Bench().armed()
-    bench.plant.silent = {"wheel_speed"}
-    torques = [bench.tell(wheel_torque=[0.5, 0.0, 0.0])["command_wheel_torque"][0]]
-    while torques[-1] > 0.0 and len(torques) < 1000:
-        torques.append(bench.tell()["command_wheel_torque"][0])
-    gained = sum(torques) * bench.platform.tick
-    share = SETTINGS.momentum_share * bench.platform.wheels[0].momentum_limit
-    assert gained == pytest.approx(share)
-
-
 # ---- around the simulated machine
 
 
@@ -486,19 +293,3 @@ def test_a_run_on_the_simulated_table_ends_safely_with_the_reason():
     assert "deg at which all stops" in outcome.reason
     speed = plant.truth()["truth_wheel_speed"].value[0, 0]
     assert np.abs(speed).max() > 1.0, "wheels are left turning"
-
-
-def test_settings_of_a_machine_of_which_nothing_is_stated():
-    settings = guard_settings(load_platform("sads"))
-    assert 0.0 < settings.max_balance_step < 1.0
-    assert settings.tilt_cutout == pytest.approx(0.8 * load_platform("sads").stop_angle)
-    assert guard_settings(load_platform("dfki_pendulum")).max_balance_step == np.inf
-
-
-def test_the_document_names_every_rule_and_every_number():
-    document = (Path(__file__).parents[3] / "docs" / "safety.md").read_text(encoding="utf-8")
-    assert re.findall(
-        r"^\| (\w+) \| (?!then)", document.split("| rule |")[1], re.MULTILINE
-    ) == list(RULES)
-    for field in fields(GuardSettings):
-        assert f"`{field.name}`" in document, field.name
