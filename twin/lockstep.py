@@ -75,7 +75,7 @@ class LockstepTime(HostTime):
 
     def _wait_until_dealt_with(self, port: Port) -> None:
         until = time.monotonic() + _PATIENCE
-        while port.dealt_with < self._said - self._before and not port.lost:
+        while port.dealt_with < self._said - self._before and not port.unread:
             if time.monotonic() > until:
                 self._before = self._said - port.dealt_with
                 return

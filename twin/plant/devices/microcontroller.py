@@ -365,6 +365,8 @@ class Microcontroller(Device):
     def _fail(self, reason: str) -> None:
         self.armed = False
         self.fault = self.fault or reason
+        if self._port is not None:
+            self._port.unread = True
         self._give_up(self._host.now(), reason)
 
     def _end_workers(self) -> None:

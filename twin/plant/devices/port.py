@@ -57,8 +57,8 @@ class Port:
         """Bytes written."""
         self.dealt_with = 0
         """Bytes read that whoever reads has dealt with; counted there."""
-        self.lost = False
-        """It is gone."""
+        self.unread = False
+        """Nobody reads it any more: it is gone, or its session has failed."""
         self.low_latency = False
         """The adapter passes bytes on at once, instead of up to 16 ms later."""
         # pseudo-terminals refuse with ValueError, network ports do not know the method
@@ -116,7 +116,7 @@ class Port:
             self._serial.close()
 
     def _lost(self, error: Exception) -> DeviceError:
-        self.lost = True
+        self.unread = True
         problem = f"lost {self.url} ({_why(error)})"
         return DeviceError(self.device, problem, "plug it in again, then connect anew")
 
