@@ -19,7 +19,6 @@ from twin.errors import UnknownName, UsageError
 from twin.lockstep import LockstepTime
 from twin.plant.devices.device import Device
 from twin.plant.devices.host_time import WALL, HostTime
-from twin.plant.devices.microcontroller import Microcontroller, MicrocontrollerSettings
 from twin.plant.guard.guarded import YES, Guarded, Held
 from twin.plant.hardware import HardwarePlant
 from twin.plant.hardware_setup import HardwareSetup, read_hardware
@@ -27,9 +26,6 @@ from twin.plant.plant import Plant
 from twin.plant.simulated import InitialState
 from twin.platform import Platform
 from twin.signals import Command, Reading
-
-BENCHES = ("pty", "serial:URL")
-"""Kinds of plants that are opened here."""
 
 WATCHED = 1.0
 """So long it is read before it is armed [s]."""
@@ -95,11 +91,7 @@ class Bench(Plant):
                 self._host = LockstepTime(self.emulation.line)
                 # what the wall's clock says of a loop in lockstep means nothing
                 setup = replace(setup, guard=replace(setup.guard, watchdog=np.inf))
-                devices = {
-                    name: Microcontroller(settings, self._host)
-                    for name, settings in setup.devices.items()
-                    if isinstance(settings, MicrocontrollerSettings)
-                }
+                devices = self.emulation.sessions(self._host)
             self.hardware = HardwarePlant(self.platform, setup, devices, self._host)
             # an emulated machine is what its platform says: there is nothing to calibrate
             calibrated = setup.calibration is not None or self.emulation is not None
@@ -156,6 +148,9 @@ class Bench(Plant):
             }
             bad = ", ".join(f"{count} {what}" for what, count in wrong.items() if count)
             lines.append(f"{name}: {counters.frames} frames, {bad or 'none wrong'}")
+        if self.hardware.out_of_range:
+            count = self.hardware.out_of_range
+            lines.append(f"samples at the end of their sensor's range, not valid: {count}")
         acted = ", ".join(f"{rule} {count}" for rule, count in self.guard.limited.items())
         return [*lines, f"ticks in which a rule limited the command: {acted}"] if acted else lines
 
@@ -199,7 +194,7 @@ def open_bench(
         )
         return Bench(machine, setup, held=held, emulation=emulation)
     if kind != "serial":
-        raise UnknownName("plant", plant, BENCHES)
+        raise UnknownName("plant", plant, ("pty", "serial:URL"))
     if not where:
         raise UsageError(
             "--plant serial: names no port; give serial:/dev/serial/by-id/..., a URL such as "

@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.bench import BENCHES, Bench, open_bench
 from twin.budget import momentum_budget
 from twin.clock import Clock
 from twin.controller import AnyController, load_controller
@@ -14,7 +14,6 @@ from twin.effects import Effect, effects_of, with_effects
 from twin.errors import UnknownName, UsageError
 from twin.estimators import Estimator, load_estimator, usual_estimator
 from twin.loop import Observer, Outcome, fly
-from twin.plant.guard.guarded import Held
 from twin.plant.plant import Plant
 from twin.plant.replayed import ReplayedPlant
 from twin.plant.simulated import InitialState, SimulatedPlant
@@ -22,7 +21,11 @@ from twin.platform import Platform, load_platform
 from twin.recording import open_log
 from twin.reference import Reference, parse_reference
 
-PLANTS = ("sim", "replay:LOG", *BENCHES)
+if TYPE_CHECKING:
+    from twin.bench import Bench
+    from twin.plant.guard.guarded import Held
+
+PLANTS = ("sim", "replay:LOG", "pty", "serial:URL")
 
 
 @dataclass(frozen=True)
@@ -37,16 +40,13 @@ class Flight:
     """[s]."""
     initial: InitialState = field(default_factory=InitialState)
     """Of a simulated plant."""
+    bench: "Bench | None" = None
+    """The plant, where it is a machine on its bench or its emulation."""
 
     @property
     def platform(self) -> Platform:
         """The machine."""
         return self.plant.platform
-
-    @property
-    def bench(self) -> Bench | None:
-        """Where the machine or its emulation stands; None of a simulation or a log."""
-        return self.plant if isinstance(self.plant, Bench) else None
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -105,7 +105,7 @@ def prepare(
     initial: InitialState | None = None,
     gains: Mapping[str, float] | None = None,
     effects: Sequence[Effect] = (),
-    held: Held | None = None,
+    held: "Held | None" = None,
     lockstep: bool = False,
 ) -> Flight:
     """Find everything by its name and put it together.
@@ -144,6 +144,7 @@ def prepare(
     if effects and kind in ("replay", "serial"):
         what = "a log that is replayed" if kind == "replay" else "a real machine"
         raise UsageError(f"effects are simulated; {what} has its own: drop --effects")
+    bench: Bench | None = None
     if plant == "sim":
         body: Plant = SimulatedPlant(machine, seed=seed, initial=start)
     elif kind == "replay" and rest:
@@ -151,7 +152,10 @@ def prepare(
         body = replayed
         length = replayed.duration if duration is None else min(duration, replayed.duration)
     elif plant == "pty" or kind == "serial":
-        body = open_bench(machine, plant, held=held, seed=seed, initial=start, lockstep=lockstep)
+        from twin.bench import open_bench  # its drivers take a while to import
+
+        bench = open_bench(machine, plant, held=held, seed=seed, initial=start, lockstep=lockstep)
+        body = bench
     else:
         raise UnknownName("plant", plant, PLANTS)
     if length <= 0.0:
@@ -163,6 +167,7 @@ def prepare(
         reference=parse_reference(reference or law.reference),
         duration=length,
         initial=start,
+        bench=bench,
     )
 
 

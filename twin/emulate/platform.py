@@ -17,8 +17,10 @@ from twin.emulate.line import EmulatedLine
 from twin.emulate.machine import Machine
 from twin.emulate.microcontroller import EmulatedMicrocontroller
 from twin.errors import UsageError
+from twin.plant.devices.device import Device
+from twin.plant.devices.host_time import HostTime
 from twin.plant.devices.link import Schema
-from twin.plant.devices.microcontroller import MicrocontrollerSettings
+from twin.plant.devices.microcontroller import Microcontroller, MicrocontrollerSettings
 from twin.plant.hardware_setup import HardwareSetup
 from twin.plant.simulated import InitialState
 from twin.platform import Platform
@@ -120,6 +122,11 @@ class EmulatedPlatform:
     def ports(self) -> dict[str, Path]:
         """Where each device can be opened, by its name; while it runs."""
         return {self._name: self.line.link}
+
+    def sessions(self, host: HostTime) -> dict[str, Device]:
+        """Sessions with its devices, not yet connected, that go by that time; while it runs."""
+        settings = replace(self._board.settings, port=str(self.line.link))
+        return {self._name: Microcontroller(settings, host)}
 
     @property
     def setup(self) -> HardwareSetup:

@@ -70,6 +70,11 @@ class HardwarePlant(Plant):
         """What went over each line, by device."""
         return {name: device.counters for name, device in self.devices.items()}
 
+    @property
+    def out_of_range(self) -> int:
+        """Samples at or beyond the range that the platform states of their sensor."""
+        return self._merged.out_of_range
+
     def connect(self) -> None:
         """Open, greet and configure every device; one that fails leaves none open.
 
@@ -90,6 +95,7 @@ class HardwarePlant(Plant):
         now = self._host.now()
         if until <= self._until:
             self._zero = now - until
+            self._merged.begin_anew()
         self._until = until
         for name, device in self.devices.items():
             for sample in device.read():

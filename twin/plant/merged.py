@@ -40,13 +40,7 @@ class Merged:
         time = sample.host_time - sample.latency - zero
         with np.errstate(invalid="ignore"):
             value = np.asarray(sample.value)
-            if column is None:
-                value = route.taken(value)
-            else:
-                place = route.columns.index(column)
-                scale = np.broadcast_to(route.scale, len(route.columns))[place]
-                bias = np.broadcast_to(route.bias, len(route.columns))[place]
-                value = (value - bias) * scale
+            value = route.taken(value) if column is None else route.taken_of(column, value)
         valid = sample.valid and bool(np.isfinite(value).all())
         if valid and np.abs(value).max() >= self._ranges.get(route.stream, np.inf):
             self.out_of_range += 1
@@ -73,11 +67,10 @@ class Merged:
                 self._rows[name] = []
         return Reading(until, streams)
 
-    def clear(self) -> None:
-        """Forget what has come."""
-        for name in self._rows:
-            self._rows[name] = []
-            self._parts[name] = {}
+    def begin_anew(self) -> None:
+        """Forget parts that wait for others: their times are of another zero."""
+        for parts in self._parts.values():
+            parts.clear()
 
     def _join(self, stream: str, columns: tuple[int, ...], row: Row) -> None:
         """Keep the columns of some parts until all have come: then they are one row.

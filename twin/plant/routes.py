@@ -39,6 +39,12 @@ class Route:
             return multiply(value, conjugate(self.body_from_device))
         return matrix(self.body_from_device) @ value
 
+    def taken_of(self, column: int, value: Array) -> Array:
+        """One of the machine's columns, (1,), of a device that tells them one by one."""
+        place = self.columns.index(column)
+        scale = np.broadcast_to(self.scale, len(self.columns))[place]
+        return (value - np.broadcast_to(self.bias, len(self.columns))[place]) * scale
+
     def given(self, value: Array) -> Array:
         """The device's values of the machine's: `taken` undone."""
         if self.body_from_device is not None:

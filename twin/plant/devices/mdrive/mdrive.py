@@ -43,7 +43,7 @@ class MDriveSettings(DeviceSettings):
 
     drives: tuple[DriveSettings, ...]
     baud: int = 9600
-    """As saved in the drives (BD). 38400 gives three stages at 18 Hz, 9600 at 6 Hz."""
+    """As saved in the drives (BD); all drives of a line share it."""
     checksum: bool = True
     """CK=1; otherwise each position is printed twice and both must agree."""
     echo_mode: int = 1
