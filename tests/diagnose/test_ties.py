@@ -22,7 +22,9 @@ def ties(apart: float, behind: float) -> tuple[str, ...]:
     traces = [Trace(name, np.array([-np.inf]), np.array([np.inf])) for name in ("cause", "rival")]
     base = np.array([[0.0], [0.0], [1.0]])
     weighing = Weighing(-shown, base, 3.0 * np.column_stack([cause, rival]), traces)
-    return tuple(tie.label for tie in ties_of(Search(weighing, range(2)), (0,), 0))
+    search = Search(weighing, range(2))
+    ties = ties_of(search, search.instead((0,), 0), search.apart((0,), 0))
+    return tuple(tie.label for tie in ties)
 
 
 @pytest.mark.parametrize("behind", [0.5, 3.0, 5.5])

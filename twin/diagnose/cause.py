@@ -1,6 +1,6 @@
 """What a diagnosis names: causes with sizes and rivals, what was tried, laws without a name."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,21 +106,26 @@ def causes_of(now: Explanation, search: Search, *, unexplained: bool) -> tuple[C
         half[free] = NORMAL * np.sqrt(np.maximum(np.diag(spread), 0.0))
         share = _share(rivals) * (NAMELESS if unexplained else 1.0)
         alone = search.evidence((index,))
-        found.append(
-            Cause(effect, free, half, evidence, alone, share, ties_of(search, now.own, index))
-        )
+        ties = ties_of(search, instead, search.apart(now.own, index))
+        found.append(Cause(effect, free, half, evidence, alone, share, ties))
     return tuple(sorted(found, key=lambda cause: -cause.evidence))
 
 
-def ties_of(search: Search, own: tuple[int, ...], index: int) -> tuple[Tie, ...]:
+def ties_of(
+    search: Search, instead: Sequence[tuple[int, float]], apart: Mapping[str, float]
+) -> tuple[Tie, ...]:
     """What could stand in the place of one of a set, the nearest first.
 
     What these logs would tell from it, were it the truth, is only where it came out about even; its
     confidence says how far the rest is behind.
+
+    Args:
+        search: where it stands.
+        instead: `Search.instead` of that one.
+        apart: `Search.apart` of it.
     """
-    apart = search.apart(own, index)
     found: dict[str, Tie] = {}
-    for other, behind in search.instead(own, index):
+    for other, behind in instead:
         label = search.weighing.traces[other].label
         if behind < (TIED if apart[label] < TIED else EVEN):
             found.setdefault(label, Tie(label, behind))
