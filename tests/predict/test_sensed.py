@@ -7,11 +7,15 @@ import pytest
 
 from twin.clock import SimulatedClock
 from twin.compare.misfit import misfits
+from twin.controller.load import load_controller
 from twin.errors import UsageError
+from twin.estimators.named import load_estimator
 from twin.flight import prepare
 from twin.identify.prediction_error import Fit, fit
 from twin.identify.start import base_of, first_biases
+from twin.loop import fly
 from twin.model import compile_model
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
 from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
@@ -20,6 +24,7 @@ from twin.predict.motion import motion_of
 from twin.predict.push import Push
 from twin.predict.sensed import SENSED
 from twin.recording import Recording
+from twin.reference import parse_reference
 from twin.stream.recorder import MemoryRecorder
 
 SEED = 20261121
@@ -106,6 +111,29 @@ def test_a_true_model_leaves_only_noise_of_them(name: str, seed: int):
         print(part.stream, part.column, f"{part.chi2:.3f} ({part.low:.3f} to {part.high:.3f})")
         if part.stream in SENSED:
             assert part.sigmas < 4.0, part
+
+
+def test_a_filtered_gyro_on_a_table_that_glides_is_not_found_early_or_late():
+    stated = load_platform("astros:mode_c")
+    sensors = {name: stated.sensors[name] for name in ("gyro", "attitude")}
+    sensors["gyro"] = replace(sensors["gyro"], noise=np.full(3, 1e-5))
+    platform = replace(stated, sensors=sensors)
+    recorder = MemoryRecorder(platform, {"platform": platform.name, "source": f"seed {SEED}"})
+    with SimulatedPlant(platform, seed=SEED) as plant:
+        law, estimator = load_controller("thruster_pd"), load_estimator("filter")
+        reference = parse_reference("multisine:3")
+        clock = SimulatedClock()
+        fly(plant, estimator, law, reference, clock, duration=20.0, observers=[recorder])
+    log = recorder.recording().without_truth()
+    body = body_of(compile_model(platform), log, motion_of(log, platform))
+    _, found = refitted(body)
+    (gyro,) = (output for output in body.outputs if output.stream == "gyro")
+    left = gyro.residual(found.innovations.exact[0].path, body.grid.step)[0]
+    slope = np.gradient(gyro.value - left * gyro.sigma, gyro.time, axis=0) / gyro.sigma
+    left -= left.mean(axis=0)
+    late, spread = -np.sum(left * slope) / np.sum(slope**2), 1.0 / np.sqrt(np.sum(slope**2))
+    print(f"late by {1e3 * late:.3f} +- {1e3 * spread:.3f} ms")
+    assert abs(late) < 4.0 * spread
 
 
 def without(log: Recording, *names: str) -> Recording:

@@ -127,12 +127,13 @@ class Sense:
 
 
 def senses_of(machine: Machine, step: float, field_world: Array) -> dict[str, Sense]:
-    """By stream, those of a ball that stands still in the room: elsewhere they feel more than the
-    state of a prediction holds. A magnetometer needs a field that is known."""
+    """By stream, those of a ball. On one that glides, accelerometers and inclinometers feel more
+    than the state of a prediction holds. A magnetometer needs a field that is known."""
     platform = machine.platform
     base = platform.base
-    if base.kind != "ball" or set(base.planar) - set(base.locked):
+    if base.kind != "ball":
         return {}
+    glides = set(base.planar) - set(base.locked)
     sites = site_places(machine)
     found: dict[str, Sense] = {}
     for name in ("gyro", *SENSED):
@@ -141,6 +142,8 @@ def senses_of(machine: Machine, step: float, field_world: Array) -> dict[str, Se
             continue
         sections, memory = _low_pass(sensor, step)
         if name == "gyro" and sections is None:
+            continue
+        if glides and name in ("inclinometer", "accelerometer"):
             continue
         site = sites.get(sensor.site, np.zeros(3))
         found[name] = Sense(name, step, platform.gravity, field_world, site, sections, memory)
