@@ -1,7 +1,7 @@
 """The causes that logs can be asked for: effects of the catalogue that would leave a trace."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,8 @@ class Candidate:
     low: Array
     """(k,) of the amplitudes."""
     high: Array
+    looked: float = 0.0
+    """See `Trace`."""
 
     @property
     def label(self) -> str:
@@ -59,7 +61,8 @@ class Candidate:
     @property
     def trace(self) -> Trace:
         """For weighing; a fit of it would set its shape too."""
-        return Trace(self.label, self.low, self.high, len(self.effect.values) - len(self.low))
+        shapes = len(self.effect.values) - len(self.low)
+        return Trace(self.label, self.low, self.high, shapes, looked=self.looked)
 
 
 @dataclass(frozen=True)
@@ -98,12 +101,22 @@ def candidates_of(bodies: Sequence[Body]) -> Candidates:
 
 
 def ringing(
-    asked: Sequence[Candidate], lines: Sequence[float], platform: Platform
+    asked: Sequence[Candidate], lines: Sequence[float], bodies: Sequence[Body]
 ) -> tuple[Candidate, ...]:
     """Those that ring or push at one frequency, there where what a model leaves stands out [Hz]."""
+    platform, looked = bodies[0].machine.platform, looked_among(bodies)
     return tuple(
-        one for known in asked for hertz in lines for one in _ringing(known.effect, hertz, platform)
+        replace(one, looked=looked)
+        for known in asked
+        for hertz in lines
+        for one in _ringing(known.effect, hertz, platform)
     )
+
+
+def looked_among(bodies: Sequence[Body]) -> float:
+    """Logarithm of how many frequencies could stand out of what a model leaves: those of the
+    longest stream's spectrum."""
+    return float(np.log(max(len(output.time) for body in bodies for output in body.outputs) / 2.0))
 
 
 def candidate(effect: Effect, platform: Platform) -> Candidate:

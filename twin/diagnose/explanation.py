@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.compare.account import Account
 from twin.compare.misfit import misfits, misfits_of
-from twin.diagnose.candidates import Candidate
+from twin.diagnose.candidates import Candidate, looked_among
 from twin.diagnose.determined import determined
 from twin.diagnose.laws import Law
 from twin.diagnose.moves import between, distance, largest, unseen
@@ -280,7 +280,8 @@ class Explanation:
         # a shape's strength counts from where the columns were formed
         origin = np.where(amplitudes(effect), 0.0, effect.values - strengths)
         low, high = effect.bounds()
-        return Trace(effect.label, (low - origin)[free], (high - origin)[free])
+        looked = looked_among(self.bodies) if effect.rings else 0.0
+        return Trace(effect.label, (low - origin)[free], (high - origin)[free], looked=looked)
 
 
 def explain(

@@ -66,7 +66,7 @@ class Line:
 
 def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     """From a model without causes to one that needs no more of them, and none of them less."""
-    platform, every = plain.bodies[0].machine.platform, tuple(asked)
+    every = tuple(asked)
     say("causes weighed")
     search = search_from(plain, every)
     lost = plain.follows and not plain.converged
@@ -75,14 +75,14 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
         # what rings or blows at another frequency than usual looks like many causes
         lines = lines_of(plain) if len(search.best()) > 1 else ()
         if lines:
-            every = (*every, *ringing(asked, lines, platform))
+            every = (*every, *ringing(asked, lines, plain.bodies))
             search = search_from(plain, every)
         simplest = _lawful(plain, search, every, say) or _simplest(plain, search, every, say)
         line = min(line or simplest, simplest, key=lambda one: one.score)
     lines = lines_of(line.now)
     if lines:
         say("what rings")
-        every = (*every, *ringing(asked, lines, platform))
+        every = (*every, *ringing(asked, lines, plain.bodies))
         line = _simplest(line.now, search_from(line.now, every), every, say)
     say("what is left")
     if line.now.follows and (len(line.now.effects) > 1 or line.left.chance < DOUBTFUL):

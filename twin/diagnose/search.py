@@ -40,7 +40,8 @@ class Score:
     """Fall of -2 log L."""
     evidence: float
     surprise: float
-    """Logarithm of the chance that noise gains as much for this cause."""
+    """Logarithm of the chance that noise gains as much for this cause, or for one of those that it
+    was taken from (at most; Bonferroni)."""
 
 
 def price(gain: float, numbers: int) -> float:
@@ -156,7 +157,7 @@ class Search:
     def _score(self, chosen: tuple[int, ...], index: int) -> Score:
         gain = max(self._gain((*chosen, index)) - self._gain(chosen), 0.0)
         seen = np.count_nonzero(self.weighing.seen(index))
-        surprise = float(chi2.logsf(gain, max(seen, 1)))
+        surprise = float(chi2.logsf(gain, max(seen, 1))) + self.weighing.traces[index].looked
         return Score(index, gain, gain - self._worth(index, gain), surprise)
 
     def _gain(self, chosen: tuple[int, ...]) -> float:

@@ -35,6 +35,8 @@ class Trace:
     """Numbers that a fit of it would set besides."""
     unlikely: float = 0.0
     """-2 log of how probable it is beforehand beside a cause of the catalogue."""
+    looked: float = 0.0
+    """Logarithm of how many like it were looked among, of which it is the best."""
 
 
 @dataclass(frozen=True)

@@ -220,6 +220,11 @@ class Effect(abc.ABC):
         }
         return replace(self, **gone)
 
+    @property
+    def rings(self) -> bool:
+        """Whether it rings or pushes at a frequency of its own."""
+        return type(self).at_frequency is not Effect.at_frequency
+
     def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
         """Shapes in which it would ring or push at a frequency; none of an effect without one.
 
