@@ -350,7 +350,7 @@ def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:
     could move an estimate by more than a tenth of its standard deviation, it is the platform's.
     """
     step = command_step(machine, recording)
-    grid = grid_of(machine, motion, step)
+    grid = grid_of(machine, recording, motion, step)
     coarse = Body(machine, recording, motion, grid)
     if step <= machine.platform.step:
         return coarse
@@ -363,5 +363,10 @@ def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:
         # a sample at the log's very edge may belong to one grid only
         change = one[np.isin(at.time, too.time)] - other[np.isin(too.time, at.time)]
         if float(np.sum(np.square(change))) > EXACT**2:
-            return Body(machine, recording, motion, grid_of(machine, motion, machine.platform.step))
+            return Body(
+                machine,
+                recording,
+                motion,
+                grid_of(machine, recording, motion, machine.platform.step),
+            )
     return coarse

@@ -21,6 +21,8 @@ GROWTH = 3.0
 even where the machine stands on its head. Twice as long it would be 400, and Gauss-Newton, started
 from a wrong base, loses its way."""
 
+EDGE = 1e-3
+"""Share of a step by which clocks that go together may seem to differ."""
 COARSE = 0.025
 """The longest step of a prediction [s]."""
 
@@ -69,9 +71,20 @@ def command_step(machine: Machine, recording: Recording) -> float:
     return max(step, machine.platform.step)
 
 
-def grid_of(machine: Machine, motion: Motion, step: float) -> Grid:
-    """Equal segments of at most 10 s and at most exp(3) of growth."""
+def grid_of(machine: Machine, recording: Recording, motion: Motion, step: float) -> Grid:
+    """Equal segments of at most 10 s and at most exp(3) of growth, their steps in time with the
+    commands.
+
+    A command that changed within a step would act a little before it was given. It answers to the
+    noise of the sample that was read as it was given, and so would seem to foretell it.
+    """
     begin, end = float(motion.time[0]), float(motion.time[-1])
+    given = [recording[name].time for name in machine.platform.commands if name in recording]
+    if given:
+        oftenest = max(given, key=len)
+        after = float(oftenest[np.searchsorted(oftenest, begin) % len(oftenest)]) - begin
+        after %= step
+        begin += 0.0 if step - after < EDGE * step else after
     length = min(LONGEST, GROWTH / max(growth_rate(machine), 1e-9), end - begin)
     steps = max(int(length / step + 1e-9), 1)
     segments = max(int(np.ceil((end - begin) / (steps * step) - 1e-6)), 1)
