@@ -112,6 +112,14 @@ def test_a_log_with_fewer_numbers_than_unknowns_is_too_short(log, said):
     assert "too short" in text
 
 
+def test_a_second_of_motion_is_no_ground_for_naming_causes(log, said):
+    spoil(log, lambda _, table: table[table[:, 0] < 1.0])
+    code, text = said(log)
+    assert code == 2
+    assert "too short" in text
+    assert "record some ten seconds or more" in text
+
+
 def test_a_sensor_that_was_off_is_no_machine_at_rest(log, said):
     spoil(log, lambda _, table: np.column_stack([table[:, 0], 0.0 * table[:, 1:]]), "gyro")
     code, text = said(log)

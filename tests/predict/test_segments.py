@@ -15,19 +15,30 @@ from twin.recording import Recording
 from twin.stream.recorder import MemoryRecorder
 
 
-@pytest.fixture(scope="module")
-def log() -> Recording:
+def flown(duration: float) -> Recording:
     flight = prepare(
         "whorl1",
         controller="quaternion_pd",
         estimator="filter",
         plant="sim",
         reference="multisine:3",
-        duration=10.0,
+        duration=duration,
     )
     recorder = MemoryRecorder(flight.platform, {"platform": "whorl1", "source": "whorl1"})
     flight.fly(SimulatedClock(), [recorder])
     return recorder.recording().without_truth()
+
+
+@pytest.fixture(scope="module")
+def log() -> Recording:
+    return flown(10.0)
+
+
+def test_a_wheel_that_is_seen_three_times_is_followed_too():
+    platform, log = load_platform("whorl1"), flown(2.5)
+    assert 2 <= len(log["wheel_speed"]) < 5
+    body = body_of(compile_model(platform), log, motion_of(log, platform))
+    assert "wheel_speed" in body.inputs.used
 
 
 @pytest.mark.parametrize("late", [0.0, 0.004, 0.0137, -0.0021])

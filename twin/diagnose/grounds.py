@@ -37,6 +37,9 @@ BEYOND = 10.0
 """Times what a part can do at which its unit is doubted."""
 CLIPPED = 0.02
 """Share of all rows that must be at an end to speak of it."""
+ENOUGH = 60
+"""Numbers that logs must hold for each unknown. With fewer, the noise and the motion along which
+causes are weighed are themselves uncertain, and what is named is chance."""
 STRETCH = 5
 """Rows in a row of which at least two stretches must be there."""
 
@@ -64,17 +67,17 @@ def check_logs(recordings: Sequence[Recording], platform: Platform) -> None:
 
 
 def check_numbers(bodies: Sequence[Body], base: BaseParameters) -> None:
-    """Whether there is more to predict than to find.
+    """Whether there is far more to predict than to find: noise and motion are of the same logs.
 
     Raises:
         UsageError: there is not.
     """
     held = sum(body.samples for body in bodies)
     sought = len(base.names) + sum(len(body.bias_scale) + body.start.width for body in bodies)
-    if held <= sought:
+    if held < ENOUGH * sought:
         raise UsageError(
             f"the logs are too short: they hold {held} numbers of what {base.machine.platform.name}"
-            f" did, for {sought} unknowns (base, biases and start); record some ten seconds"
+            f" did, for {sought} unknowns (base, biases and start); record some ten seconds or more"
         )
 
 

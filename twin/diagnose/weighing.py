@@ -139,6 +139,8 @@ class Weighing:
         free = apart - basis @ (basis.T @ apart)
         share = np.square(np.linalg.svd(free, compute_uv=False))
         total, squares = float(np.sum(share)), float(np.sum(np.square(share)))
+        if squares == 0.0:  # the set does all that they do
+            return 0.0, 1.0
         return gain * total / squares, total**2 / squares
 
     def spread(self, chosen: Sequence[int]) -> dict[int, Array]:

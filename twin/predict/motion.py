@@ -223,7 +223,10 @@ def _smoothed(series: Series, noise: Array) -> tuple[Array, tuple[Array, Array, 
 
 
 def _savgol(values: Array, width: int, order: int, period: float) -> Array:
-    filtered = savgol_filter(values, width, 3, deriv=order, delta=period, axis=0)
+    # of the few rows that a slow stream has in a short log
+    width = min(width, len(values) - 1 + len(values) % 2)
+    degree = min(3, width - 1)
+    filtered = savgol_filter(values, width, degree, deriv=order, delta=period, axis=0)
     return cast(Array, filtered)
 
 
