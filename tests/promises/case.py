@@ -25,6 +25,7 @@ from twin.diagnose.candidates import Candidates
 from twin.effects import Effect
 from twin.errors import TwinError
 
+ROOT = Path(__file__).parents[2]
 KINDS = {
     "null": (0,),
     "single": (60, 600, 6000),
@@ -77,7 +78,7 @@ def run(case: Case) -> dict[str, Any]:
     try:
         return row | _run(case, row)
     except OutOfReach as why:
-        return row | {"skipped": str(why)}
+        return row | {"skipped": str(why).replace(f"{ROOT}/", "")}
     except Exception:
         return row | {"failed": traceback.format_exc()}
     finally:
