@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import periodogram
-from scipy.stats import gamma
+from scipy.stats import chi2, gamma
 
 from twin.diagnose.explanation import Explanation
+from twin.diagnose.remainder import beside, knots_of, pieces_of
 
 Array = NDArray[np.float64]
 
@@ -13,6 +14,8 @@ MOST = 3
 """Frequencies that are tried."""
 FALSE_ALARM = 0.01
 """Chance that noise alone has a line."""
+SPACING = 0.25
+"""Of slow frequencies that are asked for, in turns over the log."""
 BROAD = 3.0
 """Of two frequencies closer than so many bins the weaker is a flank."""
 
@@ -44,6 +47,31 @@ def lines_of(found: Explanation) -> tuple[float, ...]:
         if all(abs(hertz - other) > BROAD / span for other in chosen):
             chosen.append(_between_bins(values, rate, hertz))
     return tuple(chosen)
+
+
+def slow_line_of(found: Explanation) -> tuple[float, ...]:
+    """The frequency at which a torque on the base gains most [Hz], if that is beyond chance.
+
+    What a segment begins with is free, so that a torque slower than a segment leaves no line in
+    what is measured. Here pieces of torque are made to follow it, and weighed as they do.
+    """
+    best, asked = (0.0, 0.0), 0
+    for body in found.bodies:
+        pieces, knots = pieces_of(body), knots_of(body)
+        weighing, own = beside(found, pieces), len(found.own)
+        shown = np.stack([weighing.signature(own + i, np.ones(1)) for i in range(len(pieces))])
+        left, span = weighing.left(found.own), knots[-1] - knots[0]
+        for hertz in np.arange(1.0, 0.5 * (len(knots) - 1), SPACING) / span:
+            turns = 2.0 * np.pi * hertz * (knots - knots[0])
+            followed = np.stack([np.sin(turns), np.cos(turns)]) @ shown.reshape(
+                -1, len(knots), shown.shape[1]
+            )
+            directions = np.linalg.qr(followed.reshape(-1, shown.shape[1]).T)[0]
+            gain = float(np.sum(np.square(directions.T @ left)))
+            best = min(best, (float(chi2.logsf(gain, directions.shape[1])), float(hertz)))
+            asked += 1
+    surprise, hertz = best
+    return (hertz,) if surprise + np.log(asked) < np.log(FALSE_ALARM) else ()
 
 
 def _between_bins(values: Array, rate: float, hertz: float) -> float:

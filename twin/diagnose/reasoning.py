@@ -9,7 +9,7 @@ import numpy as np
 from twin.diagnose.candidates import Candidate, ringing
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.laws import Law, laws_of
-from twin.diagnose.lines import lines_of
+from twin.diagnose.lines import lines_of, slow_line_of
 from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.search import TIED, Search
 from twin.diagnose.weighing import Weighing
@@ -73,7 +73,8 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     line = _led(plain, search, every, say) if lost else None
     if line is None or line.left.chance < DOUBTFUL:
         # what rings or blows at another frequency than usual looks like many causes
-        lines = lines_of(plain) if len(search.best()) > 1 else ()
+        several = len(search.best()) > 1
+        lines = (*lines_of(plain), *slow_line_of(plain)) if several else ()
         if lines:
             every = (*every, *ringing(asked, lines, plain.bodies))
             search = search_from(plain, every)

@@ -4,6 +4,7 @@ Pieces of torque, each a few seconds long and free in size, soak up whatever smo
 lacks, by whatever law. What they gain beyond chance is unexplained.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.weighing import Trace
+from twin.diagnose.weighing import Trace, Weighing
 from twin.predict.body import Body
 from twin.predict.effect_forces import middles, on_grid
 from twin.predict.perturbation import Perturbation
@@ -49,12 +50,9 @@ class Remainder:
 
 def remainder(found: Explanation) -> Remainder:
     """Of an explanation, where its fit stands."""
-    pieces = [piece for body in found.bodies for piece in _pieces(body)]
-    free = np.full(1, np.inf)
+    pieces = [piece for body in found.bodies for piece in pieces_of(body)]
     own = len(found.own)
-    weighing = found.weigh(
-        [(piece,) for piece in pieces], [Trace(piece.name, -free, free) for piece in pieces]
-    )
+    weighing = beside(found, pieces)
     gain, freedom = weighing.beyond(found.own, range(own, own + len(pieces)))
     parts = found.account.misfits
     worst = max(parts, key=lambda part: part.sigmas)
@@ -69,13 +67,24 @@ def remainder(found: Explanation) -> Remainder:
     )
 
 
-def _pieces(body: Body) -> list[Perturbation]:
-    """Hats about each axis of the base, side by side over one log."""
+def beside(found: Explanation, pieces: Sequence[Perturbation]) -> Weighing:
+    """An explanation's own parts, then pieces of any size."""
+    free = np.full(1, np.inf)
+    traces = [Trace(piece.name, -free, free) for piece in pieces]
+    return found.weigh([(piece,) for piece in pieces], traces)
+
+
+def knots_of(body: Body) -> Array:
+    """Where the pieces of one log have their peaks [s]."""
     begin, end = float(body.motion.time[0]), float(body.motion.time[-1])
-    count = int(np.clip((end - begin) / PIECE, 2, MOST))
-    knots = np.linspace(begin, end, count)
+    return np.linspace(begin, end, int(np.clip((end - begin) / PIECE, 2, MOST)))
+
+
+def pieces_of(body: Body) -> list[Perturbation]:
+    """Hats side by side over one log, about one axis of the base after the other."""
+    knots = knots_of(body)
     dofs = range(body.machine.base_dof.start, body.machine.base_dof.stop)
-    return [_piece(body, knots, place, dof) for dof in dofs for place in range(count)]
+    return [_piece(body, knots, place, dof) for dof in dofs for place in range(len(knots))]
 
 
 def _piece(own: Body, knots: Array, place: int, dof: int) -> Perturbation:

@@ -64,9 +64,15 @@ class RoomDraft(BodyEffect):
     )
 
     def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
-        """At four phases, where it is thought to act."""
+        """At four phases, where it is thought to act and where those axes are other ones: no force
+        turns a body about the line to its point."""
         phases = np.linspace(0.0, np.pi, 4, endpoint=False).tolist()
-        return tuple(replace(self, frequency=hertz, phase=phase) for phase in phases)
+        x, y, z = self.point
+        return tuple(
+            replace(self, point=point, frequency=hertz, phase=phase)
+            for point in ((x, y, z), (z, x, y))
+            for phase in phases
+        )
 
     def edit_spec(self, spec: mujoco.MjSpec, platform: Platform) -> None:
         add_couple(spec, platform, self.label, np.array(self.point))

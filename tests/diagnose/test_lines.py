@@ -1,0 +1,45 @@
+"""What pushes at one frequency is found there, be it slower than a stretch of the prediction."""
+
+from dataclasses import replace
+
+import pytest
+
+from twin.clock import SimulatedClock
+from twin.diagnose.diagnosis import plain_of
+from twin.diagnose.lines import slow_line_of
+from twin.effects import catalogue
+from twin.flight import prepare
+from twin.platform import load_platform
+from twin.recording import Recording
+from twin.stream.recorder import MemoryRecorder
+
+SEED = 20261122
+
+
+def flown(frequency: float | None) -> Recording:
+    kind = next(kind for kind in catalogue() if kind.name == "room_draft")
+    draft = replace(kind.typical(), force=(3e-3, 2e-3, 1e-3), frequency=frequency or 1.0)
+    flight = prepare(
+        "sads",
+        controller="quaternion_pd",
+        estimator="filter",
+        plant="sim",
+        reference="multisine:3",
+        duration=60.0,
+        seed=SEED,
+        effects=() if frequency is None else (draft,),
+    )
+    recorder = MemoryRecorder(flight.platform, {"platform": "sads", "source": f"seed {SEED}"})
+    flight.fly(SimulatedClock(), [recorder])
+    return recorder.recording().without_truth()
+
+
+@pytest.mark.parametrize("frequency", [0.052, 0.083])
+def test_a_push_slower_than_a_stretch_is_found_at_its_frequency(frequency: float):
+    (found,) = slow_line_of(plain_of([flown(frequency)], load_platform("sads")))
+    assert abs(found - frequency) < 1.0 / 60.0
+
+
+def test_where_nothing_pushes_no_line_is_found():
+    print("seed", SEED)
+    assert slow_line_of(plain_of([flown(None)], load_platform("sads"))) == ()
