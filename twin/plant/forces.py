@@ -7,14 +7,14 @@ and the last one (Adams-Bashforth): wrong by the square of the step, where what 
 exact. Such a law costs a call of the batch a step instead of one a tick.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from twin.effects import BodyEffect, State
+from twin.effects import BodyEffect, Effect, State
 from twin.model import Machine
 
 Array = NDArray[np.float64]
@@ -28,20 +28,37 @@ _PUSH = int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
 class Forces:
     """Of a machine's effects, on a batch of n runs or predictions."""
 
-    def __init__(self, machine: Machine, n: int) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        n: int,
+        each: Sequence[Sequence[Effect]] = (),
+        shared: Sequence[Effect] | None = None,
+    ) -> None:
+        """Nothing pushes yet.
+
+        Args:
+            machine: of all runs.
+            n: runs.
+            each: (n,) effects of each run, where they differ in their values.
+            shared: those effects for all runs at once; None: the machine's.
+        """
         self._machine = machine
         self._n = n
-        effects = [effect for effect in machine.effects if isinstance(effect, BodyEffect)]
+        shared = machine.effects if shared is None else shared
+        effects = [effect for effect in shared if isinstance(effect, BodyEffect)]
         platform, model = machine.platform, machine.model
-        pushes = [push for effect in effects for push in effect.pushes(platform)]
-        self._constant = np.zeros((model.nbody, 6))
-        self._moving: list[tuple[int, Callable[[Array], Array]]] = []
-        for push in pushes:
-            body = int(model.body(push.body).id)
-            if callable(push.wrench):
-                self._moving.append((body, push.wrench))
-            else:
-                self._constant[body] += push.wrench
+        alike = each or (machine.effects,)
+        self._constant = np.zeros((len(alike), model.nbody, 6))
+        self._moving: list[list[tuple[int, Callable[[Array], Array]]]] = [[] for _ in alike]
+        for constant, moving, own in zip(self._constant, self._moving, alike, strict=True):
+            on_body = (effect for effect in own if isinstance(effect, BodyEffect))
+            for push in (push for effect in on_body for push in effect.pushes(platform)):
+                body = int(model.body(push.body).id)
+                if callable(push.wrench):
+                    moving.append((body, push.wrench))
+                else:
+                    constant[body] += push.wrench
         laws = [effect.torque(platform) for effect in effects]
         self._laws = [law for law in laws if law is not None]
         self._springs = any(effect.follows_start for effect in effects)
@@ -50,7 +67,7 @@ class Forces:
     @property
     def changing(self) -> bool:
         """Whether `rollout` is needed; else the batch's own does as well."""
-        return bool(self._moving or self._laws)
+        return bool(self._moving[0] or self._laws)
 
     def start(self, batch: Batch, qpos: Array) -> None:
         """Set what stays, for runs that start at qpos (n, nq)."""
@@ -86,8 +103,9 @@ class Forces:
         runs = np.arange(self._n) if ids is None else ids
         if force is None:
             force = np.zeros((len(runs), steps, self._machine.model.nv))
-        push = self._pushes(steps, time) if self._moving else np.zeros((len(runs), steps, 0))
-        spec = _FORCE | _PUSH if self._moving else _FORCE
+        moves = bool(self._moving[0])
+        push = self._pushes(runs, steps, time) if moves else np.zeros((len(runs), steps, 0))
+        spec = _FORCE | _PUSH if moves else _FORCE
         control = np.concatenate([force, push], axis=2)
         if not self._laws:
             batch.rollout(steps, control, spec, record=[_STATE], ids=ids, out={_STATE: states})
@@ -106,25 +124,36 @@ class Forces:
         if failure is not None:
             raise failure
 
-    def _pushes(self, steps: int, time: Array) -> Array:
+    def _pushes(self, runs: Index, steps: int, time: Array) -> Array:
         """(m, steps, 6 nbody) forces and torques on all bodies."""
         step = self._machine.platform.step
-        middles = (time[:, None] + (np.arange(steps) + 0.5) * step).ravel()
-        wrench = np.tile(self._constant, (len(middles), 1, 1))
-        for body, law in self._moving:
-            wrench[:, body] += law(middles)
-        return wrench.reshape(len(time), steps, -1)
+        middles = time[:, None] + (np.arange(steps) + 0.5) * step
+        if len(self._moving) == 1:
+            return self._wrench(0, middles.ravel()).reshape(len(time), steps, -1)
+        wrench = [self._wrench(run, own) for run, own in zip(runs, middles, strict=True)]
+        return np.stack(wrench).reshape(len(time), steps, -1)
+
+    def _wrench(self, run: int, times: Array) -> Array:
+        """(times, nbody, 6)."""
+        wrench = np.tile(self._constant[run], (len(times), 1, 1))
+        for body, law in self._moving[run]:
+            wrench[:, body] += law(times)
+        return wrench
 
     def _torque(self, batch: Batch, runs: Index, time: Array) -> Array:
         """(m, k) in the middle of the next step."""
-        machine, rate = self._machine, batch.bind("qvel")[runs]
+        machine, rate = self._machine, batch.bind("qvel")
+        times = np.zeros(self._n)
+        times[runs] = time
+        # of all runs: a law whose parameters differ from run to run has a row for each
         state = State(
-            batch.bind("qpos")[runs][:, machine.base_qpos],
+            batch.bind("qpos")[:, machine.base_qpos],
             rate[:, machine.base_dof],
             rate[:, machine.wheel_dof],
-            time,
+            times,
         )
-        now = np.sum([law(state) for law in self._laws], axis=0)
+        with np.errstate(all="ignore" if len(runs) < self._n else None):  # some have stopped
+            now = np.sum([law(state) for law in self._laws], axis=0)[runs]
         if self._last is None:
             self._last = np.zeros((self._n, now.shape[1]))
             self._last[runs] = now

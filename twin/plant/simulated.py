@@ -13,9 +13,10 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from twin.effects import ScatterEffect, series_effects
+from twin.effects import Effect, ScatterEffect, series_effects
 from twin.errors import UsageError
 from twin.model import compile_model, untouched
+from twin.plant.each import give_each
 from twin.plant.forces import Forces
 from twin.plant.gas import Tanks, thruster_arms
 from twin.plant.limits import Limits
@@ -80,6 +81,7 @@ class SimulatedPlant(Plant):
         runs: Sequence[int] = (0,),
         seed: int = 0,
         initial: InitialState | None = None,
+        effects: Sequence[Sequence[Effect]] = (),
         threads: int = 0,
     ) -> None:
         """Compile the platform and put every run into its initial state.
@@ -90,11 +92,13 @@ class SimulatedPlant(Plant):
                 only, so run 17 of 256 is replayed with runs=(17, 17).
             seed: of all random numbers.
             initial: initial state; at rest and level unless given.
+            effects: (n,) of each run, in place of the platform's: the same ones with other values.
             threads: threads of the batch; 0 means all cores. Results do not depend on it.
 
         Raises:
             PlatformError: the platform does not compile.
             UsageError: no runs.
+            EffectError: effects whose values cannot differ from run to run.
         """
         if not runs:
             raise UsageError("a batch needs at least one run; runs is empty")
@@ -113,9 +117,11 @@ class SimulatedPlant(Plant):
         self._ctrl = self._batch.bind("ctrl")
         self._force = self._batch.bind("qfrc_applied")
         start = initial or InitialState()
-        if start.center_of_mass_offset is not None:
-            offsets = np.broadcast_to(start.center_of_mass_offset, (self.n, 3))
-            set_offsets(self._batch, self.machine, offsets)
+        offsets, shared = start.center_of_mass_offset, self.machine.effects
+        if effects:
+            shared = give_each(self._batch, self.machine, effects, offsets)
+        elif offsets is not None:
+            set_offsets(self._batch, self.machine, np.broadcast_to(offsets, (self.n, 3)))
         self._flags = self._batch.expand("opt.disableflags")
         self._model_flags = int(model.opt.disableflags)
         self._untouched = self._model_flags | untouched(model)
@@ -140,26 +146,25 @@ class SimulatedPlant(Plant):
             "command_thruster": self._force_of_thrusters,
         }
         self._applied = self._idle()
-        effects = self.machine.effects
-        shaking = [effect for effect in effects if isinstance(effect, ScatterEffect)]
+        shaking = [effect for effect in shared if isinstance(effect, ScatterEffect)]
         self._sensors = [
             SimulatedSensor(
                 sensor,
                 runs,
                 seed,
                 platform,
-                series_effects(effects, stream),
+                series_effects(shared, stream),
                 [effect for effect in shaking if effect.acts_on == stream],
             )
             for stream, sensor in platform.sensors.items()
         ]
         self._acts = {
-            command: [effect.live(platform) for effect in series_effects(effects, command)]
+            command: [effect.live(platform) for effect in series_effects(shared, command)]
             for command in platform.commands
         }
         if self._acts.get("command_stage_position"):
             self._done_with("command_stage_position", self._joints.stage_position)
-        self._forces = Forces(self.machine, self.n)
+        self._forces = Forces(self.machine, self.n, effects, shared)
         self._forces.start(self._batch, self._qpos)
         self._truth = Truth(self.machine, start.center_of_mass_offset)
         self._before = np.concatenate([self._qpos, self._qvel], axis=1)[:, None, :]
