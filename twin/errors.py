@@ -47,6 +47,10 @@ class LogError(FileError):
     """A measured log that cannot be read as it stands."""
 
 
+class CampaignError(FileError):
+    """A campaign's specification that cannot be flown, or a folder that holds something else."""
+
+
 class RecordingError(FileError):
     """A recording that cannot be written or read."""
 

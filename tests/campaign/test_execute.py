@@ -1,0 +1,230 @@
+"""A campaign that is killed goes on where it was, and its results are those of one that was not."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from tests.campaign.conftest import GOOD
+from twin.campaign import execute as executing
+from twin.campaign.execute import execute
+from twin.campaign.folder import Folder
+from twin.campaign.read import read_spec
+from twin.campaign.rows import schema_of
+from twin.cli.main import main
+from twin.errors import CampaignError
+from twin.recording import open_log
+
+
+def silent(said: str) -> None:
+    del said
+
+
+def shards(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted((folder / "metrics").iterdir())}
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("spec") / "spec.toml"
+    path.write_text(GOOD, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def undisturbed(file, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("undisturbed") / "out"
+    execute(read_spec(file), Folder(folder), workers=1, tell=silent)
+    return folder
+
+
+def test_one_row_a_run_with_units_in_the_schema(undisturbed, file):
+    spec = read_spec(file)
+    assert list(shards(undisturbed)) == [f"shard-{n:07d}.parquet" for n in range(4)]
+    table = pq.read_table(undisturbed / "metrics")
+    assert table["run"].to_pylist() == list(range(24))
+    assert set(table["ended"].to_pylist()) == {"done"}
+    assert table.schema.equals(schema_of(spec), check_metadata=True)
+    assert table.schema.field("gravity_torque").metadata[b"unit"] == b"N m"
+    assert table.schema.field("gains.derivative").metadata[b"unit"] == b"N m s"
+    assert table["wheel_momentum_max"].null_count == 24 if "wheel_momentum_max" in table else True
+
+
+def test_results_do_not_depend_on_the_number_of_processes(undisturbed, file, tmp_path):
+    said: list[str] = []
+    progress = execute(read_spec(file), Folder(tmp_path), workers=2, tell=said.append)
+    assert shards(tmp_path) == shards(undisturbed)
+    assert (progress.flown, progress.failed) == (24, 0)
+    assert said[0] == "0 of 24 runs"
+    assert said[-1].startswith("24 of 24 runs, ")
+    assert "runs/s" in said[-1]
+    assert " left" in said[-1]
+
+
+def test_what_is_done_is_not_flown_again(undisturbed, file, tmp_path):
+    spec, folder = read_spec(file), Folder(tmp_path)
+    assert execute(spec, folder, workers=1, tell=silent, resume=True).flown == 24
+    assert execute(spec, folder, workers=1, tell=silent, resume=True).flown == 0
+    folder.shard(2).unlink()
+    (tmp_path / "metrics" / ".shard-0000002.parquet.123").write_bytes(b"half")
+    assert execute(spec, folder, workers=1, tell=silent, resume=True).flown == 6
+    assert shards(tmp_path) == shards(undisturbed)
+
+
+def test_a_folder_that_holds_something_else_is_refused(undisturbed, file, tmp_path):
+    spec = read_spec(file)
+    with pytest.raises(CampaignError, match="4 of 4 shards; say --resume"):
+        execute(spec, Folder(undisturbed), workers=1, tell=silent)
+    other = tmp_path / "other.toml"
+    other.write_text(GOOD.replace("seed = 3", "seed = 4"), encoding="utf-8")
+    with pytest.raises(CampaignError, match="another specification"):
+        execute(read_spec(other), Folder(undisturbed), workers=1, tell=silent, resume=True)
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").touch()
+    with pytest.raises(CampaignError, match=r"holds 'thesis.tex' and no campaign"):
+        execute(spec, Folder(tmp_path / "full"), workers=1, tell=silent, resume=True)
+
+
+def test_results_of_another_program_are_not_mixed_in(file, tmp_path):
+    spec, folder = read_spec(file), Folder(tmp_path)
+    execute(spec, folder, workers=1, tell=silent)
+    facts = json.loads((tmp_path / "campaign.json").read_text())
+    facts["versions"]["mujoco"] = "1.0"
+    (tmp_path / "campaign.json").write_text(json.dumps(facts))
+    with pytest.raises(CampaignError, match="begun with another mujoco"):
+        execute(spec, folder, workers=1, tell=silent, resume=True)
+
+
+def test_one_process_owns_the_folder(file, tmp_path):
+    folder = Folder(tmp_path)
+    with folder.owned(), pytest.raises(CampaignError, match="flown by another process"):
+        execute(read_spec(file), folder, workers=1, tell=silent)
+
+
+def test_a_worker_that_dies_loses_no_run(undisturbed, file, tmp_path):
+    spec, folder = read_spec(file), Folder(tmp_path)
+    with folder.owned():
+        folder.begin(spec, resume=False)
+        flying = executing._by_processes(folder, range(4), 2)
+        next(iter(flying))
+        child = _children(os.getpid())[-1]
+        os.kill(child, signal.SIGKILL)
+        list(flying)
+    assert shards(tmp_path) == shards(undisturbed)
+
+
+def test_command_line_flies_reports_and_replays(undisturbed, file, tmp_path, capsys):
+    folder = tmp_path / "out"
+    spec = tmp_path / "kept.toml"
+    keep = '[keep]\nworst = 1\nby = "in_plane_rms"\n\n[gains]'
+    spec.write_text(GOOD.replace("[gains]", keep), encoding="utf-8")
+    assert main(["campaign", str(spec), str(folder), "--workers", "1", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["runs"], told["flown"], told["ended"]) == (24, 24, {"done": 24})
+    table = pq.read_table(folder / "metrics")
+    worst = sorted(zip(table["in_plane_rms"].to_pylist(), table["run"].to_pylist(), strict=True))
+    (kept,) = (folder / "recordings").iterdir()
+    assert kept.name == f"run-{worst[-1][1]}.rrd"
+    recording = open_log(kept)
+    assert recording.stop == pytest.approx(1.0, abs=0.06)
+    assert recording.provenance["run"] == worst[-1][1]
+    assert main(["replay", str(folder), "17", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["same_bits"] is True
+    assert told["metrics"]["in_plane_rms"] == table["in_plane_rms"][17].as_py()
+    assert main(["replay", str(folder), "24"]) == 2
+    assert "runs 0 to 23" in capsys.readouterr().err
+
+
+def test_a_replay_that_is_not_what_was_written_is_told(undisturbed, tmp_path, capsys):
+    folder = tmp_path / "out"
+    (folder / "metrics").mkdir(parents=True)
+    for name in ("campaign.toml", "campaign.json"):
+        (folder / name).write_bytes((undisturbed / name).read_bytes())
+    table = pq.read_table(undisturbed / "metrics" / "shard-0000000.parquet")
+    values = table["tilt_rms"].to_pylist()
+    values[3] *= 1.0 + 1e-15
+    index = table.schema.get_field_index("tilt_rms")
+    changed = table.set_column(index, table.schema.field(index), pa.array(values))
+    pq.write_table(changed, folder / "metrics" / "shard-0000000.parquet")
+    assert main(["replay", str(folder), "3"]) == 1
+    assert "not what the campaign wrote: tilt_rms" in capsys.readouterr().out
+
+
+def test_a_dry_run_says_how_many_how_long_how_much_and_flies_nothing(file, tmp_path, capsys):
+    assert main(["campaign", str(file), str(tmp_path / "out"), "--dry-run", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["runs"], told["shards"], told["points"], told["samples"]) == (24, 4, 2, 12)
+    assert told["seconds"] > 0.0
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_disk_that_a_dry_run_names_is_about_what_is_used(undisturbed, file, capsys):
+    assert main(["campaign", str(file), "--dry-run", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    used = sum(len(content) for content in shards(undisturbed).values())
+    assert 0.5 < told["bytes"] / used < 2.0
+
+
+def _children(parent: int) -> list[int]:
+    """Processes that a process of ours started and that take part in a campaign."""
+    found: list[int] = []
+    for entry in Path("/proc").iterdir():
+        try:
+            status = (entry / "stat").read_text().rpartition(")")[2].split()
+            command = (entry / "cmdline").read_text()
+        except OSError:
+            continue
+        if int(status[1]) == parent and "spawn_main" in command:
+            found.append(int(entry.name))
+    return sorted(found)
+
+
+def begun(file: Path, folder: Path, workers: int) -> subprocess.Popen[bytes]:
+    """A campaign that begins or goes on in a process of its own."""
+    command = [sys.executable, "-m", "twin", "campaign", str(file), str(folder), "--resume"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    return subprocess.Popen([*command, "--workers", str(workers)], **quiet)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="nobody is killed with -9 there")
+def test_a_campaign_killed_in_its_middle_is_byte_for_byte_the_undisturbed_one(
+    undisturbed, file, tmp_path
+):
+    folder = tmp_path / "out"
+    with begun(file, folder, workers=1) as process:
+        while process.poll() is None and not any((folder / "metrics").glob("*.parquet")):
+            time.sleep(0.002)
+        process.send_signal(signal.SIGKILL)
+    spec = read_spec(file)
+    left = Folder(folder).missing(spec)
+    execute(spec, Folder(folder), workers=1, tell=silent, resume=True)
+    assert len(left) < 4
+    assert shards(folder) == shards(undisturbed)
+
+
+@pytest.mark.slow
+def test_a_campaign_killed_fifty_times_is_byte_for_byte_the_undisturbed_one(tmp_path):
+    spec = tmp_path / "spec.toml"
+    text = GOOD.replace("runs = 24", "runs = 1200").replace("duration = 1.0", "duration = 6.0")
+    spec.write_text(text.replace("shard = 6", "shard = 12"), encoding="utf-8")
+    execute(read_spec(spec), Folder(tmp_path / "whole"), workers=2, tell=silent)
+    folder, draw = tmp_path / "out", random.Random(2)
+    for _ in range(50):
+        with begun(spec, folder, workers=2) as process:
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(draw.uniform(0.5, 12.0))
+            process.send_signal(signal.SIGKILL)
+    while Folder(folder).missing(read_spec(spec)):
+        with begun(spec, folder, workers=2) as process:
+            process.wait()
+    assert shards(folder) == shards(tmp_path / "whole")

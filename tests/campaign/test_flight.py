@@ -1,0 +1,106 @@
+"""Runs of a campaign, flown: the same bits in any company, and a reason where one fails."""
+
+import numpy as np
+import pytest
+
+from twin.campaign import laws
+from twin.campaign.draw import draw
+from twin.campaign.flight import flown
+from twin.controller import load_controller
+from twin.platform import load_platform
+
+ARMS = """
+[[arms]]
+name = "mixed"
+
+[[arms]]
+name = "masses"
+controller = "mass_pid"
+"""
+
+
+def test_a_run_has_the_same_bits_alone_as_among_others(spec_of):
+    spec = spec_of(("[gains]", ARMS + "[gains]"), ("grid = [1e-3, 2e-3]", "uniform = [1e-3, 2e-3]"))
+    every = flown(spec, draw(spec, range(24)))
+    assert len(every) == 24
+    for run in (0, 1, 11, 23):
+        assert flown(spec, draw(spec, [run]))[run] == every[run]
+    some = flown(spec, draw(spec, [3, 8, 9]))
+    assert all(some[run] == every[run] for run in some)
+
+
+def test_a_sobol_campaign_of_another_law_gives_other_numbers(spec_of):
+    one, other = spec_of(), spec_of(("mass_magnetic_pid", "mass_pid"))
+    before, after = (flown(spec, draw(spec, range(4))) for spec in (one, other))
+    assert before[0].metrics["in_plane_rms"] != after[0].metrics["in_plane_rms"]
+    assert all(run.ended == "done" and np.isfinite(run.duration) for run in before.values())
+
+
+def test_a_run_whose_machine_cannot_be_is_a_row_with_a_reason(spec_of):
+    spec = spec_of(("[2e-5, 2e-5, -1e-4]] }", "[2e-5, 2e-5, 0.9]] }"), ("hangs = true\n", ""))
+    came = flown(spec, draw(spec, range(24)))
+    failed = {run: one for run, one in came.items() if one.ended == "failed"}
+    assert 0 < len(failed) < 24
+    for run, one in failed.items():
+        assert "no rigid body" in one.reason or "cannot be met" in one.reason, one.reason
+        assert all(np.isnan(value) for value in one.metrics.values())
+        assert str(flown(spec, draw(spec, [run]))[run]) == str(one)
+    good = next(run for run in came if run not in failed)
+    assert flown(spec, draw(spec, [good]))[good] == came[good]
+
+
+def test_a_run_that_diverges_is_a_row_with_a_reason(spec_of):
+    rate = "rate = { uniform = [[-1e-3, -1e-3, 0.0], [1e-3, 1e-3, 2400.0]] }\nhangs"
+    spec = spec_of(("hangs", rate))
+    came = flown(spec, draw(spec, range(24)))
+    ends = {one.ended for one in came.values()}
+    assert ends == {"done", "failed"}
+    for one in came.values():
+        if one.ended == "failed":
+            assert "the run has diverged (at " in one.reason
+            assert one.duration <= 1.0
+            assert all(np.isnan(value) for value in one.metrics.values())
+
+
+LAWS = {
+    "quaternion_pd": ("sads", ["proportional", "derivative"]),
+    "mass_pid": ("cubesat", ["proportional", "integral", "derivative"]),
+    "mass_magnetic_pid": ("cubesat", ["proportional", "integral", "derivative"]),
+    "magnetic_damping": ("cubesat", ["derivative"]),
+    "cmg_pd": ("tas2", ["proportional", "derivative"]),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_gains_that_differ_fly_in_one_batch(name, spec_of):
+    machine, gains = LAWS[name]
+    law = load_controller(name)
+    assert laws._passes(law, load_platform(machine), gains), "no Python for each run"
+
+
+def test_a_law_that_takes_no_columns_flies_in_batches_of_its_own(tmp_path, spec_of):
+    source = """
+from dataclasses import dataclass, field
+import math
+import numpy as np
+from twin.controller import Controller
+
+@dataclass(frozen=True)
+class Own(Controller[int]):
+    gain: float = field(default=1.0, metadata={"unit": "1"})
+    def init(self, platform, n):
+        return n
+    def update(self, state, estimate, target, time):
+        return {"command_dipole": np.full((state, 3), 1e-3 * math.tanh(self.gain))}, state
+"""
+    path = tmp_path / "own.py"
+    path.write_text(source, encoding="utf-8")
+    spec = spec_of(
+        ('"mass_magnetic_pid"', repr(str(path))),
+        ("derivative = { grid = [1e-3, 2e-3] }", "gain = { uniform = [1.0, 2.0] }"),
+    )
+    drawn = draw(spec, range(4))
+    gains = {"gain": drawn.values["gains.gain"]}
+    assert laws.batches(spec.arms[0], gains, 4) == [[0], [1], [2], [3]]
+    came = flown(spec, drawn)
+    assert len({one.metrics["rate_rms"] for one in came.values()}) == 4

@@ -1,0 +1,1 @@
+"""Thousands of closed-loop runs that differ as a specification says."""

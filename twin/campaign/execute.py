@@ -1,0 +1,126 @@
+"""A campaign flown shard by shard, on as many processes as are given."""
+
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing import get_context
+
+from twin.campaign.folder import Folder
+from twin.campaign.spec import Spec
+from twin.campaign.worker import Done, begin, fly, fly_shard
+from twin.errors import TwinError
+
+ATTEMPTS = 3
+"""Times that processes may die before one shard is done."""
+
+
+class LostWorkers(TwinError):
+    """Processes that died again and again."""
+
+
+@dataclass
+class Progress:
+    """How far it is."""
+
+    total: int
+    """Runs of the campaign."""
+    before: int
+    """Of these, flown before this process began."""
+    flown: int = 0
+    failed: int = 0
+    started: float = 0.0
+
+    def words(self, now: float) -> str:
+        """Runs, rate, time left."""
+        done = self.before + self.flown
+        told = f"{done} of {self.total} runs"
+        if self.flown:
+            rate = self.flown / max(now - self.started, 1e-9)
+            told += f", {rate:.3g} runs/s, {_span((self.total - done) / rate)} left"
+        return told + (f", {self.failed} failed" if self.failed else "")
+
+
+def execute(
+    spec: Spec,
+    folder: Folder,
+    *,
+    workers: int,
+    tell: Callable[[str], None],
+    resume: bool = False,
+) -> Progress:
+    """Fly what is missing; returns when all of it is written.
+
+    Args:
+        spec: the campaign.
+        folder: of its results.
+        workers: processes; 1 flies in this one.
+        tell: takes each state of progress.
+        resume: whether the folder may hold part of it, or all.
+
+    Raises:
+        CampaignError: the folder holds something else, or somebody flies there.
+        LostWorkers: processes died again and again.
+    """
+    with folder.owned():
+        folder.begin(spec, resume=resume)
+        missing = folder.missing(spec)
+        left = sum(len(spec.runs_of(shard)) for shard in missing)
+        progress = Progress(spec.runs, spec.runs - left, started=time.monotonic())
+        tell(progress.words(time.monotonic()))
+        shards = (
+            (fly_shard(spec, folder, shard) for shard in missing)
+            if workers <= 1 or len(missing) <= 1
+            else _by_processes(folder, missing, min(workers, len(missing)))
+        )
+        for done in shards:
+            progress.flown += done.runs
+            progress.failed += done.failed
+            tell(progress.words(time.monotonic()))
+    return progress
+
+
+def _by_processes(folder: Folder, shards: Iterable[int], workers: int) -> Iterable[Done]:
+    """As they are done; no more are asked for than there are processes, however many there are."""
+    waiting = list(shards)
+    waiting.reverse()
+    died = 0
+    while waiting:
+        pool = ProcessPoolExecutor(
+            workers,
+            mp_context=get_context("spawn"),
+            initializer=begin,
+            initargs=(str(folder.path),),
+        )
+        asked: dict[Future[Done], int] = {}
+        try:
+            while waiting or asked:
+                while waiting and len(asked) < workers + 1:
+                    shard = waiting.pop()
+                    asked[pool.submit(fly, shard)] = shard
+                for future in wait(asked, return_when=FIRST_COMPLETED).done:
+                    done = future.result()
+                    del asked[future]
+                    died = 0
+                    yield done
+        except BrokenProcessPool:
+            died += 1
+            # one that was written before the process died is not flown twice
+            lost = [shard for shard in asked.values() if not folder.shard(shard).is_file()]
+            if died >= ATTEMPTS:
+                raise LostWorkers(
+                    f"processes died {died} times over shards {sorted(lost)}: is there memory "
+                    "enough? Fewer workers need less; --resume goes on"
+                ) from None
+            waiting += sorted(lost, reverse=True)
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _span(seconds: float) -> str:
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    if seconds < 5400.0:
+        return f"{seconds / 60.0:.0f} min"
+    return f"{seconds / 3600.0:.1f} h"

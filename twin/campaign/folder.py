@@ -1,0 +1,175 @@
+"""The folder of a campaign: what is flown there, by whom, and which shards are done.
+
+campaign.toml           the specification, as it was given
+campaign.json           what its results depend on: files and versions
+metrics/*.parquet       a shard each; written whole or not at all
+recordings/*.rrd        of the runs that are kept
+"""
+
+import hashlib
+import json
+import os
+import sys
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from twin.campaign.spec import Spec
+from twin.errors import CampaignError
+from twin.library import find_controller
+
+if sys.platform != "win32":
+    import fcntl
+
+SPEC, FACTS, METRICS, RECORDINGS, LOCK = (
+    "campaign.toml",
+    "campaign.json",
+    "metrics",
+    "recordings",
+    "lock",
+)
+
+_PACKAGES = ("airbearing-twin", "mujoco", "numpy", "scipy")
+"""Those whose versions decide about bits."""
+
+
+class Folder:
+    """Of one campaign."""
+
+    def __init__(self, path: Path) -> None:
+        """Nothing is written yet."""
+        self.path = path
+
+    @property
+    def spec(self) -> Path:
+        """The specification's copy."""
+        return self.path / SPEC
+
+    @property
+    def begun(self) -> bool:
+        """Whether it holds a campaign."""
+        return (self.path / FACTS).is_file()
+
+    def shard(self, number: int) -> Path:
+        """The file of a shard."""
+        return self.path / METRICS / f"shard-{number:07d}.parquet"
+
+    def recording(self, run: int) -> Path:
+        """The file of a recorded run."""
+        return self.path / RECORDINGS / f"run-{run}.rrd"
+
+    def missing(self, spec: Spec) -> list[int]:
+        """Shards that are not done, ascending."""
+        done = set(os.listdir(self.path / METRICS)) if (self.path / METRICS).is_dir() else set()
+        return [n for n in range(spec.shards) if self.shard(n).name not in done]
+
+    def begin(self, spec: Spec, *, resume: bool) -> None:
+        """Make the folder, or go on with it.
+
+        Raises:
+            CampaignError: it holds something else, or this campaign and nobody said to resume.
+        """
+        if self.begun:
+            self._compare(spec, resume)
+        else:
+            self._refuse_strange()
+            (self.path / METRICS).mkdir(parents=True, exist_ok=True)
+            _write(self.spec, spec.text)
+            _write(self.path / FACTS, json.dumps(_facts(spec), indent=2) + "\n")
+        for part in (self.path / METRICS).glob(".*"):
+            part.unlink(missing_ok=True)  # of a shard in whose middle somebody was killed
+
+    @contextmanager
+    def owned(self) -> Generator[None]:
+        """One process owns the folder.
+
+        Raises:
+            CampaignError: another one does, or it cannot be written.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            file = (self.path / LOCK).open("wb")
+        except OSError as problem:
+            raise CampaignError(
+                self.path, f"cannot be written ({problem.strerror})", "choose another folder"
+            ) from None
+        with file:
+            if sys.platform != "win32":
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    raise CampaignError(
+                        self.path, "is being flown by another process", "wait for it, or end it"
+                    ) from None
+            yield
+
+    def _refuse_strange(self) -> None:
+        known = {SPEC, METRICS, LOCK}
+        others = sorted(name for name in os.listdir(self.path) if name.lstrip(".") not in known)
+        others = [name for name in others if not name.startswith(f".{SPEC}")
+                  and not name.startswith(f".{FACTS}")]  # fmt: skip
+        if others:
+            raise CampaignError(
+                self.path, f"holds {others[0]!r} and no campaign", "name a new or an empty folder"
+            )
+
+    def _compare(self, spec: Spec, resume: bool) -> None:
+        was: dict[str, Any] = json.loads((self.path / FACTS).read_text(encoding="utf-8"))
+        now = _facts(spec)
+        if was.get("specification") != now["specification"]:
+            raise CampaignError(
+                self.path,
+                "holds a campaign of another specification",
+                f"name another folder, or give {self.spec}",
+            )
+        for kind in ("files", "versions"):
+            if was.get(kind) != now[kind]:
+                name = _first_difference(was.get(kind, {}), now[kind])
+                raise CampaignError(
+                    self.path,
+                    f"was begun with another {name}, so its runs would not be of one kind",
+                    "begin again in another folder",
+                )
+        if not resume:
+            missing = len(self.missing(spec))
+            raise CampaignError(
+                self.path,
+                f"holds this campaign already, {spec.shards - missing} of {spec.shards} shards",
+                "say --resume to go on with it",
+            )
+
+
+def _facts(spec: Spec) -> dict[str, Any]:
+    files: dict[str, str] = {}
+    for arm in spec.arms:
+        folder = arm.platform.folder
+        for file in sorted(folder.iterdir()):
+            if file.is_file():
+                files[f"{arm.platform.name.partition(':')[0]}/{file.name}"] = _hash(file)
+        if spec.procedure == "run":
+            law = find_controller(arm.controller)
+            files[law.name] = _hash(law)
+    return {
+        "specification": hashlib.sha256(spec.text.encode()).hexdigest(),
+        "runs": spec.runs,
+        "shards": spec.shards,
+        "files": files,
+        "versions": {name: version(name) for name in _PACKAGES},
+    }
+
+
+def _first_difference(was: Mapping[str, str], now: Mapping[str, str]) -> str:
+    names = sorted({*was, *now})
+    return next(name for name in names if was.get(name) != now.get(name))
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _write(path: Path, text: str) -> None:
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    part.write_text(text, encoding="utf-8")
+    os.replace(part, path)

@@ -1,0 +1,62 @@
+"""Before a campaign: how many runs, how long, how much disk; measured on a short probe."""
+
+import time
+from dataclasses import dataclass, replace
+
+from twin.campaign.draw import draw
+from twin.campaign.flight import flown
+from twin.campaign.rows import size_of, table_of
+from twin.campaign.spec import Spec
+
+PROBE = 64
+"""Runs of a probe."""
+SHORT, LONG = 0.5, 2.5
+"""Of its two flights, whose difference is the cost of flying [s]."""
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a campaign will take."""
+
+    runs: int
+    shards: int
+    arms: int
+    points: int
+    """Combinations of arms and grids."""
+    samples: int
+    """Of each combination."""
+    factors: tuple[str, ...]
+    """With their distributions, in words."""
+    seconds: float
+    """On all workers together; of a balancing at most."""
+    at_most: bool
+    bytes: int
+    """Of the metrics. Recordings come on top."""
+
+
+def forecast(spec: Spec, workers: int) -> Forecast:
+    """Measure on this machine, in this process."""
+    probe = replace(spec, duration=LONG, steady=LONG)
+    drawn = draw(spec, range(min(PROBE, spec.runs)))
+    took: list[float] = []
+    came = flown(replace(probe, duration=SHORT, steady=SHORT), drawn)  # compiled and imported
+    for length in (SHORT, LONG):
+        started = time.perf_counter()
+        came = flown(replace(probe, duration=length, steady=length), drawn)
+        took.append(time.perf_counter() - started)
+    a_second = max(took[1] - took[0], 0.0) / (LONG - SHORT)
+    begin = max(took[0] - SHORT * a_second, 0.0)
+    each = (begin + spec.duration * a_second) / len(drawn.runs)
+    size = size_of(table_of(spec, drawn, came)) - size_of(table_of(spec, drawn.at([]), {}))
+    empty = size_of(table_of(spec, drawn.at([]), {}))
+    return Forecast(
+        runs=spec.runs,
+        shards=spec.shards,
+        arms=len(spec.arms),
+        points=spec.points,
+        samples=spec.samples,
+        factors=tuple(f"{f.name} [{f.unit}]: {f.distribution.words()}" for f in spec.factors),
+        seconds=each * spec.runs / min(workers, spec.shards),
+        at_most=spec.procedure == "balance",
+        bytes=round(size * spec.runs / len(drawn.runs)) + empty * spec.shards,
+    )

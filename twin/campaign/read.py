@@ -1,0 +1,170 @@
+"""A specification from its TOML file: every mistake is a sentence before any run starts."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import cast
+
+from twin.campaign.merit import METRICS, metric_names
+from twin.campaign.read_arms import gain_fields, read_arms
+from twin.campaign.read_initial import read_initial
+from twin.campaign.read_values import read_values
+from twin.campaign.sampling import MOST_SOBOL, SAMPLINGS, Sampling
+from twin.campaign.spec import LEAST, PARTS, SHARD, Arm, Factor, Keep, Procedure, Spec
+from twin.config import Table, read_toml
+from twin.controller import load_controller
+from twin.errors import CampaignError, UnknownName
+
+MOST = 10**9
+"""Runs of a campaign."""
+
+NEEDED = ("platform", "controller", "runs", "duration", "seed")
+
+
+def read_spec(path: Path) -> Spec:
+    """The campaign of a file.
+
+    Raises:
+        CampaignError: it cannot be flown as it stands; names file, line, key and remedy.
+    """
+    table = read_toml(path, CampaignError)
+    procedure = cast(Procedure, table.text("procedure", "run", among=("run", "balance")))
+    duration = table.number("duration", low=0.0, high=1e6, unit="s")
+    if duration == 0.0:
+        raise table.fail("duration", "is 0 s", "give a time above zero")
+    steady = table.number("steady", 0.5 * duration, low=0.0, high=duration, unit="s")
+    seed = _whole(table, "seed", low=0)
+    sampling = cast(Sampling, table.text("sampling", "random", among=SAMPLINGS))
+    runs = _whole(table, "runs", low=1, high=MOST)
+    usual = min(SHARD, max(LEAST, -(-runs // PARTS)))
+    shard = _whole(table, "shard", usual, low=2, high=1 << 16)
+    target = _target(table, procedure)
+    arms = read_arms(table, procedure, target)
+    gains = _gains(table, arms, procedure)
+    initial = read_initial(table, arms)
+    names = metric_names(arms[0].platform, procedure)
+    metrics = _metrics(table, "metrics", names)
+    spec = Spec(
+        path=path,
+        text=path.read_text(encoding="utf-8"),
+        arms=arms,
+        procedure=procedure,
+        runs=runs,
+        duration=duration,
+        steady=steady,
+        seed=seed,
+        sampling=sampling,
+        gains=gains,
+        initial=initial,
+        metrics=metrics,
+        keep=_keep(table, runs, metrics),
+        shard=shard,
+    )
+    table.close()
+    _refuse_odd(table, spec)
+    return spec
+
+
+def _whole(
+    table: Table, key: str, default: int | None = None, *, low: int = 0, high: float = math.inf
+) -> int:
+    if default is not None and key not in table:
+        return default
+    value = table.number(key, low=low, high=high)
+    if value != int(value):
+        raise table.fail(key, f"is {value:g}", "give a whole number")
+    return int(value)
+
+
+def _target(table: Table, procedure: Procedure) -> float | None:
+    if "target" not in table:
+        return None
+    if procedure != "balance":
+        raise table.fail("target", "is of a balancing", 'say procedure = "balance", or remove it')
+    target = table.number("target", low=0.0, unit="N m")
+    if target == 0.0:
+        raise table.fail("target", "is 0 N m", "give a torque above zero")
+    return target
+
+
+def _gains(table: Table, arms: Sequence[Arm], procedure: Procedure) -> tuple[Factor, ...]:
+    if "gains" not in table:
+        return ()
+    own = table.table("gains")
+    if procedure == "balance":
+        raise table.fail("gains", "are of a law", "a balancing has its own: leave them out")
+    found: list[Factor] = []
+    for name in own.keys:
+        unit = ""
+        for arm in arms:
+            units = gain_fields(load_controller(arm.controller, arm.gains))
+            if name not in units:
+                hint = str(UnknownName("gain", name, units)).partition("(")[2].rstrip(")")
+                raise own.fail(name, f"is no gain of {arm.controller}", hint)
+            if name in arm.gains:
+                raise own.fail(name, f"is given by the arm {arm.name!r} too", "give it once")
+            unit = units[name]
+        (spread,) = read_values(own, name, 1, unit=unit)
+        for end in spread.ends:
+            if math.isfinite(end):
+                for arm in arms:
+                    load_controller(arm.controller, {**arm.gains, name: end})
+        found.append(Factor(f"gains.{name}", unit, spread))
+    own.close()
+    return tuple(found)
+
+
+def _metrics(table: Table, key: str, known: Sequence[str]) -> tuple[str, ...]:
+    names = table.texts(key, tuple(known))
+    if not names:
+        raise table.fail(key, "is empty", "name some, or leave it out for all")
+    for name in names:
+        if name not in METRICS:
+            hint = str(UnknownName("metric", name, known)).partition("(")[2].rstrip(")")
+            raise table.fail(key, f"holds {name!r}, no metric we know", hint)
+        if name not in known:
+            raise table.fail(
+                key,
+                f"holds {name!r}, which this campaign does not have",
+                f"known: {', '.join(known)}",
+            )
+    return tuple(dict.fromkeys(names))
+
+
+def _keep(table: Table, runs: int, metrics: Sequence[str]) -> Keep:
+    if "keep" not in table:
+        return Keep()
+    own = table.table("keep")
+    numbers: tuple[int, ...] = ()
+    if "runs" in own:
+        given = own.numbers("runs", None, low=0, high=runs - 1)
+        if any(number != int(number) for number in given):
+            raise own.fail("runs", f"is {own.raw('runs')!r}", "give whole numbers of runs")
+        numbers = tuple(sorted({int(number) for number in given}))
+    worst = _whole(own, "worst", 0, low=0, high=1000)
+    by = own.text("by", metrics[0]) if worst else own.text("by", "")
+    if by and by not in metrics:
+        hint = str(UnknownName("metric", by, metrics)).partition("(")[2].rstrip(")")
+        raise own.fail("by", f"is {by!r}, no metric of this campaign", hint)
+    own.close()
+    return Keep(numbers, worst, by)
+
+
+def _refuse_odd(table: Table, spec: Spec) -> None:
+    """What no single key is to blame for."""
+    if spec.runs % spec.points:
+        fits = max(round(spec.runs / spec.points), 1) * spec.points
+        raise table.fail(
+            "runs",
+            f"is {spec.runs}, no multiple of the {spec.points} combinations of arms and grids",
+            f"give {fits}, so that every sample flies each",
+        )
+    dispersed = [factor.name for factor in spec.factors if factor.dispersed]
+    if spec.sampling == "grid" and dispersed:
+        raise table.fail(
+            "sampling",
+            f"is 'grid', but {dispersed[0]} is spread by a distribution",
+            "put it on a grid, or sample it: random, latin_hypercube or sobol",
+        )
+    if spec.sampling == "sobol" and spec.samples > MOST_SOBOL:
+        raise table.fail("sampling", "is 'sobol', which ends at 2^30 samples", "use random")

@@ -1,0 +1,72 @@
+"""One run of a campaign flown again alone, and held against what the campaign wrote of it."""
+
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+from twin.campaign.draw import draw
+from twin.campaign.flight import Came, flown
+from twin.campaign.folder import Folder
+from twin.campaign.rows import table_of
+from twin.campaign.spec import Spec
+from twin.errors import UsageError
+from twin.loop import Observer
+from twin.stream.provenance import provenance
+from twin.stream.recorder import FileRecorder
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """A run that was flown again."""
+
+    run: int
+    arm: str
+    values: dict[str, float]
+    """Of its factors."""
+    came: Came
+    differs: tuple[str, ...] | None
+    """Columns that are not bit for bit those of the campaign; None where its shard is missing."""
+
+
+def replay(spec: Spec, folder: Folder, run: int, rrd: Path | None = None) -> Replayed:
+    """Fly run `run`, and record it in full where a file is named.
+
+    Raises:
+        UsageError: the campaign has no such run.
+    """
+    if not 0 <= run < spec.runs:
+        raise UsageError(f"run is {run}; the campaign has the runs 0 to {spec.runs - 1}")
+    drawn = draw(spec, [run])
+    arm = spec.arms[drawn.arms[0]]
+    with ExitStack() as stack:
+        observers: list[Observer] = []
+        if rrd is not None:
+            recorder = stack.enter_context(FileRecorder(rrd))
+            facts = provenance(arm.platform, seed=spec.seed, command=sys.argv)
+            recorder.start(arm.platform, facts | {"campaign": str(folder.path), "run": run})
+            observers.append(recorder)
+        came = flown(spec, drawn, observers=observers)
+    again = table_of(spec, drawn, came).to_pylist()[0]
+    values = {name: float(value[0]) for name, value in drawn.values.items()}
+    shard = folder.shard(run // spec.shard)
+    differs: tuple[str, ...] | None = None
+    if shard.is_file():
+        written = pq.read_table(shard).slice(run % spec.shard, 1).to_pylist()[0]
+        differs = tuple(name for name, value in again.items() if value != written[name])
+    return Replayed(run, arm.name, values, came[run], differs)
+
+
+def kept_runs(spec: Spec, rows: Sequence[tuple[int, float | None]]) -> list[int]:
+    """The runs to record: those that are named, and the worst.
+
+    Args:
+        spec: the campaign.
+        rows: number and metric `keep.by` of every run; None where it has none.
+    """
+    known = [(value, run) for run, value in rows if value is not None]
+    worst = [run for _, run in sorted(known, reverse=True)[: spec.keep.worst]]
+    return sorted({*spec.keep.runs, *worst})

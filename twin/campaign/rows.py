@@ -1,0 +1,91 @@
+"""Runs as rows of a table: outcome, factors and metrics, with their units in the schema.
+
+Nothing in it depends on the clock or on the machine, so a shard has the same bytes whoever flies
+it. Parquet: pandas, Polars and DuckDB read it as it is.
+"""
+
+import io
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from twin.campaign.draw import Drawn
+from twin.campaign.flight import Came
+from twin.campaign.merit import METRICS
+from twin.campaign.spec import Spec
+
+SCHEMA = "1"
+"""Version of the columns."""
+
+OUTCOME = ("run", "arm", "ended", "reason", "duration")
+"""The columns that every campaign has."""
+
+
+def schema_of(spec: Spec) -> pa.Schema:
+    """The columns: outcome, factors, metrics; each with kind, unit and words in its metadata."""
+
+    def entry(name: str, kind: pa.DataType, facts: Mapping[str, str]) -> pa.Field:
+        return pa.field(name, kind, metadata=dict(facts))
+
+    outcome = [
+        entry("run", pa.int64(), {"kind": "outcome"}),
+        entry("arm", pa.string(), {"kind": "outcome"}),
+        entry("ended", pa.string(), {"kind": "outcome"}),
+        entry("reason", pa.string(), {"kind": "outcome"}),
+        entry("duration", pa.float64(), {"kind": "outcome", "unit": "s"}),
+    ]
+    factors = [
+        entry(
+            factor.name,
+            pa.float64(),
+            {"kind": "factor", "unit": factor.unit, "words": factor.distribution.words()},
+        )
+        for factor in spec.factors
+    ]
+    metrics = [
+        entry(
+            name,
+            pa.float64(),
+            {"kind": "metric", "unit": METRICS[name].unit, "words": METRICS[name].words},
+        )
+        for name in spec.metrics
+    ]
+    return pa.schema([*outcome, *factors, *metrics], metadata={"twin_campaign": SCHEMA})
+
+
+def table_of(spec: Spec, drawn: Drawn, came: Mapping[int, Came]) -> pa.Table:
+    """One row a run; what is not known is null."""
+    rows = [came[run] for run in drawn.runs]
+    columns: list[pa.Array] = [
+        pa.array(drawn.runs, pa.int64()),
+        pa.array([spec.arms[arm].name for arm in drawn.arms], pa.string()),
+        pa.array([row.ended for row in rows], pa.string()),
+        pa.array([row.reason for row in rows], pa.string()),
+        pa.array([row.duration for row in rows], pa.float64()),
+    ]
+    columns += [pa.array(drawn.values[factor.name], pa.float64()) for factor in spec.factors]
+    for name in spec.metrics:
+        values = np.array([row.metrics[name] for row in rows])
+        columns.append(pa.array(values, pa.float64(), mask=~np.isfinite(values)))
+    return pa.Table.from_arrays(columns, schema=schema_of(spec))
+
+
+def write_atomically(table: pa.Table, path: Path) -> None:
+    """The whole file or none of it, whenever the process is killed."""
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    with part.open("wb") as file:
+        pq.write_table(table, file, compression="zstd")
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(part, path)
+
+
+def size_of(table: pa.Table) -> int:
+    """Bytes of its file."""
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    return buffer.tell()

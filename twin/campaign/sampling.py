@@ -1,0 +1,96 @@
+"""Shares in (0, 1) for the samples of a campaign, of which any few can be had without the others.
+
+`random` and `latin_hypercube` give each sample a generator of its own. A Latin hypercube needs, for
+each factor, a permutation of as many strata as there are samples: a Feistel network on the number
+of the sample, walked until it falls inside (J. Black, P. Rogaway, Ciphers with arbitrary finite
+domains, 2002), so that nothing is kept of the others. `sobol` skips to the sample.
+"""
+
+import zlib
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Words = NDArray[np.uint64]
+
+Sampling = Literal["random", "latin_hypercube", "sobol", "grid"]
+SAMPLINGS: tuple[Sampling, ...] = ("random", "latin_hypercube", "sobol", "grid")
+
+MOST_SOBOL = 1 << 30
+"""Samples of a Sobol sequence."""
+
+_ROUNDS = 6
+_KEY = zlib.crc32(b"campaign")
+
+
+def shares(
+    sampling: Sampling, samples: Sequence[int], count: int, names: Sequence[str], seed: int
+) -> Array:
+    """(len(samples), len(names)) shares in (0, 1).
+
+    Args:
+        sampling: how they are spread.
+        samples: which ones, ascending from 0.
+        count: of all samples.
+        names: of the factors; each is spread for itself.
+        seed: of all random numbers.
+    """
+    if not names:
+        return np.zeros((len(samples), 0))
+    if sampling == "sobol":
+        from scipy.stats import qmc  # takes a second to import
+
+        first, last = min(samples), max(samples)
+        sequence = qmc.Sobol(len(names), scramble=True, seed=_generator(seed, 0))
+        if first:
+            sequence.fast_forward(first)
+        # from the start SciPy asks for a power of 2, though the points are the same
+        many = last - first + 1
+        points = np.asarray(sequence.random(many if first else 1 << (many - 1).bit_length()))
+        return _inside(points[np.array(samples) - first])
+    free = np.array([_generator(seed, 1 + sample).random(len(names)) for sample in samples])
+    if sampling == "latin_hypercube":
+        number = np.array(samples, dtype=np.uint64)
+        strata = np.stack([_permuted(number, count, seed, name) for name in names], axis=1)
+        return _inside((strata.astype(np.float64) + free) / count)
+    return _inside(free)
+
+
+def _generator(seed: int, number: int) -> np.random.Generator:
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, number, _KEY])))
+
+
+def _inside(share: Array) -> Array:
+    """Neither 0 nor 1, at which a Gaussian is infinite."""
+    tiny = 2.0**-53
+    return np.clip(share, tiny, 1.0 - tiny)
+
+
+def _permuted(number: Words, count: int, seed: int, name: str) -> Words:
+    """A permutation of range(count), at some numbers."""
+    half = max(((count - 1).bit_length() + 1) // 2, 1)
+    sequence = np.random.SeedSequence([seed, zlib.crc32(name.encode()), _KEY])
+    keys = sequence.generate_state(_ROUNDS, np.uint64).astype(np.uint64)
+    out = _feistel(number, half, keys)
+    while (outside := out >= count).any():
+        out = np.where(outside, _feistel(out, half, keys), out)
+    return out
+
+
+def _feistel(number: Words, half: int, keys: Words) -> Words:
+    bits, mask = np.uint64(half), np.uint64((1 << half) - 1)
+    left, right = number >> bits, number & mask
+    for key in keys:
+        left, right = right, left ^ (_mixed(right + key) & mask)
+    return (left << bits) | right
+
+
+def _mixed(value: Words) -> Words:
+    """The finaliser of splitmix64 (G. Steele et al., 2014): every bit depends on every other."""
+    with np.errstate(over="ignore"):
+        value = (value ^ (value >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        value = (value ^ (value >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return value ^ (value >> np.uint64(31))

@@ -1,0 +1,60 @@
+"""What a process of a campaign does: fly a shard, write it, and end with whoever asked for it."""
+
+import os
+import threading
+from dataclasses import dataclass
+from multiprocessing import parent_process
+from multiprocessing.connection import wait
+from pathlib import Path
+
+from twin.campaign.draw import draw
+from twin.campaign.flight import flown
+from twin.campaign.folder import Folder
+from twin.campaign.read import read_spec
+from twin.campaign.rows import table_of, write_atomically
+from twin.campaign.spec import Spec
+
+_spec: Spec | None = None
+_folder: Folder | None = None
+
+
+@dataclass(frozen=True)
+class Done:
+    """A shard that is written."""
+
+    shard: int
+    runs: int
+    failed: int
+    """Of these."""
+
+
+def fly_shard(spec: Spec, folder: Folder, shard: int) -> Done:
+    """Fly the runs of a shard and write them."""
+    drawn = draw(spec, spec.runs_of(shard))
+    came = flown(spec, drawn)
+    write_atomically(table_of(spec, drawn, came), folder.shard(shard))
+    failed = sum(run.ended == "failed" for run in came.values())
+    return Done(shard, len(came), failed)
+
+
+def begin(path: str) -> None:
+    """Read the campaign of a folder, once a process."""
+    global _spec, _folder
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    _folder = Folder(Path(path))
+    _spec = read_spec(_folder.spec)
+
+
+def fly(shard: int) -> Done:
+    """`fly_shard`, in a process that has begun."""
+    assert _spec is not None
+    assert _folder is not None
+    return fly_shard(_spec, _folder, shard)
+
+
+def _end_with_parent() -> None:
+    """A parent that was killed asks for nothing more."""
+    parent = parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)

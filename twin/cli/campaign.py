@@ -1,0 +1,141 @@
+"""`twin campaign`: thousands of runs that differ as a file says."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+if TYPE_CHECKING:
+    from twin.campaign.folder import Folder
+    from twin.campaign.forecast import Forecast
+    from twin.campaign.spec import Spec
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Fly thousands of closed-loop runs that differ as a file says; docs/campaigns.md has its keys.
+
+    A shard of runs is written whole or not at all, so a campaign that was killed goes on with
+    --resume and loses no run. `twin report DIR` says what came of it, `twin replay DIR RUN` flies
+    one run again.
+    """
+
+    spec: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC.toml")]
+    """What is flown."""
+    folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")] = None
+    """Where the results go; a --dry-run needs none."""
+    resume: bool = False
+    """Go on with what DIR holds; no error where it holds nothing yet, or all."""
+    workers: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    """Processes; by default one a core. The results do not depend on it."""
+    dry_run: bool = False
+    """Only say how many runs, how long and how much disk, measured on a short probe."""
+    json: bool = False
+    """Print one JSON document instead of text."""
+
+    def run(self) -> int:
+        """Fly; 1 where no run came to its end."""
+        from twin.campaign.execute import execute
+        from twin.campaign.folder import Folder
+        from twin.campaign.forecast import forecast
+        from twin.campaign.read import read_spec
+        from twin.cli.output import print_json, progress
+        from twin.errors import UsageError
+
+        if self.workers is not None and self.workers < 1:
+            raise UsageError(f"workers is {self.workers}; give 1 or more")
+        if self.folder is None and not self.dry_run:
+            raise UsageError("no folder for the results is given: twin campaign SPEC.toml DIR")
+        workers = self.workers or len(os.sched_getaffinity(0))
+        spec = read_spec(self.spec)
+        if self.dry_run:
+            told = forecast(spec, workers)
+            if self.json:
+                print_json(_document(told))
+            else:
+                print("\n".join(_foretold(told, spec, workers)))
+            return 0
+        assert self.folder is not None
+        folder = Folder(self.folder)
+        with progress() as say:
+            done = execute(spec, folder, workers=workers, tell=say, resume=self.resume)
+            recorded = _keep(spec, folder, say)
+        ends = _ends(folder, spec)
+        if self.json:
+            print_json(
+                {
+                    "runs": spec.runs,
+                    "flown": done.flown,
+                    "ended": ends,
+                    "folder": self.folder,
+                    "recordings": recorded,
+                }
+            )
+        else:
+            counted = ", ".join(f"{count} {end}" for end, count in ends.items())
+            print(f"{spec.runs} runs, {done.flown} of them flown now: {counted}")
+            if recorded:
+                print(f"{len(recorded)} recorded in {recorded[0].parent}")
+            print(f"what came of it: `twin report {self.folder}`")
+        return 0 if set(ends) - {"failed"} else 1
+
+
+def _keep(spec: "Spec", folder: "Folder", say: Any) -> list[Path]:
+    """Record the runs that are to be kept and are not yet."""
+    import pyarrow.parquet as pq
+
+    from twin.campaign.replay import kept_runs, replay
+
+    if not (spec.keep.runs or spec.keep.worst):
+        return []
+    rows: list[tuple[int, float | None]] = []
+    if spec.keep.worst:
+        for shard in range(spec.shards):
+            table = pq.read_table(folder.shard(shard), columns=["run", spec.keep.by])
+            rows += zip(*(column.to_pylist() for column in table.columns), strict=True)
+    paths: list[Path] = []
+    for run in kept_runs(spec, rows):
+        path = folder.recording(run)
+        paths.append(path)
+        if not path.is_file():
+            say(f"recording run {run}")
+            path.parent.mkdir(exist_ok=True)
+            part = path.with_name(f".{path.name}")
+            replay(spec, folder, run, part)
+            os.replace(part, path)
+    return paths
+
+
+def _ends(folder: "Folder", spec: "Spec") -> dict[str, int]:
+    from collections import Counter
+
+    import pyarrow.parquet as pq
+
+    count: Counter[str] = Counter()
+    for shard in range(spec.shards):
+        count.update(pq.read_table(folder.shard(shard), columns=["ended"])["ended"].to_pylist())
+    return dict(sorted(count.items()))
+
+
+def _foretold(told: "Forecast", spec: "Spec", workers: int) -> list[str]:
+    arms = ", ".join(arm.name for arm in spec.arms)
+    most = "at most " if told.at_most else "about "
+    lines = [
+        f"{told.runs} runs of {spec.duration:g} s in {told.shards} shards: {told.samples} samples "
+        f"of {told.points} combinations ({arms}), {spec.sampling}, seed {spec.seed}",
+        *(f"  {factor}" for factor in told.factors),
+        f"{most}{told.seconds:.3g} s on {workers} processes of this machine; processes take a few "
+        "seconds to come up",
+        f"about {told.bytes / 1e6:.3g} MB of metrics",
+    ]
+    if spec.keep.runs or spec.keep.worst:
+        lines.append(f"and up to {len(spec.keep.runs) + spec.keep.worst} recordings")
+    return lines
+
+
+def _document(told: "Forecast") -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return asdict(told)
