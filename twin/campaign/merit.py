@@ -26,6 +26,8 @@ class Metric:
     """Procedure that has it: `run`, `balance`, or `both`."""
     needs: str = ""
     """`ball`, `wheels` or `stages`: without these on the platform there is none."""
+    worse: int = 1
+    """1: a larger one is worse; -1: a smaller one; 0: neither."""
 
 
 METRICS: dict[str, Metric] = {
@@ -45,13 +47,13 @@ METRICS: dict[str, Metric] = {
         "N m", "g |m r_xy|, what gravity does to the level body at the end", "both", "ball"
     ),
     "wheel_momentum_max": Metric("N m s", "largest momentum of a wheel", "run", "wheels"),
-    "wheel_saturated_at": Metric("s", "when the first wheel was full", "run", "wheels"),
+    "wheel_saturated_at": Metric("s", "when the first wheel was full", "run", "wheels", -1),
     "stage_travel": Metric("m", "way of all masses together", "both", "stages"),
-    "balanced": Metric("1", "whether it ended balanced", "balance"),
+    "balanced": Metric("1", "whether it ended balanced", "balance", worse=-1),
     "balanced_after": Metric("s", "time until balanced", "balance"),
-    "identified": Metric("1", "how many times the offset was identified", "balance"),
+    "identified": Metric("1", "how many times the offset was identified", "balance", worse=0),
     "residual_torque": Metric("N m", "residual torque as stated", "balance"),
-    "residual_torque_low": Metric("N m", "lower end of its 95 % interval", "balance"),
+    "residual_torque_low": Metric("N m", "lower end of its 95 % interval", "balance", worse=0),
     "residual_torque_high": Metric("N m", "upper end of its 95 % interval", "balance"),
     "residual_torque_observed": Metric("N m", "torque seen in the free float", "balance"),
 }
@@ -169,11 +171,6 @@ def _balanced(notes: Notes) -> dict[str, Array]:
 def _square(vectors: Array) -> Array:
     """Squared length of each row, with the same bits in any company."""
     return vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2
-
-
-def merit_unit(name: str) -> str:
-    """SI unit of a metric."""
-    return METRICS[name].unit
 
 
 def selected(rows: dict[str, Array], names: Sequence[str], n: int) -> dict[str, Array]:

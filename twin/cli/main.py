@@ -22,6 +22,7 @@ VERBS: dict[str, tuple[str, str, str]] = {
     "diagnose": ("twin.cli.diagnose", "Diagnose", "why the model is wrong, and by how much"),
     "campaign": ("twin.cli.campaign", "Campaign", "thousands of runs that differ as a file says"),
     "replay": ("twin.cli.replay", "Replay", "one run of a campaign again, to the same bits"),
+    "report": ("twin.cli.report", "Report", "what came of a campaign, with intervals and figures"),
     "reproduce": ("twin.cli.reproduce", "Reproduce", "the papers' tables and figures beside ours"),
     "check": ("twin.cli.check", "Check", "hold a platform's or a control law's files to account"),
     "export": ("twin.cli.export", "Export", "a log as a folder of CSV, Parquet or MAT files"),

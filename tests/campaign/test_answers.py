@@ -1,0 +1,149 @@
+"""What a campaign says is what was put into it: intervals that hold, causes that are causes."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tests.campaign.conftest import GOOD
+from twin.campaign.answers import Answers, answers
+from twin.campaign.draw import draw
+from twin.campaign.read import read_spec
+from twin.campaign.results import Results, read_results
+from twin.campaign.statistics import bootstrap, holm, mean, median, rank_correlation
+from twin.errors import CampaignError
+
+ARMS = '[[arms]]\nname = "a"\n\n[[arms]]\nname = "b"\ncontroller = "mass_pid"\n\n[gains]'
+OFFSET = "initial.center_of_mass_offset.x"
+WIDTH = "effects.stage_backlash.width"
+
+
+@pytest.fixture(scope="module")
+def made_up(tmp_path_factory):
+    """Results of 1,200 runs in two arms, whose metrics are laws of the factors and of chance."""
+
+    path = tmp_path_factory.mktemp("made_up") / "spec.toml"
+
+    def results(seed: int = 0) -> Results:
+        path.write_text(
+            GOOD.replace("[gains]", ARMS).replace("runs = 24", "runs = 1200"), encoding="utf-8"
+        )
+        spec = read_spec(path)
+        drawn, noise = draw(spec, range(1200)), np.random.default_rng(seed)
+        arm = np.array([spec.arms[number].name for number in drawn.arms])
+        tilt = 1.0 + 2e5 * drawn.values[WIDTH] + 0.3 * noise.normal(size=1200)
+        tilt = np.where(arm == "b", 0.8 * tilt, tilt)
+        rate = 1e5 * np.abs(drawn.values[OFFSET]) + 0.1 * noise.normal(size=1200)
+        travel = noise.normal(size=1200) ** 2
+        nothing = np.full(1200, np.nan)
+        metrics = {name: nothing.copy() for name in spec.metrics}
+        metrics |= {"tilt_rms": tilt, "rate_rms": rate, "stage_travel": travel}
+        ended = np.full(1200, "done", dtype="<U6")
+        ended[7], reason = "failed", [""] * 1200
+        reason[7] = "the body turns at 1.2e+03 rad/s: the run has diverged (at 0.500 s)"
+        for values in metrics.values():
+            values[7] = np.nan
+        values = dict(drawn.values)
+        return Results(spec, Path("x"), np.arange(1200), arm, ended, tuple(reason), values, metrics)
+
+    return results
+
+
+@pytest.fixture(scope="module")
+def found(made_up) -> Answers:
+    return answers(made_up())
+
+
+def test_a_bootstrap_interval_holds_the_truth_95_times_in_100():
+    draw, held = np.random.default_rng(3), 0
+    for _ in range(200):
+        values = draw.exponential(size=60)
+        one = bootstrap((values,), np.arange(60), mean)
+        held += one.low <= 1.0 <= one.high
+    assert stats.binomtest(held, 200, 0.95).pvalue > 1e-3 or held > 180, held
+
+
+def test_runs_of_one_sample_are_not_taken_for_independent():
+    draw = np.random.default_rng(4)
+    sample = np.repeat(np.arange(100), 8)
+    values = draw.normal(size=100)[sample]
+    alone = bootstrap((values,), np.arange(800), median)
+    together = bootstrap((values,), sample, median)
+    assert (together.high - together.low) > 2.0 * (alone.high - alone.low)
+    shuffled = draw.permutation(800)
+    again = bootstrap((values[shuffled],), sample[shuffled], median)
+    assert again.value == together.value
+    uneven = bootstrap((values[:-3],), sample[:-3], median)
+    assert uneven.low == pytest.approx(together.low, abs=0.05)
+
+
+def test_rank_correlation_has_its_interval():
+    draw, held = np.random.default_rng(5), 0
+    truth = 6.0 / np.pi * np.arcsin(0.5 * 0.6)  # Spearman's of a Gaussian pair with Pearson's 0.6
+    for _ in range(200):
+        x, noise = draw.normal(size=(2, 100))
+        one, p = rank_correlation(x, 0.6 * x + 0.8 * noise)
+        held += one.low <= truth <= one.high
+        assert p < 0.05
+    assert held >= 180
+    assert np.isnan(rank_correlation(np.ones(10), np.arange(10.0))[0].value)
+
+
+def test_corrected_p_values_are_those_of_holm():
+    np.testing.assert_allclose(holm(np.array([0.04, 0.01, 0.03])), [0.06, 0.03, 0.06])
+
+
+def test_a_metric_is_traced_to_the_factors_that_make_it(found):
+    sure = {(s.metric, s.factor) for s in found.sensitivities if s.certain}
+    assert sure == {("tilt_rms", WIDTH), ("rate_rms", f"|{OFFSET}|")}
+    assert all(
+        s.correlation.value > 0.5 for s in found.sensitivities if (s.metric, s.factor) in sure
+    )
+
+
+def test_the_worst_runs_are_named_with_what_is_unusual_about_them(found):
+    worst = [one for one in found.worst if one.metric == "rate_rms"]
+    column = found.results.metrics["rate_rms"]
+    assert worst[0].run == int(np.nanargmax(column))
+    name, value, below = worst[0].blamed[0]
+    assert name == f"|{OFFSET}|"
+    assert value > 1.5e-5
+    assert below > 0.8
+
+
+def test_arms_are_compared_on_the_machines_that_both_met(found):
+    (tilt,) = (one for one in found.comparisons if one.metric == "tilt_rms")
+    assert (tilt.one, tilt.other) == ("a", "b")
+    assert tilt.pairs == 599, "one run of a pair has failed"
+    assert tilt.ratio.low < 0.8 < tilt.ratio.high
+    assert tilt.p < 1e-6
+    (travel,) = (one for one in found.comparisons if one.metric == "stage_travel")
+    assert travel.p > 0.05
+    assert travel.ratio.low < 1.0 < travel.ratio.high
+
+
+def test_two_campaigns_are_compared_without_pairs(made_up):
+    one, other = made_up(0), made_up(1)
+    changed = {**other.metrics, "tilt_rms": 1.5 * other.metrics["tilt_rms"]}
+    found = answers(one, replace(other, metrics=changed, folder=Path("y"))).comparisons
+    tilt = next(c for c in found if c.metric == "tilt_rms" and c.pairs == 0)
+    assert (tilt.one, tilt.other) == ("x: a", "y: a")
+    assert tilt.ratio.low < 1.5 < tilt.ratio.high
+    assert tilt.p < 1e-6
+    assert all(c.p > 0.05 for c in found if c.pairs == 0 and c.metric != "tilt_rms")
+
+
+def test_runs_that_failed_are_counted_by_reason_and_left_out(found):
+    assert found.ended == {"a": {"done": 600}, "b": {"done": 599, "failed": 1}}
+    ((reason, count, run),) = found.reasons
+    assert (count, run) == (1, 7)
+    assert reason == "the body turns at ... rad/s: the run has diverged"
+    counts = {s.count for s in found.spreads if s.arm == "b"}
+    assert counts == {599}
+
+
+def test_a_folder_without_a_campaign_is_refused(tmp_path):
+    with pytest.raises(CampaignError, match="holds no campaign"):
+        read_results(tmp_path)

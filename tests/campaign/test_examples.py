@@ -1,0 +1,41 @@
+"""The campaigns that are shipped can be flown."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.campaign.draw import draw
+from twin.campaign.flight import flown
+from twin.campaign.read import read_spec
+
+DOCS = Path(__file__).parents[2] / "docs"
+SHIPPED = sorted((DOCS / "campaigns").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_a_shipped_campaign_flies_its_first_seconds_to_the_same_bits_in_any_company(path):
+    spec = replace(read_spec(path), duration=2.0, steady=1.0)
+    several = flown(spec, draw(spec, range(4)))
+    for run in (0, 3):
+        # repr, for a run that is not balanced yet has metrics that are NaN
+        assert repr(flown(spec, draw(spec, [run]))[run]) == repr(several[run])
+    assert {one.ended for one in several.values()} <= {"done", "stopped"}
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_each_pair_of_a_comparison_starts_on_one_machine(path):
+    spec = read_spec(path)
+    drawn = draw(spec, range(8))
+    for value in drawn.values.values():
+        assert np.array_equal(value[::2], value[1::2])
+    assert drawn.arms.tolist() == [0, 1] * 4
+
+
+def test_the_page_tells_every_key():
+    told = (DOCS / "campaigns.md").read_text(encoding="utf-8")
+    for key in ("platform", "controller", "estimator", "reference", "procedure", "target", "runs",
+                "duration", "steady", "seed", "sampling", "metrics", "shard", "gains", "effects",
+                "initial", "arms", "keep"):  # fmt: skip
+        assert f"`{key}`" in told or f"`[{key}]`" in told or f"`[[{key}]]`" in told, key

@@ -1,0 +1,81 @@
+"""`twin report`: the page of a campaign stands alone, and its table says the same as its JSON."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from twin.campaign.execute import execute
+from twin.campaign.folder import Folder
+from twin.campaign.read import read_spec
+from twin.cli.main import main
+
+SPEC = """
+platform = "cubesat"
+estimator = "passthrough"
+controller = "mass_magnetic_pid"
+runs = 48
+duration = 1.0
+seed = 3
+metrics = ["tilt_rms", "gravity_torque", "stage_travel"]
+
+[gains]
+derivative = { grid = [1e-3, 2e-3] }
+
+[initial]
+hangs = true
+center_of_mass_offset = { uniform = [[-2e-5, -2e-5, -1.4e-4], [2e-5, 2e-5, -1e-4]] }
+
+[[arms]]
+name = "mixed"
+
+[[arms]]
+name = "masses <only>"
+controller = "mass_pid"
+"""
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("campaign")
+    (folder / "spec.toml").write_text(SPEC, encoding="utf-8")
+    spec = read_spec(folder / "spec.toml")
+    execute(spec, Folder(folder / "out"), workers=1, tell=lambda said: None)
+    return folder / "out"
+
+
+def test_a_report_is_a_page_that_stands_alone(flown, capsys):
+    assert main(["report", str(flown)]) == 0
+    said = capsys.readouterr().out
+    assert "48 of 48 runs of cubesat flown" in said
+    page = (flown / "report.html").read_text(encoding="utf-8")
+    assert not re.search(r"(src|href)=['\"]?(http|/)", page)
+    assert page.count("<svg") >= 4, "distributions, dependence, and the grid of each metric"
+    assert "masses &lt;only&gt;" in page
+    assert "masses <only>" not in page.split("<pre>")[0]
+    assert "twin replay" in page
+
+
+def test_the_tables_as_markdown_say_the_same_as_the_document(flown, capsys, tmp_path):
+    page = tmp_path / "page.html"
+    assert main(["report", str(flown), "--json", "--html", str(page)]) == 0
+    document = json.loads(capsys.readouterr().out)
+    table = page.with_suffix(".md").read_text(encoding="utf-8")
+    assert document["runs"] == document["of"] == 48
+    assert {one["metric"] for one in document["metrics"]} == {
+        "tilt_rms",
+        "gravity_torque",
+        "stage_travel",
+    }
+    for one in document["comparisons"]:
+        assert f"| {one['metric']} | masses <only> / mixed | 24 |" in table
+    for one in document["worst"]:
+        assert f"| {one['metric']} | {one['run']} | {one['arm']} |" in table
+
+
+def test_two_campaigns_are_held_against_each_other(flown, capsys):
+    assert main(["report", str(flown), "--against", str(flown), "--json"]) == 0
+    unpaired = [c for c in json.loads(capsys.readouterr().out)["comparisons"] if not c["pairs"]]
+    assert len(unpaired) == 6
+    assert all(c["ratio_of_means"]["value"] == 1.0 and c["p"] > 0.9 for c in unpaired)

@@ -1,0 +1,181 @@
+"""What a campaign says: distributions, sensitivities, worst runs and why, comparisons."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from twin.campaign.comparison import Comparison, between_arms, between_campaigns
+from twin.campaign.merit import METRICS
+from twin.campaign.results import Results
+from twin.campaign.statistics import Interval, bootstrap, high, holm, mean, median, rank_correlation
+
+Array = NDArray[np.float64]
+
+WORST = 5
+"""Runs named of each metric."""
+BLAMED = 2
+"""Factors named of each of these."""
+CERTAIN = 0.05
+"""Level of significance, after correction for the number of tests."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How one metric is distributed over the runs of an arm."""
+
+    arm: str
+    metric: str
+    count: int
+    """Runs that have it."""
+    mean: Interval
+    median: Interval
+    high: Interval
+    """95th percentile."""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """How one metric goes with one factor, over the runs of an arm."""
+
+    arm: str
+    metric: str
+    factor: str
+    correlation: Interval
+    """Of ranks."""
+    certain: bool
+    """Whether it is no chance, among all that were asked."""
+
+
+@dataclass(frozen=True)
+class Worst:
+    """A run that came out badly."""
+
+    run: int
+    arm: str
+    metric: str
+    value: float
+    blamed: tuple[tuple[str, float, float], ...]
+    """Factors that may have done it: name, value, share of runs below it."""
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Of a campaign as far as it is flown."""
+
+    results: Results
+    ended: dict[str, dict[str, int]]
+    """Of each arm: how its runs ended."""
+    reasons: tuple[tuple[str, int, int], ...]
+    """Why runs did not come to their end: sentence without its numbers, count, first such run."""
+    spreads: tuple[Spread, ...]
+    sensitivities: tuple[Sensitivity, ...]
+    worst: tuple[Worst, ...]
+    comparisons: tuple[Comparison, ...]
+
+
+def answers(results: Results, against: Results | None = None) -> Answers:
+    """Everything that there is to say.
+
+    Args:
+        results: of a campaign.
+        against: of another one, whose metrics of the same names are compared.
+    """
+    names, causes = [arm.name for arm in results.spec.arms], results.causes
+    spreads: list[Spread] = []
+    links: list[tuple[str, str, str, Interval, float]] = []
+    for arm in names:
+        rows = results.of(arm)
+        for metric, column in results.metrics.items():
+            known = rows[np.isfinite(column[rows])]
+            if not known.size:
+                continue
+            spreads.append(_spread(arm, metric, column[known], results.sample[known]))
+            for factor, values in causes.items():
+                found, p = rank_correlation(values[known], column[known])
+                if np.isfinite(found.value):
+                    links.append((arm, metric, factor, found, p))
+    corrected = holm(np.array([link[-1] for link in links]))
+    sensitivities = tuple(
+        Sensitivity(*link[:-1], bool(p < CERTAIN)) for link, p in zip(links, corrected, strict=True)
+    )
+    comparisons = between_arms(results) if len(names) > 1 else ()
+    if against is not None:
+        comparisons = (*comparisons, *between_campaigns(results, against))
+    return Answers(
+        results=results,
+        ended={arm: dict(Counter(results.ended[results.of(arm)].tolist())) for arm in names},
+        reasons=_reasons(results),
+        spreads=tuple(spreads),
+        sensitivities=sensitivities,
+        worst=_worst(results, sensitivities),
+        comparisons=comparisons,
+    )
+
+
+def _spread(arm: str, metric: str, column: Array, sample: NDArray[np.int64]) -> Spread:
+    return Spread(
+        arm,
+        metric,
+        len(column),
+        bootstrap((column,), sample, mean),
+        bootstrap((column,), sample, median),
+        bootstrap((column,), sample, high),
+    )
+
+
+def _reasons(results: Results) -> tuple[tuple[str, int, int], ...]:
+    count: Counter[str] = Counter()
+    first: dict[str, int] = {}
+    for run, reason in zip(results.run.tolist(), results.reason, strict=True):
+        if reason:
+            plain = _without_numbers(reason)
+            count[plain] += 1
+            first.setdefault(plain, run)
+    return tuple((reason, number, first[reason]) for reason, number in count.most_common())
+
+
+def _without_numbers(reason: str) -> str:
+    words = (
+        "..." if any(c.isdigit() for c in word) else word
+        for word in reason.split("(at ")[0].split()
+    )
+    return " ".join(words)
+
+
+def _worst(results: Results, links: Sequence[Sensitivity]) -> tuple[Worst, ...]:
+    found: list[Worst] = []
+    for metric, column in results.metrics.items():
+        side = METRICS[metric].worse
+        known = np.flatnonzero(np.isfinite(column))
+        if not side or not known.size or np.ptp(column[known]) == 0.0:
+            continue
+        order = known[np.argsort(-side * column[known], kind="stable")][:WORST]
+        for row in order.tolist():
+            arm = str(results.arm[row])
+            own = [s for s in links if s.arm == arm and s.metric == metric and s.certain]
+            blamed = _blamed(results, row, own, side)
+            found.append(Worst(int(results.run[row]), arm, metric, float(column[row]), blamed))
+    return tuple(found)
+
+
+def _blamed(
+    results: Results, row: int, links: Sequence[Sensitivity], side: int
+) -> tuple[tuple[str, float, float], ...]:
+    """Factors far out on the side to which the metric gets worse, the strongest first."""
+    rows, causes = results.of(str(results.arm[row])), results.causes
+    scored: list[tuple[float, str, float, float]] = []
+    for link in links:
+        values = causes[link.factor][rows]
+        value = causes[link.factor][row]
+        below = (np.count_nonzero(values < value) + 0.5 * np.count_nonzero(values == value)) / len(
+            values
+        )
+        push = side * link.correlation.value * float(ndtri(np.clip(below, 1e-6, 1.0 - 1e-6)))
+        if push > 0.0:
+            scored.append((push, link.factor, float(value), float(below)))
+    scored.sort(reverse=True)
+    return tuple(entry[1:] for entry in scored[:BLAMED])

@@ -1,0 +1,107 @@
+"""Two sets of runs held against each other, metric by metric."""
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.campaign.results import Results
+from twin.campaign.statistics import (
+    Interval,
+    bootstrap,
+    holm,
+    paired_difference,
+    ratio_of_means,
+    unpaired_difference,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Of one metric."""
+
+    one: str
+    other: str
+    metric: str
+    pairs: int
+    """Runs on the same machines that both have; 0 where the sets are not paired."""
+    ratio: Interval
+    """Of the mean of `other` to that of `one`."""
+    wins: float
+    """Share of pairs in which `other` is smaller; of all couples where the sets are not paired."""
+    p: float
+    """That there is no difference; corrected for the number of metrics."""
+
+
+def between_arms(results: Results) -> tuple[Comparison, ...]:
+    """Every two arms, on the samples that both flew."""
+    found: list[Comparison] = []
+    count = len(results.spec.arms)
+    for a, b in combinations(range(count), 2):
+        one, other = (results.spec.arms[number].name for number in (a, b))
+        of_one, of_other = results.of(one), results.of(other)
+        # a run's partner flies the same sample at the same point of the grids
+        first = {run - a: row for run, row in zip(results.run[of_one], of_one, strict=True)}
+        second = {run - b: row for run, row in zip(results.run[of_other], of_other, strict=True)}
+        both = [key for key in first if key in second]
+        left = np.array([first[key] for key in both], dtype=np.intp)
+        right = np.array([second[key] for key in both], dtype=np.intp)
+        for metric, column in results.metrics.items():
+            known = np.isfinite(column[left]) & np.isfinite(column[right])
+            if np.count_nonzero(known) < 5:
+                continue
+            x, y = column[left[known]], column[right[known]]
+            ratio = bootstrap((x, y), results.sample[left[known]], _ratio)
+            wins = float(np.mean(y < x) + 0.5 * np.mean(y == x))
+            p = paired_difference(x, y)
+            found.append(Comparison(one, other, metric, len(x), ratio, wins, p))
+    return _corrected(found)
+
+
+def between_campaigns(results: Results, against: Results) -> tuple[Comparison, ...]:
+    """All runs of one campaign and all of another, arm by arm where both have it by name."""
+    found: list[Comparison] = []
+    ours, theirs = ([arm.name for arm in r.spec.arms] for r in (results, against))
+    couples = [(name, name) for name in ours if name in theirs]
+    if not couples:
+        couples = [(one, other) for one in ours for other in theirs]
+    for one, other in couples:
+        for metric in (name for name in results.metrics if name in against.metrics):
+            rows, others = results.of(one), against.of(other)
+            x, y = results.metrics[metric][rows], against.metrics[metric][others]
+            x_known, y_known = np.isfinite(x), np.isfinite(y)
+            if min(x_known.sum(), y_known.sum()) < 5:
+                continue
+            x, y = x[x_known], y[y_known]
+            ratio = ratio_of_means(
+                (x, results.sample[rows][x_known]), (y, against.sample[others][y_known])
+            )
+            order = np.sort(x)
+            above = len(x) - np.searchsorted(order, y, side="right")
+            ties = np.searchsorted(order, y, side="right") - np.searchsorted(order, y)
+            wins = float(np.mean(above + 0.5 * ties) / len(x))
+            found.append(
+                Comparison(
+                    f"{results.folder.name}: {one}",
+                    f"{against.folder.name}: {other}",
+                    metric,
+                    0,
+                    ratio,
+                    wins,
+                    unpaired_difference(x, y),
+                )
+            )
+    return _corrected(found)
+
+
+def _corrected(found: list[Comparison]) -> tuple[Comparison, ...]:
+    corrected = holm(np.array([one.p for one in found]))
+    return tuple(replace(one, p=float(p)) for one, p in zip(found, corrected, strict=True))
+
+
+def _ratio(one: Array, other: Array) -> Array:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.mean(other, axis=-1) / np.mean(one, axis=-1))

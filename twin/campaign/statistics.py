@@ -1,0 +1,158 @@
+"""Statistics of metrics: bootstrap intervals, rank correlations, tests of a difference.
+
+Runs of one sample are flown on the same machine and are no independent draws: whatever is resampled
+is resampled by samples.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Array = NDArray[np.float64]
+
+RESAMPLES = 2000
+_NUMBERS = 2 * 10**7
+"""Drawn for one interval, or for 200 resamples: of many runs fewer will do."""
+_BLOCK = 10**6
+"""Numbers held at once."""
+
+Statistic = Callable[..., Array]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    def document(self) -> dict[str, float]:
+        """For JSON."""
+        return {"value": self.value, "low": self.low, "high": self.high}
+
+
+def bootstrap(
+    columns: tuple[Array, ...],
+    sample: NDArray[np.int64],
+    statistic: Statistic,
+) -> Interval:
+    """Percentile bootstrap of a statistic.
+
+    Source: B. Efron, R. J. Tibshirani, An introduction to the bootstrap, 1993, chapter 13.
+
+    Args:
+        columns: (n,) each; they stay together row by row.
+        sample: (n,) of each row; rows of one sample stay together.
+        statistic: of columns (..., m), over their last axis.
+    """
+    value = float(statistic(*columns))
+    return _interval(value, resampled(columns, sample, statistic, seed=0))
+
+
+def ratio_of_means(
+    one: tuple[Array, NDArray[np.int64]], other: tuple[Array, NDArray[np.int64]]
+) -> Interval:
+    """Of the second of two sets that share nothing; each is its values (n,) and their samples."""
+    below, above = (
+        resampled((values,), sample, mean, seed=seed)
+        for seed, (values, sample) in enumerate((one, other))
+    )
+    many = min(len(below), len(above))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = float(np.divide(np.mean(other[0]), np.mean(one[0])))
+        return _interval(value, above[:many] / below[:many])
+
+
+def resampled(
+    columns: tuple[Array, ...], sample: NDArray[np.int64], statistic: Statistic, *, seed: int
+) -> Array:
+    """The statistic of as many resamples of the samples as an interval needs."""
+    order = np.argsort(sample, kind="stable")
+    _, starts, counts = np.unique(sample[order], return_index=True, return_counts=True)
+    if len(starts) < 2:
+        return np.full(2, np.nan)
+    draw = np.random.default_rng(seed)
+    times = int(np.clip(_NUMBERS // len(sample), 200, RESAMPLES))
+    alike = bool((counts == counts[0]).all())
+    block = max(_BLOCK // len(sample), 1) if alike else 1
+    parts = np.split(order, starts[1:])
+    table = order.reshape(len(starts), -1) if alike else None
+    found: list[Array] = []
+    for first in range(0, times, block):
+        picked = draw.integers(len(starts), size=(min(block, times - first), len(starts)))
+        if table is not None:
+            rows = table[picked].reshape(len(picked), -1)
+        else:
+            rows = np.concatenate([parts[number] for number in picked[0]])[None]
+        found.append(np.asarray(statistic(*(column[rows] for column in columns))))
+    return np.concatenate(found)
+
+
+def mean(values: Array) -> Array:
+    """Over the last axis."""
+    return np.asarray(np.mean(values, axis=-1))
+
+
+def median(values: Array) -> Array:
+    """Over the last axis."""
+    return np.asarray(np.median(values, axis=-1))
+
+
+def high(values: Array) -> Array:
+    """95th percentile over the last axis."""
+    return np.asarray(np.percentile(values, 95.0, axis=-1))
+
+
+def _interval(value: float, found: Array) -> Interval:
+    known = found[np.isfinite(found)]
+    if not known.size:
+        return Interval(value, np.nan, np.nan)
+    low, above = np.percentile(known, [2.5, 97.5])
+    return Interval(value, float(low), float(above))
+
+
+def rank_correlation(one: Array, other: Array) -> tuple[Interval, float]:
+    """Spearman's rho with its 95 % interval by Fisher's z, and the p-value of none.
+
+    Source: D. G. Bonett, T. A. Wright, Psychometrika 65, 2000, for the interval's width.
+    """
+    n = len(one)
+    if n < 5 or np.ptp(one) == 0.0 or np.ptp(other) == 0.0:
+        return Interval(np.nan, np.nan, np.nan), 1.0
+    found = stats.spearmanr(one, other)
+    rho = float(np.clip(found.statistic, -0.999999, 0.999999))
+    half = 1.96 * np.sqrt((1.0 + 0.5 * rho**2) / (n - 3))
+    low, high = np.tanh(np.arctanh(rho) + np.array([-half, half]))
+    return Interval(rho, float(low), float(high)), float(found.pvalue)
+
+
+def paired_difference(one: Array, other: Array) -> float:
+    """p-value of Wilcoxon's signed-rank test: that pairs (n,) differ by nothing but chance."""
+    difference = other - one
+    if not difference.any():
+        return 1.0
+    return float(stats.wilcoxon(difference).pvalue)
+
+
+def unpaired_difference(one: Array, other: Array) -> float:
+    """p-value of the Mann-Whitney test: that two sets of runs come of one distribution."""
+    if np.ptp(np.concatenate([one, other])) == 0.0:
+        return 1.0
+    return float(stats.mannwhitneyu(one, other).pvalue)
+
+
+def holm(p_values: Array) -> Array:
+    """p-values corrected for their number.
+
+    Source: S. Holm, Scandinavian Journal of Statistics 6, 1979.
+    """
+    n = len(p_values)
+    order = np.argsort(p_values)
+    stepped = np.maximum.accumulate(p_values[order] * (n - np.arange(n)))
+    corrected = np.empty(n)
+    corrected[order] = np.minimum(stepped, 1.0)
+    return corrected

@@ -1,0 +1,50 @@
+"""`twin report`: a campaign's answers."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Report:
+    """Say what came of a campaign: distributions, what they depend on, worst runs, comparisons.
+
+    Writes DIR/report.html with figures and DIR/report.md; of a campaign that still goes on, what is
+    there so far.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
+    """Of the campaign."""
+    against: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Another campaign to hold it against, arm by arm where both have it."""
+    html: Annotated[Path | None, tyro.conf.arg(metavar="F.html")] = None
+    """The page goes here instead."""
+    json: bool = False
+    """Print one JSON document instead of text."""
+
+    def run(self) -> int:
+        """Read, compute, write."""
+        from twin.campaign.answers import answers
+        from twin.campaign.results import read_results
+        from twin.cli.output import check_writable, print_json, progress
+        from twin.report.campaign_document import campaign_document
+        from twin.report.campaign_page import write_campaign_page
+        from twin.report.campaign_words import markdown, summary, verdicts
+
+        page = self.html or self.folder / "report.html"
+        results = read_results(self.folder)
+        against = None if self.against is None else read_results(self.against)
+        check_writable(page)
+        with progress() as say:
+            say("computing")
+            found = answers(results, against)
+            say("drawing")
+            write_campaign_page(page, found)
+            page.with_suffix(".md").write_text(markdown(found), encoding="utf-8")
+        if self.json:
+            print_json(campaign_document(found) | {"report": page})
+        else:
+            print("\n".join([*summary(found), *verdicts(found), f"report: {page}"]))
+        return 0

@@ -1,0 +1,74 @@
+"""What a campaign says, as plain data for `--json`."""
+
+from typing import Any
+
+from twin.campaign.answers import Answers
+from twin.campaign.merit import METRICS
+
+
+def campaign_document(found: Answers) -> dict[str, Any]:
+    """One document; what is not known is null when it is printed."""
+    results, spec = found.results, found.results.spec
+    units = {factor.name: factor.unit for factor in spec.factors}
+    return {
+        "runs": len(results.run),
+        "of": spec.runs,
+        "ended": found.ended,
+        "reasons": [
+            {"reason": reason, "count": count, "first_run": run}
+            for reason, count, run in found.reasons
+        ],
+        "metrics": [
+            {
+                "arm": one.arm,
+                "metric": one.metric,
+                "unit": METRICS[one.metric].unit,
+                "count": one.count,
+                "mean": one.mean.document(),
+                "median": one.median.document(),
+                "percentile_95": one.high.document(),
+            }
+            for one in found.spreads
+        ],
+        "sensitivities": [
+            {
+                "arm": one.arm,
+                "metric": one.metric,
+                "factor": one.factor,
+                "rank_correlation": one.correlation.document(),
+                "certain": one.certain,
+            }
+            for one in found.sensitivities
+        ],
+        "comparisons": [
+            {
+                "one": one.one,
+                "other": one.other,
+                "metric": one.metric,
+                "pairs": one.pairs,
+                "ratio_of_means": one.ratio.document(),
+                "smaller_in": one.wins,
+                "p": one.p,
+            }
+            for one in found.comparisons
+        ],
+        "worst": [
+            {
+                "run": one.run,
+                "arm": one.arm,
+                "metric": one.metric,
+                "value": one.value,
+                "unit": METRICS[one.metric].unit,
+                "blamed": [
+                    {
+                        "factor": name,
+                        "value": value,
+                        "unit": units[name.strip("|")],
+                        "share_below": below,
+                    }
+                    for name, value, below in one.blamed
+                ],
+            }
+            for one in found.worst
+        ],
+    }
