@@ -16,6 +16,7 @@ SUBJECTS = {
     "link": "bytes a second through the parser of our own serial link",
     "machines": "steps a second of every machine",
     "batch": "closed loop against bare physics",
+    "campaign": "a shard of a campaign against bare physics",
 }
 
 

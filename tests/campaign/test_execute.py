@@ -192,8 +192,12 @@ def _children(parent: int) -> list[int]:
 def begun(file: Path, folder: Path, workers: int) -> subprocess.Popen[bytes]:
     """A campaign that begins or goes on in a process of its own."""
     command = [sys.executable, "-m", "twin", "campaign", str(file), str(folder), "--resume"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen([*command, "--workers", str(workers)], **quiet)
+    return subprocess.Popen(
+        [*command, "--workers", str(workers)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="nobody is killed with -9 there")
@@ -209,6 +213,21 @@ def test_a_campaign_killed_in_its_middle_is_byte_for_byte_the_undisturbed_one(
     left = Folder(folder).missing(spec)
     execute(spec, Folder(folder), workers=1, tell=silent, resume=True)
     assert len(left) < 4
+    assert shards(folder) == shards(undisturbed)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no process groups there")
+def test_ctrl_c_ends_it_without_a_run_that_was_cut_short(undisturbed, file, tmp_path):
+    folder, spec = tmp_path / "out", read_spec(file)
+    with begun(file, folder, workers=2) as process:
+        while process.poll() is None and not any((folder / "metrics").glob("*.parquet")):
+            time.sleep(0.002)
+        os.killpg(process.pid, signal.SIGINT)
+        ended = process.wait()
+    assert ended in (130, 0), "0: it was done before it heard of it"
+    written = {n: b for n, b in shards(folder).items() if not n.startswith(".")}
+    assert written.items() <= shards(undisturbed).items()
+    execute(spec, Folder(folder), workers=1, tell=silent, resume=True)
     assert shards(folder) == shards(undisturbed)
 
 

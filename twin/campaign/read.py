@@ -36,7 +36,7 @@ def read_spec(path: Path) -> Spec:
     seed = _whole(table, "seed", low=0)
     sampling = cast(Sampling, table.text("sampling", "random", among=SAMPLINGS))
     runs = _whole(table, "runs", low=1, high=MOST)
-    usual = min(SHARD, max(LEAST, -(-runs // PARTS)))
+    usual = min(SHARD, max(LEAST[procedure], -(-runs // PARTS)))
     shard = _whole(table, "shard", usual, low=2, high=1 << 16)
     target = _target(table, procedure)
     arms = read_arms(table, procedure, target)

@@ -15,9 +15,11 @@ Procedure = Literal["run", "balance"]
 SHARD = 256
 """Runs of a shard unless the specification says otherwise: enough that a law costs little beside
 the physics, few enough that a shard is lost cheaply."""
-LEAST, PARTS = 32, 8
-"""A campaign that is smaller than that many shards is cut into so many, of `LEAST` runs at least:
-no core waits for long. It must not depend on the machine, for shards are files."""
+PARTS = 8
+LEAST: dict[Procedure, int] = {"run": 32, "balance": 4}
+"""A campaign that is smaller than so many shards is cut into `PARTS`, of `LEAST` runs at least: no
+core waits for long, and a balancing, which fits each run for itself, loses little when it is cut
+short. It must not depend on the machine, for shards are files."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """What a process of a campaign does: fly a shard, write it, and end with whoever asked for it."""
 
 import os
+import signal
 import threading
 from dataclasses import dataclass
 from multiprocessing import parent_process
@@ -40,6 +41,8 @@ def fly_shard(spec: Spec, folder: Folder, shard: int) -> Done:
 def begin(path: str) -> None:
     """Read the campaign of a folder, once a process."""
     global _spec, _folder
+    # Ctrl-C goes to all processes; a loop that is under way ends by itself, the rest by the parent
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _folder = Folder(Path(path))
     _spec = read_spec(_folder.spec)

@@ -48,7 +48,7 @@ class Campaign:
             raise UsageError(f"workers is {self.workers}; give 1 or more")
         if self.folder is None and not self.dry_run:
             raise UsageError("no folder for the results is given: twin campaign SPEC.toml DIR")
-        workers = self.workers or len(os.sched_getaffinity(0))
+        workers = self.workers or _cores()
         spec = read_spec(self.spec)
         if self.dry_run:
             told = forecast(spec, workers)
@@ -80,6 +80,13 @@ class Campaign:
                 print(f"{len(recorded)} recorded in {recorded[0].parent}")
             print(f"what came of it: `twin report {self.folder}`")
         return 0 if set(ends) - {"failed"} else 1
+
+
+def _cores() -> int:
+    """Those that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _keep(spec: "Spec", folder: "Folder", say: Any) -> list[Path]:
