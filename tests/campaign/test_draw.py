@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from twin.campaign.draw import draw, hanging
+from twin.campaign.draw import draw, hanging, start_of_runs
 from twin.campaign.sampling import shares
 from twin.rotation import rotate
 
@@ -73,3 +73,14 @@ def test_a_body_that_hangs_has_its_centre_of_mass_below():
     np.testing.assert_allclose(down, -length[:, None] * np.array([0.0, 0.0, 1.0]), atol=1e-12)
     stopped = rotate(hanging(moments, 0.1), np.array([0.0, 0.0, 1.0]))
     assert np.arccos(stopped[:, 2]).max() < 0.1 + 1e-9
+
+
+def test_a_component_without_room_is_the_same_in_all_runs(spec_of):
+    spec = spec_of(("[2e-5, 2e-5, -1e-4]]", "[2e-5, -2e-5, -1e-4]]"))
+    names = [factor.name for factor in spec.factors]
+    assert "initial.center_of_mass_offset.y" not in names
+    drawn = draw(spec, range(24))
+    start = start_of_runs(spec.initial, spec.arms[0], drawn)
+    offset = np.asarray(start.center_of_mass_offset)
+    assert set(offset[:, 1].tolist()) == {-2e-5}
+    assert len(set(offset[:, 0].tolist())) == 12

@@ -40,7 +40,8 @@ def read_values(
     """The distribution of each of `size` components of a key.
 
     A number or a list is the same in all runs; `{ uniform = [low, high] }` and its like are spread,
-    each component for itself. Low, high and the others are numbers or lists of `size`.
+    each component for itself. Low, high and the others are numbers or lists of `size`; a component
+    of a vector that is left no room is the same in all runs.
 
     Args:
         table: that holds the key.
@@ -71,7 +72,9 @@ def read_values(
     else:
         first, second = _pair(spread, kind, size)
         found = tuple(
-            _distribution(spread, kind, a, b, (low, high), unit)
+            Fixed(a)
+            if size > 1 and low <= a <= high and (b == 0.0 if kind == "normal" else a == b)
+            else _distribution(spread, kind, a, b, (low, high), unit)
             for a, b in zip(first.tolist(), second.tolist(), strict=True)
         )
     spread.close()

@@ -1,7 +1,7 @@
 """One run of a campaign flown again alone, and held against what the campaign wrote of it."""
 
+import heapq
 import sys
-from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 from twin.campaign.draw import draw
 from twin.campaign.flight import Came, flown
 from twin.campaign.folder import Folder
+from twin.campaign.merit import METRICS
 from twin.campaign.rows import table_of
 from twin.campaign.spec import Spec
 from twin.errors import UsageError
@@ -60,13 +61,14 @@ def replay(spec: Spec, folder: Folder, run: int, rrd: Path | None = None) -> Rep
     return Replayed(run, arm.name, values, came[run], differs)
 
 
-def kept_runs(spec: Spec, rows: Sequence[tuple[int, float | None]]) -> list[int]:
-    """The runs to record: those that are named, and the worst.
-
-    Args:
-        spec: the campaign.
-        rows: number and metric `keep.by` of every run; None where it has none.
-    """
-    known = [(value, run) for run, value in rows if value is not None]
-    worst = [run for _, run in sorted(known, reverse=True)[: spec.keep.worst]]
-    return sorted({*spec.keep.runs, *worst})
+def kept_runs(spec: Spec, folder: Folder) -> list[int]:
+    """The runs to record: those that are named, and the worst; of a campaign that is flown."""
+    worst: list[tuple[float, int]] = []
+    if spec.keep.worst:
+        side = METRICS[spec.keep.by].worse or 1
+        for shard in range(spec.shards):
+            table = pq.read_table(folder.shard(shard), columns=["run", spec.keep.by])
+            runs, values = (column.to_pylist() for column in table.columns)
+            known = [(side * v, -run) for v, run in zip(values, runs, strict=True) if v is not None]
+            worst = heapq.nlargest(spec.keep.worst, [*worst, *known])
+    return sorted({*spec.keep.runs, *(-run for _, run in worst)})

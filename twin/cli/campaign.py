@@ -91,19 +91,10 @@ def _cores() -> int:
 
 def _keep(spec: "Spec", folder: "Folder", say: Any) -> list[Path]:
     """Record the runs that are to be kept and are not yet."""
-    import pyarrow.parquet as pq
-
     from twin.campaign.replay import kept_runs, replay
 
-    if not (spec.keep.runs or spec.keep.worst):
-        return []
-    rows: list[tuple[int, float | None]] = []
-    if spec.keep.worst:
-        for shard in range(spec.shards):
-            table = pq.read_table(folder.shard(shard), columns=["run", spec.keep.by])
-            rows += zip(*(column.to_pylist() for column in table.columns), strict=True)
     paths: list[Path] = []
-    for run in kept_runs(spec, rows):
+    for run in kept_runs(spec, folder):
         path = folder.recording(run)
         paths.append(path)
         if not path.is_file():
