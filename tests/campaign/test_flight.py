@@ -18,6 +18,20 @@ name = "masses"
 controller = "mass_pid"
 """
 
+BALANCE = """
+platform = "cubesat"
+procedure = "balance"
+controller = "direct"
+runs = 2
+duration = 3000.0
+seed = 3
+
+[initial]
+center_of_mass_offset = "within_reach"
+
+[effects.gyro_bias]
+"""
+
 
 def test_a_run_has_the_same_bits_alone_as_among_others(spec_of):
     spec = spec_of(("[gains]", ARMS + "[gains]"), ("grid = [1e-3, 2e-3]", "uniform = [1e-3, 2e-3]"))
@@ -62,6 +76,30 @@ def test_a_run_that_diverges_is_a_row_with_a_reason(spec_of):
             assert all(np.isnan(value) for value in one.metrics.values())
 
 
+MACHINES = {
+    "dfki_pendulum": ("free_float", "[initial]\njoint_angle = { uniform = [0.1, 0.5] }\n"),
+    "sads": (
+        "quaternion_pd",
+        "[gains]\nproportional = { log_uniform = [1, 10] }\n[effects.liquid_slosh]\n"
+        "[effects.wheel_friction]\n[effects.room_draft]\n[effects.clock_lag.gyro]\nlag = 0.01\n",
+    ),
+    "tas2": ("cmg_pd", "[effects.gimbal_friction]\n[effects.gimbal_backlash]\n"),
+    "astros": ("thruster_pd", "[initial]\nattitude = { normal = [0, 0.02] }\n"),
+    "whorl2": ("free_float", "[initial]\nrate = { normal = [0, 0.02] }\n"),
+}
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_a_campaign_flies_on_every_kind_of_machine(machine, spec_of):
+    law, rest = MACHINES[machine]
+    head = f'platform = "{machine}"\ncontroller = "{law}"\nruns = 4\nduration = 0.5\nseed = 1\n'
+    spec = spec_of(text=head + rest)
+    every = flown(spec, draw(spec, range(4)))
+    assert repr(flown(spec, draw(spec, [2]))[2]) == repr(every[2]), "NaN where no wheel was full"
+    assert {one.ended for one in every.values()} == {"done"}
+    assert len({repr(one.metrics) for one in every.values()}) == 4
+
+
 LAWS = {
     "quaternion_pd": ("sads", ["proportional", "derivative"]),
     "mass_pid": ("cubesat", ["proportional", "integral", "derivative"]),
@@ -104,3 +142,14 @@ class Own(Controller[int]):
     assert laws.batches(spec.arms[0], gains, 4) == [[0], [1], [2], [3]]
     came = flown(spec, drawn)
     assert len({one.metrics["rate_rms"] for one in came.values()}) == 4
+
+
+@pytest.mark.slow
+def test_a_balancing_has_the_same_bits_alone_as_among_others(spec_of):
+    spec = spec_of(text=BALANCE)
+    every = flown(spec, draw(spec, range(2)))
+    assert {one.ended for one in every.values()} == {"done"}
+    assert flown(spec, draw(spec, [1]))[1] == every[1]
+    for one in every.values():
+        stated = [one.metrics[f"residual_torque{end}"] for end in ("_low", "_high")]
+        assert 0.8 * stated[0] < one.metrics["gravity_torque"] < 1.2 * stated[1]

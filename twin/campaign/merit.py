@@ -25,23 +25,26 @@ class Metric:
     of: str = "run"
     """Procedure that has it: `run`, `balance`, or `both`."""
     needs: str = ""
-    """`ball`, `wheels` or `stages`: without these on the platform there is none."""
+    """`ball`, `hinge`, `turns` (no hinge), `wheels` or `stages`: without these on the platform
+    there is none."""
     worse: int = 1
     """1: a larger one is worse; -1: a smaller one; 0: neither."""
 
 
 METRICS: dict[str, Metric] = {
-    "tracking_error_rms": Metric("rad", "rms angle to the reference, at the end", "run", "ball"),
-    "tracking_error_max": Metric("rad", "largest of these angles", "run", "ball"),
-    "tilt_max": Metric("rad", "largest tilt", "both", "ball"),
-    "tilt_rms": Metric("rad", "rms tilt, at the end", "run", "ball"),
+    "tracking_error_rms": Metric("rad", "rms angle to the reference, at the end", "run", "turns"),
+    "tracking_error_max": Metric("rad", "largest of these angles", "run", "turns"),
+    "tilt_max": Metric("rad", "largest tilt", "both", "turns"),
+    "tilt_rms": Metric("rad", "rms tilt, at the end", "run", "turns"),
     "in_plane_rms": Metric(
         "1",
         "rms of gravity's direction in the body's plane as estimated, at the end",
         "run",
-        "ball",
+        "turns",
     ),
-    "rate_rms": Metric("rad/s", "rms rate, at the end", "run", "ball"),
+    "rate_rms": Metric("rad/s", "rms rate, at the end", "run", "turns"),
+    "joint_angle_max": Metric("rad", "largest angle of the hinge", "run", "hinge"),
+    "joint_rate_rms": Metric("rad/s", "rms rate of the hinge, at the end", "run", "hinge"),
     "gravity_torque": Metric("N m", "g |m r|, the worst gravity can do at the end", "both", "ball"),
     "gravity_torque_in_plane": Metric(
         "N m", "g |m r_xy|, what gravity does to the level body at the end", "both", "ball"
@@ -65,6 +68,8 @@ def metric_names(platform: Platform, procedure: str) -> tuple[str, ...]:
     has = {
         "": True,
         "ball": platform.base.kind == "ball",
+        "hinge": platform.base.kind == "hinge",
+        "turns": platform.base.kind != "hinge",
         "wheels": bool(platform.wheels),
         "stages": bool(platform.stages),
     }
@@ -95,6 +100,7 @@ class Merits:
         self._counted = 0
         self._travel = np.zeros(n)
         self._tilt = np.zeros(n)
+        self._angle = np.zeros(n)
         self._offset = np.full((n, 3), np.nan)
         self._stood: Array | None = None
 
@@ -109,15 +115,21 @@ class Merits:
                 way = stands - (stands if self._stood is None else self._stood)
                 self._travel = self._travel + going * np.abs(way).sum(axis=1)
                 self._stood = stands
-            if self._platform.base.kind != "ball":
+            steady = tick.reading.time >= self._since - 1e-9
+            self._counted += steady
+            if self._platform.base.kind == "hinge":
+                angle = np.abs(truth["truth_joint_angle"][:, 0])
+                self._angle = np.maximum(self._angle, angle)
+                if steady:
+                    self._add("joint_rate_rms", truth["truth_joint_rate"][:, 0] ** 2)
                 return
-            now = truth["truth_center_of_mass_offset"]
-            self._offset = np.where(going[:, None], now, self._offset)
+            if "truth_center_of_mass_offset" in truth:
+                now = truth["truth_center_of_mass_offset"]
+                self._offset = np.where(going[:, None], now, self._offset)
             lean = tilt(truth["truth_attitude"])
             self._tilt = np.where(going, np.maximum(self._tilt, lean), self._tilt)
-            if tick.reading.time >= self._since - 1e-9:
+            if steady:
                 up = vertical_body(tick.estimate.attitude)
-                self._counted += 1
                 self._add("tilt_rms", lean**2)
                 self._add("in_plane_rms", up[:, 0] ** 2 + up[:, 1] ** 2)
                 self._add("rate_rms", _square(truth["truth_rate"]))
@@ -125,7 +137,8 @@ class Merits:
     def rows(self) -> dict[str, Array]:
         """Every metric that there is, (n,); NaN where a run has none."""
         found = {name: np.sqrt(total / max(self._counted, 1)) for name, total in self._sums.items()}
-        found |= {"tilt_max": self._tilt, "stage_travel": self._travel}
+        found |= {"tilt_max": self._tilt, "joint_angle_max": self._angle}
+        found["stage_travel"] = self._travel
         gravity, offset = self._platform.gravity, self._offset
         found["gravity_torque"] = gravity * np.sqrt(_square(offset))
         plane = offset[:, 0] ** 2 + offset[:, 1] ** 2
