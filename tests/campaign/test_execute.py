@@ -56,7 +56,6 @@ def test_one_row_a_run_with_units_in_the_schema(undisturbed, file):
     assert table.schema.equals(schema_of(spec), check_metadata=True)
     assert table.schema.field("gravity_torque").metadata[b"unit"] == b"N m"
     assert table.schema.field("gains.derivative").metadata[b"unit"] == b"N m s"
-    assert table["wheel_momentum_max"].null_count == 24 if "wheel_momentum_max" in table else True
 
 
 def test_results_do_not_depend_on_the_number_of_processes(undisturbed, file, tmp_path):
@@ -110,6 +109,7 @@ def test_one_process_owns_the_folder(file, tmp_path):
         execute(read_spec(file), folder, workers=1, tell=silent)
 
 
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="nobody lists processes there")
 def test_a_worker_that_dies_loses_no_run(undisturbed, file, tmp_path):
     spec, folder = read_spec(file), Folder(tmp_path)
     with folder.owned():
