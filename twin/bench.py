@@ -122,32 +122,27 @@ class Bench(Plant):
             DeviceError: a device refuses.
         """
         tick = self.platform.tick
-        last = -int(np.ceil(_ARMING / tick))
-        first = last - int(np.ceil(WATCHED / tick))
         host = self._host
-        start = host.now() - first * tick
-        for number in range(first, last + 1):
-            host.sleep(start + number * tick - host.now())
-            self.read(number * tick)
+        self.watch(-int(np.ceil(_ARMING / tick)))
         if self._held is not None:
             self.guard.arm(YES, held=self._held)
         if isinstance(host, LockstepTime):
             return LockstepClock(host, self.hardware.zero)
         return WallClock(self.hardware.zero)
 
+    def watch(self, last: int = 0) -> None:
+        """Read for `WATCHED` seconds, up to the tick of that number."""
+        tick, host = self.platform.tick, self._host
+        first = last - int(np.ceil(WATCHED / tick))
+        start = host.now() - first * tick
+        for number in range(first, last + 1):
+            host.sleep(start + number * tick - host.now())
+            self.read(number * tick)
+
     def told(self) -> list[str]:
         """What devices, line and guard have to say of the time since the last call."""
         lines = list(dict.fromkeys(self.hardware.notes()))
-        for name, counters in self.hardware.counters.items():
-            wrong = {
-                "wrong checksums": counters.bad_checksums,
-                "gaps": counters.gaps,
-                "resynchronisations": counters.resyncs,
-                "silences": counters.timeouts,
-                "samples nobody fetched": counters.overflows,
-            }
-            bad = ", ".join(f"{count} {what}" for what, count in wrong.items() if count)
-            lines.append(f"{name}: {counters.frames} frames, {bad or 'none wrong'}")
+        lines += [f"{name}: {c.words()}" for name, c in self.hardware.counters.items()]
         if self.hardware.out_of_range:
             count = self.hardware.out_of_range
             lines.append(f"samples at the end of their sensor's range, not valid: {count}")
@@ -157,6 +152,14 @@ class Bench(Plant):
     def _note(self) -> None:
         """The loop looks here for how the guard's run ended."""
         self.stopped, self.safe_reason = self.guard.stopped, self.guard.safe_reason
+
+
+def captured(machine: Platform) -> Platform:
+    """The same machine with its ball held; one on another joint moves as ever."""
+    base = machine.base
+    if base.kind != "ball":
+        return machine
+    return replace(machine, base=replace(base, locked=(base.joint, *base.planar)))
 
 
 def open_bench(
@@ -173,9 +176,10 @@ def open_bench(
 
     Args:
         machine: with the effects of its emulation.
-        plant: `pty`, its emulation; `serial:URL`, its own [hardware] with its device at that port;
-            or `serial:FILE.toml`, the [hardware] of that file.
-        held: see `Bench`.
+        plant: `pty`, its emulation; `serial`, its own [hardware] at the ports that stand there;
+            `serial:URL`, with its device at that port; or `serial:FILE.toml`, the [hardware] of
+            that file.
+        held: see `Bench`; an emulated table that is captured stands still, level.
         seed: of an emulation's noise.
         initial: of an emulation.
         faults: of an emulation.
@@ -189,16 +193,20 @@ def open_bench(
     kind, _, where = plant.partition(":")
     if plant == "pty":
         setup = read_hardware(machine)
+        simulated = captured(machine) if held is Held.captured else machine
         emulation = EmulatedPlatform(
-            machine, setup, seed=seed, initial=initial, faults=faults, lockstep=lockstep
+            simulated, setup, seed=seed, initial=initial, faults=faults, lockstep=lockstep
         )
         return Bench(machine, setup, held=held, emulation=emulation)
     if kind != "serial":
-        raise UnknownName("plant", plant, ("pty", "serial:URL"))
+        raise UnknownName("plant", plant, ("pty", "serial", "serial:URL"))
+    if plant == "serial":
+        return Bench(machine, read_hardware(machine), held=held)
     if not where:
         raise UsageError(
-            "--plant serial: names no port; give serial:/dev/serial/by-id/..., a URL such as "
-            "serial:socket://HOST:PORT, or serial:FILE.toml with [hardware]"
+            "--plant serial: names no port; give serial alone for those of [hardware], "
+            "serial:/dev/serial/by-id/..., a URL such as serial:socket://HOST:PORT, or "
+            "serial:FILE.toml with [hardware]"
         )
     if where.endswith(".toml"):
         return Bench(machine, read_hardware(machine, Path(where)), held=held)

@@ -49,7 +49,7 @@ class Balance:
     target: Annotated[float | None, _arg("N_M")] = None
     """Gravity torque that may be left at the worst attitude; by default that of the machine's
     paper, else that of 5 um."""
-    plant: Annotated[str, _arg("sim|pty|serial:URL")] = "sim"
+    plant: Annotated[str, _arg("sim|pty|serial[:URL]")] = "sim"
     """Simulated; its devices emulated on a pseudo-terminal; or the real ones, as of `twin run`."""
     arm: Annotated[Literal["floating"] | None, _arg("floating")] = None
     """Let commands leave, within the rules of docs/safety.md, on the bench and on its emulation:

@@ -42,9 +42,10 @@ class Run:
     """Attitude and gyro bias filtered (`filter`) or the sensors as they are (`passthrough`), by
     default the first where the machine has gyro and attitude; `inclinometer`, rates by its
     differences; `vertical_offset` and `offset`, which tell where the CM is."""
-    plant: Annotated[str, _arg("sim|pty|serial:URL|replay:LOG")] = "sim"
+    plant: Annotated[str, _arg("sim|pty|serial[:URL]|replay:LOG")] = "sim"
     """Simulated; its devices emulated on a pseudo-terminal; the real ones (of the platform's
-    [hardware], at that port; or those of serial:FILE.toml); or a log played as if it were these."""
+    [hardware], at its ports or at that one; or those of serial:FILE.toml); or a log played as if it
+    were these."""
     arm: Annotated[Literal["floating", "captured"] | None, _arg("floating|captured")] = None
     """Let commands leave, within the rules of docs/safety.md. The word is the operator's, who has
     looked: whether the table floats, or is captured (air off or clamped)."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
+from twin.plant.devices.clock_fit import ClockEstimate
 from twin.signals import Array
 
 
@@ -59,6 +60,18 @@ class Counters:
     overflows: int = 0
     """Samples thrown away, the oldest first, because nobody fetched them."""
 
+    def words(self) -> str:
+        """How many messages, and what was wrong."""
+        wrong = {
+            "wrong checksums": self.bad_checksums,
+            "gaps": self.gaps,
+            "resynchronisations": self.resyncs,
+            "silences": self.timeouts,
+            "samples nobody fetched": self.overflows,
+        }
+        bad = ", ".join(f"{count} {what}" for what, count in wrong.items() if count)
+        return f"{self.frames} frames, {bad or 'none wrong'}"
+
 
 @dataclass(frozen=True, kw_only=True)
 class DeviceSettings(abc.ABC):
@@ -93,8 +106,19 @@ class Device(abc.ABC):
     notes: deque[str]
     """What happened that is worth telling (a limit switch, a restart), a sentence each, oldest
     first; whoever tells it takes it out."""
+    identity: str = ""
+    """As it named itself on connecting; empty where it tells no name."""
     fault: str
     """Why nothing can be trusted or commanded until the next `connect`, a sentence; else empty."""
+
+    @property
+    def clock(self) -> ClockEstimate | None:
+        """Its clock against the host's, where the two are compared; None elsewhere."""
+        return None
+
+    def unfit(self) -> str:
+        """Why it would not be armed now, as far as is known without doing it; empty: it would."""
+        return self.fault
 
     @abc.abstractmethod
     def connect(self) -> None:

@@ -45,6 +45,8 @@ _EXCHANGES = 8
 _BETWEEN_EXCHANGES = 0.005
 """[s]."""
 
+_FAULT = "it reports a fault"
+
 
 @dataclass(frozen=True, kw_only=True)
 class MicrocontrollerSettings(DeviceSettings):
@@ -163,13 +165,9 @@ class Microcontroller(Device):
         if not self.commands or greeting is None:
             return
         if self._valid_ms > greeting.longest_valid_ms:
-            raise self._error(
-                f"set-points valid for {self._valid_ms} ms, it takes at most "
-                f"{greeting.longest_valid_ms} ms",
-                "lower valid_for",
-            )
+            raise self._error(self._too_long(greeting.longest_valid_ms), "lower valid_for")
         if self._end.state is State.fault:
-            raise self._error("it reports a fault", "look at the machine, then disarm it")
+            raise self._error(_FAULT, "look at the machine, then disarm it")
         self._end.last_event = None
         sequence = self._say(lambda now: self._end.arm(greeting.longest_valid_ms, now))
         self._wait(lambda: self._has_heard(sequence))
@@ -181,6 +179,14 @@ class Microcontroller(Device):
         self._unheard.clear()
         self._disarmed = ""
         self.armed = True
+
+    def unfit(self) -> str:
+        greeting = self._end.greeting
+        if self.fault or not self.commands or greeting is None:
+            return self.fault
+        if self._valid_ms > greeting.longest_valid_ms:
+            return self._too_long(greeting.longest_valid_ms)
+        return _FAULT if self._end.state is State.fault else ""
 
     def read(self) -> list[Sample]:
         return self._queue.take()
@@ -250,12 +256,16 @@ class Microcontroller(Device):
             came += len(data)
             self._end.hear(data, self._host.now())
         greeting = self._end.greeting
+        self.identity = greeting.name
         if greeting.schema_hash != self._schema.hash:
             raise self._error(
                 f"{greeting.name!r} carries schema {greeting.schema_hash:08X}, the channels stated "
                 f"here make {self._schema.hash:08X}",
                 "flash the firmware that was made for these channels, or correct them",
             )
+
+    def _too_long(self, longest: int) -> str:
+        return f"set-points valid for {self._valid_ms} ms, it takes at most {longest} ms"
 
     def _no_greeting(self, came: int) -> tuple[str, str]:
         counters = self._end.parser.counters

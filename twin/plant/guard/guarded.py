@@ -7,6 +7,7 @@ that runs to its end throws a floating table.
 """
 
 from collections import Counter
+from collections.abc import Iterator
 from enum import Enum
 
 import numpy as np
@@ -81,10 +82,7 @@ class Guarded(Plant):
     @property
     def floating(self) -> bool:
         """As a signal or the operator says; where neither does, it may float."""
-        signal = self.seen.floating(self.settings.air_pressure)
-        if signal is None:
-            return self._word is not Held.captured
-        return signal or self._word is Held.floating
+        return self._floats(self._word)
 
     def arm(self, said: str, *, held: Held | None = None) -> None:
         """Let commands through from now on.
@@ -99,31 +97,9 @@ class Guarded(Plant):
         """
         if said != YES:
             raise SafetyError("not armed: nobody has said so", f"type {YES!r}, each session")
-        if not self._calibrated:
-            raise SafetyError(
-                "not armed: no calibration file", "calibrate this machine and name its file"
-            )
-        self._check_held(held)
-        if (stale := self.seen.stale(1)) is not None:
-            raise SafetyError(
-                f"not armed: no fresh sample of {stale} ({_seconds(self.seen.age(stale))})",
-                "read until every stream runs, and check the device that is silent",
-            )
-        lean = self.seen.lean
-        if np.isfinite(self.settings.tilt_cutout) and lean is None:
-            raise SafetyError(
-                "not armed: no sensor tells the tilt, so that nothing could cut out",
-                "add one, or set tilt_cutout = inf and watch it",
-            )
-        if lean is not None and lean > self.settings.tilt_cutout:
-            raise SafetyError(f"not armed: {self._tilted(lean)}", "level it first")
-        if self.platform.stages and self.seen.stage_position is None:
-            raise SafetyError(
-                "not armed: nobody has measured where the stages are", "home them, captured"
-            )
+        for refusal in self.refusals(held):
+            raise refusal
         self._word = held
-        if self.floating and self.seen.lost:
-            raise SafetyError(f"not armed: {self.seen.lost}", "capture it first, then home")
         self._plant.engage()
         self._applied = self._rest()
         self.stopped = {}
@@ -133,6 +109,40 @@ class Guarded(Plant):
         if np.isfinite(self.settings.watchdog):
             self._watchdog = Watchdog(self.settings.watchdog, self._quiet)
         self.phase = Phase.armed
+
+    def refusals(self, held: Held | None = None) -> Iterator[SafetyError]:
+        """Why it would not be armed now, the gravest first; nothing: it would.
+
+        Args:
+            held: as for `arm`.
+        """
+        if not self._calibrated:
+            yield SafetyError(
+                "not armed: no calibration file", "calibrate this machine and name its file"
+            )
+        try:
+            self._check_held(held)
+        except SafetyError as refusal:
+            yield refusal
+        if (stale := self.seen.stale(1)) is not None:
+            yield SafetyError(
+                f"not armed: no fresh sample of {stale} ({_seconds(self.seen.age(stale))})",
+                "read until every stream runs, and check the device that is silent",
+            )
+        lean = self.seen.lean
+        if np.isfinite(self.settings.tilt_cutout) and lean is None:
+            yield SafetyError(
+                "not armed: no sensor tells the tilt, so that nothing could cut out",
+                "add one, or set tilt_cutout = inf and watch it",
+            )
+        if lean is not None and lean > self.settings.tilt_cutout:
+            yield SafetyError(f"not armed: {self._tilted(lean)}", "level it first")
+        if self.platform.stages and self.seen.stage_position is None:
+            yield SafetyError(
+                "not armed: nobody has measured where the stages are", "home them, captured"
+            )
+        if self._floats(held) and self.seen.lost:
+            yield SafetyError(f"not armed: {self.seen.lost}", "capture it first, then home")
 
     def captured(self) -> None:
         """The operator says that the table is held: positions may be established anew.
@@ -213,6 +223,12 @@ class Guarded(Plant):
     def close(self) -> None:
         self.disarm()
         self._plant.close()
+
+    def _floats(self, word: Held | None) -> bool:
+        signal = self.seen.floating(self.settings.air_pressure)
+        if signal is None:
+            return word is not Held.captured
+        return signal or word is Held.floating
 
     def _check_held(self, held: Held | None) -> None:
         signal = self.seen.floating(self.settings.air_pressure)

@@ -127,6 +127,11 @@ class MDrive(Device):
             stage.homed = homed
             stage.complain(error)
             self._collect_notes(stage)
+        self.identity = ", ".join(
+            f"drive {stage.settings.address} of {stage.settings.part}"
+            f"{'' if stage.homed else ' (not homed)'}"
+            for stage in self.stages
+        )
         self._start_worker()
 
     def home(self, captured: bool) -> None:
@@ -219,6 +224,13 @@ class MDrive(Device):
         if self._port is not None:
             self._port.close()
         self._port = self._line = None
+
+    def unfit(self) -> str:
+        try:
+            self._refuse_if_unfit()
+        except DeviceError as refusal:
+            return str(refusal)
+        return ""
 
     def _refuse_if_unfit(self) -> None:
         if self.fault:

@@ -150,6 +150,7 @@ class Mti(Sensor):
         self._request(port, MessageId.GO_TO_CONFIG, tries=_TRIES)
         answer = self._request(port, MessageId.REQUEST_DEVICE_ID)
         self.device_id = int.from_bytes(answer, "big")
+        self.identity = f"unit {self.device_id:08X}"
         wanted = self._settings.device_id
         if wanted is not None and wanted != self.device_id:
             raise DeviceError(

@@ -1,0 +1,66 @@
+"""An armed machine, tick by tick, for moves that follow no control law."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.bench import Bench
+from twin.errors import SafetyError
+from twin.signals import Command, Reading
+
+Array = NDArray[np.float64]
+
+LONGEST = 3600.0
+"""Of all moves together [s]."""
+
+POSITION, MOVE = "stage_position", "command_stage_position"
+
+
+class Session:
+    """Watches, arms, and then goes on one tick a step; leaving the bench makes it safe."""
+
+    def __init__(self, bench: Bench) -> None:
+        """Arm it, by the word that the bench was opened with.
+
+        Raises:
+            SafetyError: why it is not armed.
+            DeviceError: a device refuses.
+        """
+        self.bench = bench
+        self.platform = bench.platform
+        self.tick = bench.platform.tick
+        self._ticks = bench.begin().ticks(self.tick, LONGEST)
+        self.readings: list[Reading] = []
+        """All since it was armed."""
+        self.now = 0.0
+        """Of the last step [s]."""
+
+    def step(self, command: Command) -> None:
+        """Read what came with the next tick, then let the command out within the rules.
+
+        Raises:
+            SafetyError: the guard has stopped it.
+        """
+        self.now = next(self._ticks)
+        self.readings.append(self.bench.read(self.now))
+        self.bench.write(command)
+        if self.bench.safe_reason:
+            raise SafetyError(
+                f"it was stopped: {self.bench.safe_reason}", "look at the machine, then try again"
+            )
+
+    def watch(self, command: Command, seconds: float) -> None:
+        """Go on under that command for so long [s]; raises as `step`."""
+        for _ in range(round(seconds / self.tick)):
+            self.step(command)
+
+    @property
+    def places(self) -> Array:
+        """(stages,) where they read to be [m].
+
+        Raises:
+            SafetyError: nothing has told it.
+        """
+        place = self.bench.guard.seen.stage_position
+        if place is None:
+            raise SafetyError("nobody has measured where the stages are", "home them, captured")
+        return place.copy()
