@@ -139,6 +139,18 @@ class Bench(Plant):
             host.sleep(start + number * tick - host.now())
             self.read(number * tick)
 
+    def watch_on(self) -> None:
+        """Read for `WATCHED` seconds more, in the same time as before."""
+        tick, host = self.platform.tick, self._host
+        first = int(np.ceil((host.now() - self.hardware.zero) / tick))
+        for number in range(first, first + int(np.ceil(WATCHED / tick)) + 1):
+            host.sleep(self.hardware.zero + number * tick - host.now())
+            self.read(number * tick)
+
+    def late(self, time: float) -> float:
+        """How long ago its time `time` was, by the host's clock [s]."""
+        return self._host.now() - self.hardware.zero - time
+
     def told(self) -> list[str]:
         """What devices, line and guard have to say of the time since the last call."""
         lines = list(dict.fromkeys(self.hardware.notes()))
@@ -162,6 +174,13 @@ def captured(machine: Platform) -> Platform:
     return replace(machine, base=replace(base, locked=(base.joint, *base.planar)))
 
 
+def carried(machine: Platform, setup: HardwareSetup) -> Platform:
+    """The machine with the sensors that a device carries: no other tells the loop anything."""
+    streams = {route.stream for route in setup.measured}
+    sensors = {name: sensor for name, sensor in machine.sensors.items() if name in streams}
+    return replace(machine, sensors=sensors)
+
+
 def open_bench(
     machine: Platform,
     plant: str,
@@ -177,8 +196,8 @@ def open_bench(
     Args:
         machine: with the effects of its emulation.
         plant: `pty`, its emulation; `serial`, its own [hardware] at the ports that stand there;
-            `serial:URL`, with its device at that port; or `serial:FILE.toml`, the [hardware] of
-            that file.
+            `serial:URL`, with its device at that port, or `serial:NAME=URL,NAME=URL` with several;
+            or `serial:FILE.toml`, the [hardware] of that file.
         held: see `Bench`; an emulated table that is captured stands still, level.
         seed: of an emulation's noise.
         initial: of an emulation.
@@ -197,17 +216,19 @@ def open_bench(
         emulation = EmulatedPlatform(
             simulated, setup, seed=seed, initial=initial, faults=faults, lockstep=lockstep
         )
-        return Bench(machine, setup, held=held, emulation=emulation)
+        return Bench(carried(machine, setup), setup, held=held, emulation=emulation)
     if kind != "serial":
         raise UnknownName("plant", plant, ("pty", "serial", "serial:URL"))
     if plant == "serial":
-        return Bench(machine, read_hardware(machine), held=held)
-    if not where:
+        setup = read_hardware(machine)
+    elif not where:
         raise UsageError(
             "--plant serial: names no port; give serial alone for those of [hardware], "
             "serial:/dev/serial/by-id/..., a URL such as serial:socket://HOST:PORT, or "
             "serial:FILE.toml with [hardware]"
         )
-    if where.endswith(".toml"):
-        return Bench(machine, read_hardware(machine, Path(where)), held=held)
-    return Bench(machine, with_port(read_hardware(machine), where), held=held)
+    elif where.endswith(".toml"):
+        setup = read_hardware(machine, Path(where))
+    else:
+        setup = with_port(read_hardware(machine), where)
+    return Bench(carried(machine, setup), setup, held=held)

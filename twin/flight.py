@@ -155,7 +155,7 @@ def prepare(
         from twin.bench import open_bench  # its drivers take a while to import
 
         bench = open_bench(machine, plant, held=held, seed=seed, initial=start, lockstep=lockstep)
-        body = bench
+        body, machine = bench, bench.platform
     else:
         raise UnknownName("plant", plant, PLANTS)
     if length <= 0.0:

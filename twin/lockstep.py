@@ -11,7 +11,7 @@ not show is what a slow computer does: the loop's own work takes no time here.
 
 import time
 
-from twin.emulate.line import EmulatedLine
+from twin.emulate.line import EmulatedLines
 from twin.plant.devices.host_time import HostTime
 from twin.plant.devices.port import Port
 
@@ -30,7 +30,7 @@ class LockstepTime(HostTime):
 
     wall = False
 
-    def __init__(self, line: EmulatedLine) -> None:
+    def __init__(self, line: EmulatedLines) -> None:
         """Of a line that was started in lockstep."""
         self._line = line
         self._now = 0.0

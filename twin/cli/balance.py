@@ -102,10 +102,6 @@ class Balance:
             check_writable(self.rrd)
         with ExitStack() as stack:
             simulated = self.plant == "sim"
-            # a fit takes no time where the wall's clock does not count
-            wait = simulated or self.lockstep
-            procedure = balancing(machine, self.runs, way=way, target=target, tell=_tell, wait=wait)
-            stack.enter_context(procedure.lab.fits)
             offsets, positions = self._start(machine, way, target)
             _tell(
                 f"{machine.name}: {way}, to {target:.3g} N m, at most {self.duration:g} s, "
@@ -125,6 +121,12 @@ class Balance:
                     initial=initial,
                     lockstep=self.lockstep,
                 )
+            # of a machine on its bench, with the sensors that its devices carry
+            machine = plant.platform
+            # a fit takes no time where the wall's clock does not count
+            wait = simulated or self.lockstep
+            procedure = balancing(machine, self.runs, way=way, target=target, tell=_tell, wait=wait)
+            stack.enter_context(procedure.lab.fits)
             observers: list[Observer] = [procedure.lab.logbook]
             if self.rrd is not None:
                 recorder = stack.enter_context(FileRecorder(self.rrd))
@@ -157,7 +159,12 @@ class Balance:
 
     def _check(self) -> None:
         from twin.errors import UnknownName, UsageError
+        from twin.procedures.setup import WAYS
 
+        if self.procedure not in WAYS:
+            raise UnknownName("procedure", self.procedure, WAYS)
+        if self.target is not None and not 0.0 < self.target < float("inf"):
+            raise UsageError(f"target is {self.target:g} N m; give a torque above zero")
         if self.plant.startswith("replay"):
             raise UsageError("a log that is replayed does not move: balance the simulated machine")
         real = self.plant.startswith("serial")

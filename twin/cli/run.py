@@ -241,6 +241,9 @@ def _report(flight: "Flight", outcome: "Outcome", metrics: "Metrics") -> list[st
     if "tilt_max_rad" in row:
         lines.append(f"largest tilt {np.degrees(row['tilt_max_rad']):.3g} deg")
     peaks = row.get("wheel_momentum_max_N_m_s", ())
+    if "wheel_speed" not in flight.platform.sensors:
+        # nobody has seen them
+        peaks = ()
     for wheel, peak in zip(flight.platform.wheels, peaks, strict=bool(len(peaks))):
         lines.append(f"{wheel.name} held up to {peak:.3g} of {wheel.momentum_limit:g} N m s")
     if np.isfinite(row.get("wheel_saturated_at_s", np.nan)):

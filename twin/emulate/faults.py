@@ -36,6 +36,8 @@ class Fault:
     """Part of the bytes it hits, of `drop`, `duplicate` and `garble`."""
     value: float = 0.0
     """What the device's own fault takes as its value."""
+    device: str = ""
+    """Whose, by the laboratory's name, where several are emulated together; empty: the first's."""
 
 
 def schedule(

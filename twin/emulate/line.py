@@ -1,77 +1,65 @@
-"""An emulated device on a pseudo-terminal, in a process of its own, at the line's true rate.
-
-A pty passes any number of bytes at once and asks nobody for the baud rate. So this end does both:
-each byte takes its start, eight data and stop bits, and a host that has set another rate than the
-device's gets garbage. A symbolic link names the port, and is pointed to the new one on a replug.
-"""
+"""Emulated devices on pseudo-terminals, in a process of their own, at their lines' true rates."""
 
 import multiprocessing
 import os
 import select
 import signal
-import termios
 import time
-import tty
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from twin.emulate.emulated import EmulatedDevice
-from twin.emulate.faults import BURST, LINE_FAULTS, Fault, Wire
-from twin.emulate.pacing import PacedQueue
-
-BEAT = 0.001
-"""Longest that the process sleeps [s]: devices send of themselves."""
-
-_PATIENCE = 1.0
-"""Longest wait in lockstep for bytes that were written [s]: an unplugged line loses them."""
+from twin.emulate.faults import Fault
+from twin.emulate.server import BEAT, Server
 
 _START = 60.0
 """Longest wait for the process [s]: it may have a machine to compile."""
 
-_RATES = {
-    getattr(termios, f"B{rate}"): rate
-    for rate in (4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600, 2000000, 4000000)
-}
-"""Code of the terminal driver -> baud."""
+MadeDevices = Callable[[], Mapping[str, EmulatedDevice]]
 
 
-class EmulatedLine:
+class EmulatedLines:
     """Starts the process on entry, ends it on exit; faults are scheduled or injected."""
 
     def __init__(
         self,
-        device: EmulatedDevice | Callable[[], EmulatedDevice],
-        link: Path,
+        devices: MadeDevices,
+        links: Mapping[str, Path],
         faults: Sequence[Fault] = (),
         *,
         seed: int = 0,
         log: Path | None = None,
         lockstep: bool = False,
     ) -> None:
-        """`link` will name the port; `log` takes the raw bytes of both directions.
+        """Nothing is started yet.
 
-        In `lockstep` time passes by `go_on` only (`twin.lockstep`).
-
-        A `device` that cannot travel to another process is made there: give what makes it.
+        Args:
+            devices: makes them by their names, in the process where they will live; what they
+                share, they share there.
+            links: will name their ports; the first name's is the device of faults without one.
+            faults: counted from the start.
+            seed: of the faults.
+            log: takes the raw bytes of all directions.
+            lockstep: time passes by `go_on` only (`twin.lockstep`); for a single device.
         """
-        self.link = link
+        self.links = dict(links)
         # A fork would copy the threads' locks of whoever starts this.
         context = multiprocessing.get_context("forkserver")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(
             target=_serve,
-            args=(device, link, tuple(faults), seed, log, theirs, lockstep),
+            args=(devices, self.links, tuple(faults), seed, log, theirs, lockstep),
             daemon=True,
         )
 
     def __enter__(self) -> Self:
         self._process.start()
         if not self._pipe.poll(_START):
-            raise TimeoutError(f"the emulated line {self.link} did not start within {_START:g} s")
+            names = ", ".join(map(str, self.links.values()))
+            raise TimeoutError(f"the emulation at {names} did not start within {_START:g} s")
         self._pipe.recv()
         return self
 
@@ -121,55 +109,56 @@ class EmulatedLine:
         self._process.join(5.0)
 
 
-class _Terminal:
-    """Both ends of a pseudo-terminal; ours keeps the other open, else a host's leaving ends it."""
+class EmulatedLine(EmulatedLines):
+    """One device on its line."""
 
-    def __init__(self, link: Path) -> None:
-        self.master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        os.set_blocking(self.master, False)
-        aside = link.with_name(f"{link.name}.{os.getpid()}")
-        aside.symlink_to(os.ttyname(self._slave))
-        aside.replace(link)
-        self._link = link
+    def __init__(
+        self,
+        device: EmulatedDevice | Callable[[], EmulatedDevice],
+        link: Path,
+        faults: Sequence[Fault] = (),
+        *,
+        seed: int = 0,
+        log: Path | None = None,
+        lockstep: bool = False,
+    ) -> None:
+        """`link` will name the port; `log` takes the raw bytes of both directions.
 
-    def baud(self) -> int:
-        """What the host has set."""
-        return _RATES.get(termios.tcgetattr(self._slave)[5], 0)
+        A `device` that cannot travel to another process is made there: give what makes it.
+        """
+        self.link = link
+        made = _Alone(device)
+        super().__init__(made, {"": link}, faults, seed=seed, log=log, lockstep=lockstep)
 
-    def read(self) -> bytes:
-        try:
-            return os.read(self.master, 4096)
-        except OSError:
-            return b""
 
-    def write(self, data: bytes) -> int:
-        """Send; how many went. What a host does not fetch is lost, as in a full receive buffer."""
-        try:
-            return os.write(self.master, data)
-        except BlockingIOError:
-            return 0
+class _Alone:
+    """Makes a single device, without a name."""
 
-    def close(self) -> None:
-        self._link.unlink(missing_ok=True)
-        os.close(self.master)
-        os.close(self._slave)
+    def __init__(self, device: EmulatedDevice | Callable[[], EmulatedDevice]) -> None:
+        self._device = device
+
+    def __call__(self) -> dict[str, EmulatedDevice]:
+        device = self._device
+        return {"": device if isinstance(device, EmulatedDevice) else device()}
 
 
 def _serve(
-    device: EmulatedDevice | Callable[[], EmulatedDevice],
-    link: Path,
+    devices: MadeDevices,
+    links: Mapping[str, Path],
     faults: tuple[Fault, ...],
     seed: int,
     log: Path | None,
     pipe: Connection,
     lockstep: bool,
 ) -> None:
-    """Be the device until told to stop, or until whoever started this is gone."""
-    # Ctrl-C is meant for the loop, which still has to bring the device to rest.
+    """Be the devices until told to stop, or until whoever started this is gone."""
+    # Ctrl-C is meant for the loop, which still has to bring the devices to rest.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    made = device if isinstance(device, EmulatedDevice) else device()
-    server = _Server(made, link, faults, seed, lockstep=lockstep)
+    made, first, start = devices(), next(iter(links)), time.monotonic()
+    servers: dict[str, Server] = {}
+    for name, link in links.items():
+        own = tuple(fault for fault in faults if (fault.device or first) == name)
+        servers[name] = Server(made[name], link, own, seed, start=start, lockstep=lockstep)
     pipe.send("ready")
     with open(log, "wb", buffering=0) if log else open(os.devnull, "wb") as record:
         while True:
@@ -179,109 +168,20 @@ def _serve(
                     if order is None:
                         return
                     if isinstance(order, Fault):
-                        server.add(order)
+                        servers[order.device or first].add(order)
                     else:
-                        pipe.send(server.go_on(*order))
+                        pipe.send(servers[first].go_on(*order))
             except (EOFError, OSError):
                 return
             if lockstep:
                 pipe.poll(None)
                 continue
-            sent, into = server.step()
-            for mark, data in ((b"<", into), (b">", sent)):
-                if data:
-                    record.write(mark + data.hex().encode() + b"\n")
-            server.sleep(pipe)
-
-
-class _Server:
-    """The loop's state: terminal, both directions of the line, what is wrong with it."""
-
-    def __init__(
-        self,
-        device: EmulatedDevice,
-        link: Path,
-        faults: tuple[Fault, ...],
-        seed: int,
-        *,
-        lockstep: bool = False,
-    ) -> None:
-        self._device, self._link = device, link
-        self._granted = 0.0 if lockstep else None
-        self._early = b""
-        self._heard = self._said = 0
-        self._start = time.monotonic()
-        own = [fault for fault in faults if fault.kind not in LINE_FAULTS]
-        self._wire = Wire([fault for fault in faults if fault.kind in LINE_FAULTS], seed)
-        self._pending = sorted(
-            own + [f for f in self._wire.faults if f.kind == "power_cycle"], key=lambda f: f.start
-        )
-        self._to_device, self._to_host = PacedQueue(), PacedQueue()
-        self._terminal: _Terminal | None = _Terminal(link)
-
-    def add(self, fault: Fault) -> None:
-        fault = replace(fault, start=self._now() + fault.start)
-        if fault.kind in LINE_FAULTS:
-            self._wire.faults.append(fault)
-        if fault.kind not in LINE_FAULTS or fault.kind == "power_cycle":
-            self._pending.append(fault)
-            self._pending.sort(key=lambda each: each.start)
-
-    def go_on(self, until: float, sent: int) -> tuple[float, int]:
-        """In lockstep: hear what was sent, then let time pass until it says something."""
-        patience = time.monotonic() + _PATIENCE
-        while self._heard + len(self._early) < sent and time.monotonic() < patience:
-            self._early += b"" if self._terminal is None else self._terminal.read()
-        self._granted, said = self._now(), self._said
-        while self._granted < until - 1e-9 and self._said == said:
-            self._granted = min(self._granted + BEAT, until)
-            self.step()
-        return self._granted, self._said
-
-    def step(self) -> tuple[bytes, bytes]:
-        """Bytes that went out to the host, and those that came in to the device."""
-        now = self._now()
-        self._happen(now)
-        if self._terminal is None:
-            self._device.advance(now)
-            return b"", b""
-        byte_time = (1 + 8 + self._device.stop_bits) / self._device.baud
-        came, self._early = self._early + self._terminal.read(), b""
-        self._heard += len(came)
-        self._to_device.send(came, now, byte_time)
-        matched = self._terminal.baud() == self._device.baud
-        into = self._wire.carry(self._to_device.arrived(now), now, matched=matched)
-        sent = self._device.receive(into, now) if into else b""
-        self._to_host.send(sent + self._device.advance(now), now, byte_time)
-        burst = self._wire.active("burst", now)
-        arrived = self._to_host.arrived(now // BURST * BURST if burst else now)
-        out = self._wire.carry(arrived, now, matched=matched)
-        if out:
-            self._said += self._terminal.write(out)
-        return out, into
-
-    def sleep(self, pipe: Connection) -> None:
-        """Until the host or the owner says something, or the next beat."""
-        watched: list[int | Connection] = [pipe]
-        if self._terminal is not None:
-            watched.append(self._terminal.master)
-        select.select(watched, [], [], BEAT)
-
-    def _now(self) -> float:
-        return time.monotonic() - self._start if self._granted is None else self._granted
-
-    def _happen(self, now: float) -> None:
-        while self._pending and self._pending[0].start <= now:
-            fault = self._pending.pop(0)
-            if fault.kind == "power_cycle":
-                self._device.power_cycle(now)
-            else:
-                self._device.inject(fault.kind, fault.value)
-        unplugged = self._wire.active("unplug", now) is not None
-        if unplugged and self._terminal is not None:
-            self._terminal.close()
-            self._terminal = None
-            self._to_device.clear()
-            self._to_host.clear()
-        elif not unplugged and self._terminal is None:
-            self._terminal = _Terminal(self._link)
+            watched: list[int | Connection] = [pipe]
+            for name, server in servers.items():
+                sent, into = server.step()
+                for mark, data in (("<", into), (">", sent)):
+                    if data:
+                        record.write(f"{name}{mark}{data.hex()}\n".encode())
+                watched += server.watched
+            # until a host or the owner says something, or the next beat
+            select.select(watched, [], [], BEAT)

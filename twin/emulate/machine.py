@@ -1,12 +1,14 @@
-"""The machine behind an emulated board: the simulated plant, as the board's pins see it.
+"""The machine behind emulated devices: the simulated plant, as their pins see it.
 
-What the plant's sensors give, noise and lateness included, is what the board has to send; the
-set-points that are in force there, and only those, reach the plant's actuators. The plant is
-advanced by single physics steps, so that a set-point acts from the step after it was heard on.
+There is one, whatever number of devices it has; each sees and moves its share of it. What the
+plant's sensors give, noise and lateness included, is what the devices have to send; the set-points
+that are in force there, and only those, reach the plant's actuators. The plant is advanced by
+single physics steps, so that a set-point acts from the step after it was heard on. Whichever device
+first comes to a time advances it for all of them.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,14 +26,14 @@ _EPS = 1e-9
 
 
 class Shown(NamedTuple):
-    """A value that a board has to send."""
+    """A value that a device has to send."""
 
     source: str
-    """The board's own name of the stream."""
+    """The device's own name of the stream."""
     time: float
     """When it was true [s]."""
     value: Array
-    """(columns,) SI, the board's axes and order; not a number where there is none."""
+    """(columns,) SI, the device's axes and order; not a number where there is none."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class Machine:
 
     platform: Platform
     measured: tuple[Route, ...]
-    """How the board's streams become the machine's; undone here."""
+    """How the devices' streams become the machine's; undone here."""
     commanded: tuple[Route, ...]
     seed: int = 0
     """Of its sensors' noise."""
@@ -51,8 +53,38 @@ class Machine:
         return SimulatedMachine(self)
 
 
+@dataclass
+class Share:
+    """What one device sees and moves of the machine."""
+
+    machine: "SimulatedMachine"
+    told: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    """(columns,) set-points in force, by the device's own names."""
+    drive: Callable[[float], Array] | None = None
+    """Where the device's own stage drives have brought them at a time [s], (columns,) as its
+    command of stages has them; None: the machine's drives obey `told`."""
+    shown: list[Shown] = field(default_factory=list[Shown])
+
+    def step(self, told: Mapping[str, Array], now: float) -> list[Shown]:
+        """Advance the machine to `now` [s], if nobody has yet: what this device is to send.
+
+        Args:
+            told: (columns,) by the device's own names. What is absent is safe: masses brake and
+                hold, all else is zero.
+            now: device's time, never before that of the last call.
+        """
+        self.told = told
+        self.machine.advance(now)
+        shown, self.shown = sorted(self.shown, key=lambda one: one.time), []
+        return shown
+
+    def restart(self) -> None:
+        """The device has begun anew: its step counters are at zero, wherever the masses are."""
+        self.machine.restart(self)
+
+
 class SimulatedMachine:
-    """One machine, moved by what a board tells its actuators."""
+    """One machine, moved by what devices tell its actuators."""
 
     def __init__(self, made_of: Machine) -> None:
         """Compile it.
@@ -67,43 +99,60 @@ class SimulatedMachine:
             initial=made_of.initial,
         )
         self._platform = platform
+        devices = dict.fromkeys(route.device for route in (*made_of.measured, *made_of.commanded))
+        self._shares = {name: Share(self) for name in devices}
         self._measured: dict[str, list[Route]] = {}
         for route in made_of.measured:
             self._measured.setdefault(route.stream, []).append(route)
         self._commanded = made_of.commanded
         self._steps = -1
-        self._goal = self._place
+        self._goal = self.place
         """(stages,) [m] where the masses go, or hold."""
         self._uncounted = np.zeros(len(platform.stages))
         """(stages,) [m] what a step counter that began anew does not know of."""
-        self._moving = False
+        self._moving = self._driven = False
 
-    def step(self, told: Mapping[str, Array], now: float) -> list[Shown]:
-        """Advance to `now` [s] under the set-points that are in force: what is to be sent.
+    def share(self, device: str) -> Share:
+        """That of one device."""
+        return self._shares.setdefault(device, Share(self))
 
-        Args:
-            told: (columns,) by the board's own names. What is absent is safe: masses brake and
-                hold, all else is zero.
-            now: board's time, never before that of the last call.
-        """
-        shown: list[Shown] = []
+    @property
+    def place(self) -> Array:
+        """(stages,) where the masses are [m]."""
+        return self.plant.state[0][0, self.plant.machine.stage_qpos]
+
+    def advance(self, now: float) -> None:
+        """Simulate up to `now` [s], and lay out for each device what it has to send."""
         step = self._platform.step
         while (self._steps + 1) * step <= now + _EPS:
             self._steps += 1
+            self._follow(self._steps * step)
             reading = self.plant.read(self._steps * step)
             for stream, samples in reading.streams.items():
                 for route in self._measured.get(stream, ()):
-                    shown += self._seen(route, samples.time[0], samples.value[0], samples.valid[0])
-            self.plant.write(self._command(told))
-        return sorted(shown, key=lambda one: one.time)
+                    self._shares[route.device].shown += self._seen(
+                        route, samples.time[0], samples.value[0], samples.valid[0]
+                    )
+            self.plant.write(self._command())
 
-    def restart(self) -> None:
-        """The board has begun anew: step counters are at zero, wherever the masses are."""
-        self._uncounted = self._place
+    def restart(self, share: Share) -> None:
+        """That device's step counters are at zero."""
+        for route in self._measured.get("stage_position", ()):
+            if self._shares[route.device] is share:
+                columns = list(route.columns)
+                self._uncounted[columns] = self.place[columns]
 
-    @property
-    def _place(self) -> Array:
-        return self.plant.state[0][0, self.plant.machine.stage_qpos]
+    def _follow(self, time: float) -> None:
+        """Bring the masses to where drives of their own are by then."""
+        place, driven = self.place, False
+        for route in self._commanded:
+            drive = self._shares[route.device].drive
+            if route.stream == _STAGES and drive is not None:
+                place[list(route.columns)] = route.taken(drive(time))
+                driven = True
+        if driven:
+            self.plant.drive_stages(place[None])
+        self._driven = driven
 
     def _seen(
         self, route: Route, times: Array, values: Array, valid: NDArray[np.bool_]
@@ -120,11 +169,12 @@ class SimulatedMachine:
             for time, value, good in zip(times, values, valid, strict=True)
         ]
 
-    def _command(self, told: Mapping[str, Array]) -> Command:
+    def _command(self) -> Command:
         command = {name: np.zeros((1, width)) for name, width in self._platform.commands.items()}
         goal = self._goal.copy()
         told_stages = False
         for route in self._commanded:
+            told = self._shares[route.device].told
             if route.source not in told:
                 continue
             value = route.taken(told[route.source])
@@ -138,6 +188,8 @@ class SimulatedMachine:
                 goal = self._braked()
             self._goal, self._moving = goal, told_stages
             command[_STAGES] = goal[None]
+        if self._driven:
+            del command[_STAGES]
         return command
 
     def _braked(self) -> Array:
@@ -147,5 +199,5 @@ class SimulatedMachine:
         ramp = np.array([1.0 / (2.0 * stage.acceleration) for stage in platform.stages])
         late = np.array([stage.response for stage in platform.stages])
         way = speed * late + np.sign(speed) * speed**2 * ramp
-        left = self._goal - self._place
-        return self._place + np.clip(way, np.minimum(left, 0.0), np.maximum(left, 0.0))
+        left = self._goal - self.place
+        return self.place + np.clip(way, np.minimum(left, 0.0), np.maximum(left, 0.0))

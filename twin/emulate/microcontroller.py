@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from twin.emulate.actuators import EmulatedStages, EmulatedWheels
 from twin.emulate.emulated import EmulatedDevice
 from twin.emulate.far_end import FarEnd
-from twin.emulate.machine import SimulatedMachine
+from twin.emulate.machine import Share
 from twin.errors import UnknownName
 from twin.plant.devices.link import Schema
 
@@ -46,7 +46,7 @@ class EmulatedMicrocontroller(EmulatedDevice):
         *,
         stages: EmulatedStages | None = None,
         wheels: EmulatedWheels | None = None,
-        machine: SimulatedMachine | None = None,
+        machine: Share | None = None,
         name: str = "emulated",
         longest_valid_ms: int = 500,
         clock_us: int = 0,

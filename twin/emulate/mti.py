@@ -71,6 +71,8 @@ class EmulatedMti(EmulatedDevice):
     latency: float = 0.002
     """From a request to its answer [s]."""
     seed: int = 0
+    on_the_beat: bool = False
+    """It samples at whole periods of the time that is told to it, wherever it was started."""
     values: dict[int, tuple[float, ...]] = field(
         default_factory=lambda: {
             0x0810: (25.0,),
@@ -172,7 +174,10 @@ class EmulatedMti(EmulatedDevice):
         self._state = "measurement"
         rates = [rate for _, rate in self._outputs if 0 < rate < 0xFFFF]
         self._rate = max(rates, default=100)
-        self._first_packet = self._next_packet = now + 1.0 / self._rate
+        first = now + 1.0 / self._rate
+        if self.on_the_beat:
+            first = math.ceil(first * self._rate - 1e-6) / self._rate
+        self._first_packet = self._next_packet = first
         self._sent = 0
 
     def _obey(self, message: int, data: bytes, now: float) -> None:

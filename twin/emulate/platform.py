@@ -1,48 +1,76 @@
-"""A platform's devices, emulated: its [hardware] on a pseudo-terminal, its simulation behind it.
+"""A platform's devices, emulated: its [hardware] on pseudo-terminals, one simulation behind them.
 
-The board and the machine behind it live in another process, on the wall's clock and at the line's
-rate; they know of this one what comes over the line.
+The devices and the machine behind them live together in another process, on the wall's clock and at
+their lines' rates; they know of this one what comes over the lines.
 """
 
 import pickle
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from twin.emulate.attached import AttachedMDrives, AttachedMti, AttachedSolar2
+from twin.emulate.emulated import EmulatedDevice
 from twin.emulate.faults import Fault
-from twin.emulate.line import EmulatedLine
-from twin.emulate.machine import Machine
+from twin.emulate.line import EmulatedLines
+from twin.emulate.machine import Machine, SimulatedMachine
 from twin.emulate.microcontroller import EmulatedMicrocontroller
-from twin.errors import UsageError
-from twin.plant.devices.device import Device
+from twin.errors import UnknownName, UsageError
+from twin.plant.devices.device import Device, DeviceSettings
 from twin.plant.devices.host_time import HostTime
 from twin.plant.devices.link import Schema
+from twin.plant.devices.mdrive.mdrive import MDriveSettings
 from twin.plant.devices.microcontroller import Microcontroller, MicrocontrollerSettings
+from twin.plant.devices.solar2.solar2 import Solar2Settings
+from twin.plant.devices.xbus.mti import MtiSettings
 from twin.plant.hardware_setup import HardwareSetup
 from twin.plant.simulated import InitialState
 from twin.platform import Platform
 
+_STAGES = "command_stage_position"
+
 
 @dataclass(frozen=True)
-class Board:
-    """Makes an emulated board with its machine, in the process where it will live."""
+class Devices:
+    """Makes the emulated devices with their machine, in the process where they will live."""
 
-    settings: MicrocontrollerSettings
+    settings: Mapping[str, DeviceSettings]
     machine: Machine
 
-    def __call__(self) -> EmulatedMicrocontroller:
+    def __call__(self) -> dict[str, EmulatedDevice]:
         """Switched on, at time 0."""
-        return EmulatedMicrocontroller(
-            Schema(self.settings.channels),
-            {},
-            machine=self.machine.simulated(),
-            name=f"emulated {self.settings.name}"[:32],
-            longest_valid_ms=max(500, round(2000 * self.settings.valid_for)),
-            baud=self.settings.baud,
-        )
+        machine = self.machine.simulated()
+        return {name: self._made(name, machine) for name in self.settings}
+
+    def _made(self, name: str, machine: SimulatedMachine) -> EmulatedDevice:
+        settings, share = self.settings[name], machine.share(name)
+        match settings:
+            case MicrocontrollerSettings():
+                return EmulatedMicrocontroller(
+                    Schema(settings.channels),
+                    {},
+                    machine=share,
+                    name=f"emulated {settings.name}"[:32],
+                    longest_valid_ms=max(500, round(2000 * settings.valid_for)),
+                    baud=settings.baud,
+                )
+            case MDriveSettings():
+                (route,) = (
+                    route
+                    for route in self.machine.commanded
+                    if route.stream == _STAGES and route.device == name
+                )
+                start = route.given(machine.place[list(route.columns)])
+                return AttachedMDrives(settings, share, start.tolist())
+            case MtiSettings():
+                return AttachedMti(settings, share)
+            case Solar2Settings():
+                return AttachedSolar2(settings, share)
+            case _:
+                raise UsageError(f"{name}: there is no emulation of {type(settings).__name__}")
 
 
 class EmulatedPlatform:
@@ -65,19 +93,24 @@ class EmulatedPlatform:
             setup: its [hardware]; ports and calibration are not used.
             seed: of its sensors' noise.
             initial: its state at time 0; level and at rest unless given.
-            faults: of the line and the board.
+            faults: of the lines and the devices.
             lockstep: time passes only as the host lets it, as fast as both can
                 (`twin.lockstep`).
 
         Raises:
             UsageError: wiring that cannot be emulated.
+            UnknownName: a fault of a device that is not there.
         """
+        _check(platform, setup, lockstep=lockstep)
+        for fault in faults:
+            if fault.device and fault.device not in setup.devices:
+                raise UnknownName("device", fault.device, setup.devices)
         self._setup = setup
-        ((self._name, settings),) = _the_board(platform, setup).items()
-        machine = Machine(platform, setup.measured, setup.commanded, seed, initial)
-        self._board = Board(settings, machine)
+        sampled = _sampled(platform, setup)
+        machine = Machine(sampled, setup.measured, setup.commanded, seed, initial)
+        self._devices = Devices(dict(setup.devices), machine)
         try:
-            pickle.dumps(self._board)
+            pickle.dumps(self._devices)
         except (pickle.PicklingError, AttributeError, TypeError) as problem:
             raise UsageError(
                 "an effect from a file of one's own cannot be emulated: it would have to travel to "
@@ -86,14 +119,14 @@ class EmulatedPlatform:
         self._faults, self._seed = faults, seed
         self.lockstep = lockstep
         self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._line: EmulatedLine | None = None
+        self._line: EmulatedLines | None = None
 
     def __enter__(self) -> Self:
         self._folder = tempfile.TemporaryDirectory(prefix="twin-")
-        link = Path(self._folder.name) / self._name
+        links = {name: Path(self._folder.name) / name for name in self._setup.devices}
         try:
-            line = EmulatedLine(
-                self._board, link, self._faults, seed=self._seed, lockstep=self.lockstep
+            line = EmulatedLines(
+                self._devices, links, self._faults, seed=self._seed, lockstep=self.lockstep
             )
             self._line = line.__enter__()
         except BaseException:
@@ -113,51 +146,98 @@ class EmulatedPlatform:
             self._folder.cleanup()
 
     @property
-    def line(self) -> EmulatedLine:
-        """Of the board, to be made to fail; while it runs."""
+    def line(self) -> EmulatedLines:
+        """Of the devices, to be made to fail; while it runs."""
         assert self._line is not None
         return self._line
 
     @property
     def ports(self) -> dict[str, Path]:
         """Where each device can be opened, by its name; while it runs."""
-        return {self._name: self.line.link}
+        return self.line.links
 
     def sessions(self, host: HostTime) -> dict[str, Device]:
-        """Sessions with its devices, not yet connected, that go by that time; while it runs."""
-        settings = replace(self._board.settings, port=str(self.line.link))
-        return {self._name: Microcontroller(settings, host)}
+        """Sessions in lockstep, not yet connected, that go by that time; while it runs."""
+        return {
+            name: Microcontroller(settings, host)
+            for name, settings in self.setup.devices.items()
+            if isinstance(settings, MicrocontrollerSettings)
+        }
 
     @property
     def setup(self) -> HardwareSetup:
         """The wiring with these ports; while it runs."""
-        return with_port(self._setup, str(self.line.link))
+        return _at(self._setup, {name: str(port) for name, port in self.ports.items()})
 
 
 def with_port(setup: HardwareSetup, port: str) -> HardwareSetup:
-    """The same wiring with its only device at another port.
+    """The same wiring at other ports.
+
+    Args:
+        setup: of a machine.
+        port: of its only device, or `NAME=PORT,NAME=PORT` of several.
 
     Raises:
-        UsageError: it has several.
+        UsageError: it has several, and not each is named.
+        UnknownName: a device that it has not.
     """
+    if port.partition("=")[0] in setup.devices:
+        ports = dict(one.split("=", 1) for one in port.split(",") if "=" in one)
+        for name in ports:
+            if name not in setup.devices:
+                raise UnknownName("device", name, setup.devices)
+        return _at(setup, ports)
     if len(setup.devices) != 1:
+        several = ",".join(f"{name}=PORT" for name in setup.devices)
         raise UsageError(
             f"{', '.join(setup.devices)}: one port cannot be that of {len(setup.devices)} devices; "
-            "write a file with [hardware] and their ports, and give --plant serial:FILE.toml"
+            f"give serial:{several}, or write a file with [hardware] and their ports, and give "
+            "serial:FILE.toml"
         )
-    ((name, settings),) = setup.devices.items()
-    return replace(setup, devices={name: replace(settings, port=port)})
+    return _at(setup, dict.fromkeys(setup.devices, port))
 
 
-def _the_board(platform: Platform, setup: HardwareSetup) -> dict[str, MicrocontrollerSettings]:
-    boards = {
-        name: settings
+def _at(setup: HardwareSetup, ports: Mapping[str, str]) -> HardwareSetup:
+    devices = {
+        name: replace(settings, port=ports.get(name, settings.port))
         for name, settings in setup.devices.items()
-        if isinstance(settings, MicrocontrollerSettings)
     }
-    if len(boards) != 1 or len(setup.devices) != 1:
+    return replace(setup, devices=devices)
+
+
+def _sampled(platform: Platform, setup: HardwareSetup) -> Platform:
+    """The machine with its sensors sampled as the devices on them do it.
+
+    An MTi has rates of its own. A SOLAR-2 has its angles ready at all times: it measures at each
+    physics step, and is asked when it is.
+    """
+    sensors = dict(platform.sensors)
+    for route in setup.measured:
+        settings, sensor = setup.devices[route.device], sensors.get(route.stream)
+        if sensor is None:
+            continue
+        if isinstance(settings, MtiSettings):
+            sensors[route.stream] = replace(sensor, rate=float(settings.rates[route.source]))
+        elif isinstance(settings, Solar2Settings):
+            sensors[route.stream] = replace(sensor, rate=1.0 / platform.step)
+    return replace(platform, sensors=sensors)
+
+
+def _check(platform: Platform, setup: HardwareSetup, *, lockstep: bool) -> None:
+    if not setup.devices:
+        raise UsageError(f"{platform.name} has no device in its [hardware]; state one")
+    boards = [isinstance(one, MicrocontrollerSettings) for one in setup.devices.values()]
+    if lockstep and boards != [True]:
         raise UsageError(
-            f"{platform.name} has {', '.join(setup.devices) or 'no device'} in its [hardware]; "
-            "what can be emulated so far is one microcontroller that carries everything"
+            f"--lockstep is for one microcontroller on our own link; {platform.name} has "
+            f"{', '.join(setup.devices)}, whose drivers go by the wall's clock: leave it out"
         )
-    return boards
+    stages = [setup.devices[r.device] for r in setup.commanded if r.stream == _STAGES]
+    driven = {isinstance(settings, MDriveSettings) for settings in stages}
+    if len(driven) > 1:
+        raise UsageError("stages on MDrives and stages on a board cannot be emulated together")
+    for name, settings in setup.devices.items():
+        drives = isinstance(settings, MDriveSettings)
+        mine = [r for r in setup.commanded if r.device == name and r.stream == _STAGES]
+        if drives and len(mine) != 1:
+            raise UsageError(f"{name}: [hardware.commands] must give it its stages once")

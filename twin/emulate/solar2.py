@@ -63,6 +63,11 @@ class EmulatedSolar2(EmulatedDevice):
         self._still = (self.x, self.y)
         self._next = self.interval
 
+    def show(self, x: float, y: float) -> None:
+        """It stands so from now on [deg], and whatever filters it has done so."""
+        self.x, self.y = x, y
+        self._filtered = (x, y)
+
     def power_cycle(self, now: float) -> None:
         self._inbox = b""
         self._outbox.clear()

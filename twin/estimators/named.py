@@ -30,5 +30,9 @@ def load_estimator(name: str) -> Estimator:
 
 
 def usual_estimator(platform: Platform) -> str:
-    """The filter for a machine that has what it needs, else the sensors as they are."""
-    return "filter" if {"gyro", "attitude"} <= set(platform.sensors) else "passthrough"
+    """The filter for a machine that has what it needs; its inclinometer where nothing else tells
+    the attitude; else the sensors as they are."""
+    if {"gyro", "attitude"} <= set(platform.sensors):
+        return "filter"
+    told = {"attitude", "joint_angle"} & set(platform.sensors)
+    return "inclinometer" if "inclinometer" in platform.sensors and not told else "passthrough"

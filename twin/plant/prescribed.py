@@ -42,6 +42,7 @@ class PrescribedJoints:
         self._max_acceleration = np.array([stage.acceleration for stage in stages])
         wait = max((stage.response for stage in stages), default=0.0)
         self._coming = deque([self._stage_target] * round(wait / platform.tick))
+        self._driven: Array | None = None
         self._gimbal_angle = qpos[:, machine.gimbal_qpos].copy()
         self._gimbal_rate = np.zeros_like(self._gimbal_angle)
         self._gimbal_target = self._gimbal_rate
@@ -55,6 +56,11 @@ class PrescribedJoints:
         else:
             self._stage_target = position
 
+    def drive_stages(self, position: Array) -> None:
+        """Where drives that are none of ours bring them by the end of the next tick, (n, stages)
+        [m]; from now on no profile is planned here."""
+        self._driven = position
+
     def send_gimbals(self, rate: Array) -> None:
         """Rates (n, gimbals) [rad/s] to go for."""
         self._gimbal_target = rate
@@ -65,7 +71,9 @@ class PrescribedJoints:
             self._stage_target = self._coming.popleft()
             self._coming.append(self._coming[-1] if self._coming else self._stage_target)
         force: Array | None = None
-        if self._has_stages and (
+        if self._driven is not None:
+            force = self._follow(self._driven, steps)
+        elif self._has_stages and (
             self._stage_speed.any() or (self.stage_position != self._stage_target).any()
         ):
             acceleration, self.stage_position, self._stage_speed = plan(
@@ -97,6 +105,18 @@ class PrescribedJoints:
             force = self.no_forces(steps) if force is None else force
             push = np.repeat(acceleration, self._held, axis=1) * self._inertia[1]
             force[:, :, self._machine.gimbal_dof] = push
+        return force
+
+    def _follow(self, position: Array, steps: int) -> Array | None:
+        """The force that brings the stages to the mean speed of the way there; None: they rest."""
+        duration = steps * self._machine.platform.step
+        speed = (position - self.stage_position) / duration
+        acceleration = (speed - self._stage_speed) / duration
+        self.stage_position, self._stage_speed = position, speed
+        if not acceleration.any():
+            return None
+        force = self.no_forces(steps)
+        force[:, :, self._machine.stage_dof] = (acceleration * self._inertia[0])[:, None]
         return force
 
     def pin(self) -> None:

@@ -202,6 +202,16 @@ class SimulatedPlant(Plant):
             self._applied["command_wheel_torque"] = self._wheel_torque(self._wheel_wish)
         return dict(self._applied)
 
+    def drive_stages(self, position: Array) -> None:
+        """Stages that follow drives of their own: where these are by the end of the next tick.
+
+        From then on no stage is told by `write` where to go; the effects on that command act here.
+
+        Args:
+            position: (n, stages) [m].
+        """
+        self._joints.drive_stages(self._done_with("command_stage_position", position))
+
     @property
     def state(self) -> tuple[Array, Array]:
         """MuJoCo's qpos (n, nq) and qvel (n, nv), copied; `machine` says where the parts stand."""

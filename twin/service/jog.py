@@ -1,6 +1,7 @@
 """One bounded move of one stage, read back; on a floating table, whether it turned as predicted."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin.bench import Bench
 from twin.errors import SafetyError, UsageError
@@ -8,8 +9,11 @@ from twin.service.sense import Sense, sense
 from twin.service.session import MOVE, Session
 from twin.service.stages import carried, in_mm, move, stage_named
 
-_BEFORE, _AFTER = 1.0, 2.0
-"""The table is watched so long around a move while it floats [s]."""
+Array = NDArray[np.float64]
+
+_BEFORE, _AFTER, _LONGEST = 1.0, 1.0, 15.0
+"""A floating table is watched so long before a move, and after it until what it does can be told,
+within the longest [s]."""
 
 _FIRST = 1e-3
 """A captured stage goes so far at first, and on only if it went the right way [m]."""
@@ -46,15 +50,13 @@ def jog(bench: Bench, name: str, distance: float) -> list[str]:
         first[stage] += np.clip(distance, -_FIRST, _FIRST)
         move(session, first)
     move(session, goal)
-    if floating:
-        session.watch({MOVE: goal[None]}, _AFTER)
+    found = _watched(session, stage, goal[None]) if floating else None
     end = session.places[stage]
     told = (
         f"{name} was sent from {in_mm(start[stage])} to {in_mm(goal[stage])} and reads {in_mm(end)}"
     )
     if not floating:
         return [told, "captured: whether it turns the table the right way was not to be seen"]
-    found = sense(bench.platform, session.readings, stage)
     if found is not None and found.seen and found.share < 0.0:
         raise SafetyError(
             f"{told}, but the table turned the wrong way: {_share(found)} of what the model "
@@ -63,6 +65,17 @@ def jog(bench: Bench, name: str, distance: float) -> list[str]:
             "anything flies",
         )
     return [told, _seen(found)]
+
+
+def _watched(session: Session, stage: int, goal: Array) -> Sense | None:
+    """What the table shows of the move, as soon as it is sure."""
+    found: Sense | None = None
+    for _ in range(round(_LONGEST / _AFTER)):
+        session.watch({MOVE: goal}, _AFTER)
+        found = sense(session.platform, session.readings, stage)
+        if found is None or found.seen:
+            break
+    return found
 
 
 def _allow(bench: Bench, stage: int, start: float, distance: float, *, floating: bool) -> None:

@@ -43,8 +43,9 @@ def home(bench: Bench) -> list[str]:
         drives.home(captured=True)
         parts = ", ".join(stage.settings.part for stage in drives.stages)
         told.append(f"{name}: {parts} homed")
+    bench.watch_on()
+    # where they are now is where they are: no jump
     bench.guard.captured()
-    bench.watch()
     return [*told, _where(bench)]
 
 
