@@ -134,6 +134,10 @@ class Balance:
                 observers.append(recorder)
             # last, for a machine on its bench moves from now on
             stack.enter_context(plant)
+            if isinstance(plant, Bench):
+                from twin.cli.live import LiveView
+
+                observers.append(stack.enter_context(LiveView(plant, self.duration)))
             clock = plant.begin() if isinstance(plant, Bench) else SimulatedClock()
             outcome = fly(
                 plant,

@@ -121,6 +121,10 @@ class Run:
                 observers.append(recorder)
             # last, for a machine on its bench moves from now on
             stack.enter_context(flight.plant)
+            if flight.bench is not None:
+                from twin.cli.live import LiveView
+
+                observers.append(stack.enter_context(LiveView(flight.bench, flight.duration)))
             clock = WallClock() if self.realtime else SimulatedClock()
             outcome = flight.fly(clock, observers)
         told = [] if flight.bench is None else flight.bench.told()
