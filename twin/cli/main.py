@@ -17,6 +17,7 @@ VERBS: dict[str, tuple[str, str, str]] = {
     "balance": ("twin.cli.balance", "Balance", "bring the CM into the CR, to a stated torque"),
     "emulate": ("twin.cli.emulate", "Emulate", "a platform's devices on pseudo-terminals"),
     "hardware": ("twin.cli.hardware", "Hardware", "a machine before and after a session"),
+    "doctor": ("twin.cli.doctor", "Doctor", "whether this computer is fit to fly a machine"),
     "show": ("twin.cli.show", "Show", "what is in a log: rates, gaps, ranges, noise"),
     "identify": ("twin.cli.identify", "Identify", "inertia and mass moment from logs"),
     "compare": ("twin.cli.compare", "Compare", "what the model gets wrong about a log"),

@@ -1,0 +1,178 @@
+"""Whether this computer is fit to fly a machine: ports, adapters, permissions, and how late it is.
+
+Nothing is opened and nothing is changed. What is bad would keep a session from working, what is
+poor would make it late.
+"""
+
+import grp
+import os
+import resource
+import stat
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+import numpy as np
+
+from twin.clock import WallClock
+
+ADAPTERS = Path("/sys/bus/usb-serial/devices")
+PROCESSOR = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
+
+_LATE = 5e-3
+"""[s]: a tenth of the period of a 20 Hz loop."""
+
+
+class Verdict(Enum):
+    """What a finding means."""
+
+    good = "good"
+    poor = "poor"
+    bad = "bad"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at."""
+
+    what: str
+    verdict: Verdict
+    sentence: str
+    """What was found, and what would do."""
+
+
+def examine(ports: Mapping[str, str], *, seconds: float = 3.0, rate: float = 50.0) -> list[Finding]:
+    """Look at everything.
+
+    Args:
+        ports: device -> path or URL; of the machine that is to fly, empty without one.
+        seconds: for which ticks are timed [s].
+        rate: of those ticks [Hz].
+    """
+    return [
+        *(port_found(name, port) for name, port in ports.items()),
+        *adapters_found(ADAPTERS),
+        *permissions_found(),
+        *governor_found(PROCESSOR),
+        lateness_found(seconds, rate),
+    ]
+
+
+def port_found(name: str, port: str) -> Finding:
+    """Whether a device's port is there, and ours to read and write."""
+    what = f"port of {name}"
+    if "://" in port:
+        return Finding(what, Verdict.good, f"{port} is no path; whether it answers, status tells")
+    path = Path(port)
+    if not path.exists():
+        there = ", ".join(map(str, _serial_ports())) or "none"
+        return Finding(
+            what, Verdict.bad, f"{port} is not there; plugged in are: {there}. Correct its port"
+        )
+    if not stat.S_ISCHR(path.stat().st_mode):
+        return Finding(what, Verdict.bad, f"{port} is no serial port; correct its port")
+    if not os.access(path, os.R_OK | os.W_OK):
+        return Finding(
+            what,
+            Verdict.bad,
+            f"{port} may not be opened; join the group {_group(path)} and log in again",
+        )
+    return Finding(what, Verdict.good, f"{port} -> {path.resolve()} may be opened")
+
+
+def adapters_found(folder: Path) -> list[Finding]:
+    """How long USB adapters hold bytes back.
+
+    Args:
+        folder: of the kernel's USB serial devices.
+    """
+    found: list[Finding] = []
+    for timer in sorted(folder.glob("*/latency_timer")):
+        name, wait = timer.parent.name, int(timer.read_text().split()[0])
+        sentence = f"holds bytes back for up to {wait} ms"
+        verdict = Verdict.good if wait <= 1 else Verdict.poor
+        if verdict is Verdict.poor:
+            sentence += f"; as root: echo 1 > {timer}"
+        found.append(Finding(f"adapter {name}", verdict, sentence))
+    return found
+
+
+def permissions_found() -> list[Finding]:
+    """Whether a process may run ahead of others, and keep its memory from being swapped."""
+    root = os.geteuid() == 0
+    ahead = root or resource.getrlimit(resource.RLIMIT_RTPRIO)[0] != 0
+    locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    enough = root or locked == resource.RLIM_INFINITY
+    return [
+        Finding(
+            "priority",
+            Verdict.good if ahead else Verdict.poor,
+            "SCHED_FIFO is permitted: `chrt -f 40 twin run ...` keeps its time on a busy computer"
+            if ahead
+            else "SCHED_FIFO is not permitted; add `@realtime - rtprio 99` to "
+            "/etc/security/limits.conf and join that group",
+        ),
+        Finding(
+            "memory",
+            Verdict.good if enough else Verdict.poor,
+            "all of it may be locked"
+            if enough
+            else f"only {locked // 1024} KiB may be locked; add `@realtime - memlock unlimited`",
+        ),
+    ]
+
+
+def governor_found(file: Path) -> list[Finding]:
+    """Whether the processor slows down when there is little to do; nothing where it cannot.
+
+    Args:
+        file: in which the kernel tells its governor.
+    """
+    if not file.exists():
+        return []
+    governor = file.read_text().strip()
+    fast = governor == "performance"
+    sentence = f"its governor is {governor}"
+    if not fast:
+        sentence += "; as root: cpupower frequency-set -g performance"
+    return [Finding("processor", Verdict.good if fast else Verdict.poor, sentence)]
+
+
+def lateness_found(seconds: float, rate: float) -> Finding:
+    """How late ticks come here now, without a load of ours.
+
+    Args:
+        seconds: for which they are timed [s].
+        rate: [Hz].
+    """
+    clock = WallClock()
+    for _ in clock.ticks(1.0 / rate, seconds):
+        pass
+    return judged(clock.timing.lateness, clock.timing.overruns)
+
+
+def judged(lateness: Iterable[float], overruns: int) -> Finding:
+    """What that lateness [s] of ticks and their overruns mean."""
+    p50, p99, most = np.percentile(np.fromiter(lateness, dtype=float), [50.0, 99.0, 100.0])
+    late = p99 > _LATE or overruns > 0
+    sentence = (
+        f"ticks come {1e3 * p50:.2f} ms late (median), {1e3 * p99:.2f} ms (99 %), "
+        f"{1e3 * most:.2f} ms at most, {overruns} were missed"
+    )
+    if late:
+        sentence += "; end what else runs, or fly with a priority of its own"
+    return Finding("lateness", Verdict.poor if late else Verdict.good, sentence)
+
+
+def _serial_ports() -> list[Path]:
+    stable = sorted(Path("/dev/serial/by-id").glob("*"))
+    return stable or sorted((*Path("/dev").glob("ttyUSB*"), *Path("/dev").glob("ttyACM*")))
+
+
+def _group(path: Path) -> str:
+    number = path.stat().st_gid
+    try:
+        return grp.getgrgid(number).gr_name
+    except KeyError:
+        return str(number)
