@@ -72,7 +72,7 @@ class Bench(Plant):
         self.n = 1
         self.stopped = {}
         self.emulation = emulation
-        self._setup, self._held = setup, held
+        self.setup, self._held = setup, held
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
@@ -82,7 +82,7 @@ class Bench(Plant):
             DeviceError: one that is not there, or another.
         """
         with ExitStack() as stack:
-            setup = self._setup
+            setup = self.setup
             if self.emulation is not None:
                 setup = stack.enter_context(self.emulation).setup
             self._host: HostTime = WALL

@@ -148,3 +148,9 @@ def test_emulate_prints_a_port_for_each_device_that_another_program_can_open(cap
     told = capsys.readouterr().out
     assert "imu (unit 03880011) at" in told
     assert "no calibration file" in told
+
+
+def test_a_table_on_which_nothing_damps_is_not_begun_to_be_balanced(capsys):
+    words = ["--plant", "pty", "--arm", "floating", "--offset", "20", "-15", "-100"]
+    assert main(["balance", "astros", *words]) == 2
+    assert "no device of astros takes anything that damps" in capsys.readouterr().err

@@ -13,11 +13,14 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from twin.bench import Bench
     from twin.loop import Outcome
     from twin.platform import Platform
     from twin.procedures.notes import Notes
 
 Triple = tuple[float, float, float]
+
+_DAMPING = ("command_dipole", "command_gimbal_rate", "command_wheel_torque")
 
 CAP = 7200.0
 """In which a balancing must be over unless told otherwise [s]."""
@@ -121,6 +124,7 @@ class Balance:
                     initial=initial,
                     lockstep=self.lockstep,
                 )
+                _check_damped(plant)
             # of a machine on its bench, with the sensors that its devices carry
             machine = plant.platform
             # a fit takes no time where the wall's clock does not count
@@ -281,6 +285,18 @@ class Balance:
         if self.rrd is not None:
             lines.append(f"recorded in {self.rrd}: look at it with `twin view {self.rrd}`")
         return lines
+
+
+def _check_damped(bench: "Bench") -> None:
+    """A table whose swinging nothing takes away would never settle."""
+    from twin.errors import UsageError
+
+    taken = {route.stream for route in bench.setup.commanded}
+    if not taken & set(_DAMPING):
+        raise UsageError(
+            f"no device of {bench.platform.name} takes anything that damps its swinging; "
+            f"[hardware.commands] needs one of {', '.join(_DAMPING)}"
+        )
 
 
 def _tell(line: str) -> None:
