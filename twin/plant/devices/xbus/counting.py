@@ -1,4 +1,7 @@
-"""Counters of a device that wrap: packets, and ticks of its clock."""
+"""Counters of a device that wrap, packets and ticks of its clock, and that clock against ours."""
+
+import math
+from collections import deque
 
 from twin.plant.devices.xbus.tables import TICKS
 
@@ -42,3 +45,40 @@ class DeviceClock:
     def forget(self) -> None:
         """The device has begun anew."""
         self._ticks.forget()
+
+
+_APART = 1e-4
+"""At least between two samples [s]: a tick of the device's clock."""
+
+
+class Promptest:
+    """When a stamp of the device was by the host's clock, after the promptest sample of late.
+
+    A busy host reads several samples at one instant, and they were not measured so. No sample comes
+    before it was taken: the least of arrival less stamp is the clocks' difference, but for the
+    shortest delay. It is taken over some seconds, in which a crystal drifts by less than that.
+    """
+
+    def __init__(self, span: float = 10.0) -> None:
+        """`span`: so far back the promptest may lie [s]."""
+        self._span = span
+        self._last = -math.inf
+        self._least = deque[tuple[float, float]]()
+        """Arrival and its difference to the stamp, of those that may yet be the least."""
+
+    def host(self, stamp: float, arrival: float) -> float:
+        """The host's time of the stamp [s], after that of the stamp before.
+
+        A prompter sample moves all later ones back, but never before one that was told.
+        """
+        while self._least and self._least[-1][1] >= arrival - stamp:
+            self._least.pop()
+        self._least.append((arrival, arrival - stamp))
+        while arrival - self._least[0][0] > self._span:
+            self._least.popleft()
+        self._last = max(stamp + self._least[0][1], self._last + _APART)
+        return self._last
+
+    def forget(self) -> None:
+        """The device's clock has stepped."""
+        self._least.clear()

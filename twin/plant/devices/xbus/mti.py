@@ -10,7 +10,7 @@ from twin.plant.devices.checks import Believable
 from twin.plant.devices.device import DeviceSettings, Sample
 from twin.plant.devices.port import Port
 from twin.plant.devices.sensor import Sensor
-from twin.plant.devices.xbus.counting import DeviceClock, Wrapping
+from twin.plant.devices.xbus.counting import DeviceClock, Promptest, Wrapping
 from twin.plant.devices.xbus.data import (
     Output,
     decode_data,
@@ -41,6 +41,8 @@ _LONGEST = 254
 """Bytes of data in any message of a configuration that the settings can ask for."""
 _LEAP = 1.0
 """A larger step of the device's clock [s], beyond the packets that are missing, is no step."""
+_SLIP = 0.003
+"""By so much the step between two stamps may be off before the clock counts as stepped [s]."""
 _LOST = 1000
 """More missing packets than that are a corrupt counter."""
 _FROM_CELSIUS = 273.15
@@ -139,6 +141,7 @@ class Mti(Sensor):
         self._parser = FrameParser(self.counters, _LONGEST)
         self._packets = Wrapping(1 << 16)
         self._clock = DeviceClock(settings.clock_span)
+        self._promptest = Promptest()
         self._streams = {CHANNELS[name].kind: name for name in settings.rates}
         self._doubts = {name: self._checks(name) for name in settings.rates}
         self._refused = 0
@@ -182,6 +185,7 @@ class Mti(Sensor):
                 )
         self._packets.forget()
         self._clock.forget()
+        self._promptest.forget()
         self._request(port, MessageId.GO_TO_MEASUREMENT)
 
     def _request(self, port: Port, what: MessageId, data: bytes = b"", *, tries: int = 5) -> bytes:
@@ -253,12 +257,16 @@ class Mti(Sensor):
                 self.counters.gaps += missed
             elif step is not None:
                 doubt = f"the packet counter leapt by {step}"
+        latency = (len(message.data) + 5) * byte_time
         device_time = None
         if SAMPLE_TIME_FINE in values:
             device_time, step = self._clock.read(int(values[SAMPLE_TIME_FINE][0]))
             if abs(step) > _LEAP + missed / min(self._settings.rates.values()):
                 doubt = doubt or f"the device's clock leapt by {step:.1f} s"
-        latency = (len(message.data) + 5) * byte_time
+            if abs(step - (1 + missed) / max(self._settings.rates.values())) > _SLIP:
+                self._promptest.forget()
+            if not doubt:
+                now = self._promptest.host(device_time, now - latency) + latency
         for kind, name in self._streams.items():
             if kind not in values:
                 continue
