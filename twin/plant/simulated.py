@@ -203,12 +203,9 @@ class SimulatedPlant(Plant):
         return dict(self._applied)
 
     def drive_stages(self, position: Array) -> None:
-        """Stages that follow drives of their own: where these are by the end of the next tick.
+        """Stages follow drives of their own: (n, stages) where by the end of the next tick [m].
 
         From then on no stage is told by `write` where to go; the effects on that command act here.
-
-        Args:
-            position: (n, stages) [m].
         """
         self._joints.drive_stages(self._done_with("command_stage_position", position))
 
