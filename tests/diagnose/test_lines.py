@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from twin.clock import SimulatedClock
@@ -43,3 +44,16 @@ def test_a_push_slower_than_a_stretch_is_found_at_its_frequency(frequency: float
 def test_where_nothing_pushes_no_line_is_found():
     print("seed", SEED)
     assert slow_line_of(plain_of([flown(None)], load_platform("sads"))) == ()
+
+
+def test_of_where_a_push_acts_only_what_the_log_tells_is_fitted():
+    kind = next(kind for kind in catalogue() if kind.name == "room_draft")
+    plain = plain_of([flown(0.083)], load_platform("sads"))
+    near = replace(kind.typical(), point=(0.3, 0.1, 0.0), frequency=0.08)
+    found = plain.instead([near])
+    (free,), (effect,) = found.free, found.effects
+    assert not free[:3].all(), "a longer arm with less force does the same"
+    place = int(np.count_nonzero(free[: effect.values.tolist().index(effect.frequency)]))
+    sigma = float(np.sqrt(found.covariances[0][place, place]))
+    print(f"frequency {effect.frequency:.5f} +- {sigma:.5f} Hz")
+    assert abs(effect.frequency - 0.083) < 4.0 * sigma
