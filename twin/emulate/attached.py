@@ -5,6 +5,7 @@ What noise and delay a value has is the simulated sensor's business, so the devi
 """
 
 from collections.abc import Sequence
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from twin.plant.devices.solar2.solar2 import Solar2Settings
 from twin.plant.devices.xbus.mti import MtiSettings
 
 Array = NDArray[np.float64]
+Inner = TypeVar("Inner", bound=EmulatedDevice)
 
 _ITEMS = {
     "gyro": 0x8020,
@@ -40,7 +42,26 @@ _MARGIN = 0.0005
 """From the end of the travel to the limit switch of an emulated stage [m]."""
 
 
-class AttachedMti(EmulatedDevice):
+class _Attached(EmulatedDevice, Generic[Inner]):
+    """An emulated device that is a maker's in all but what it measures and moves."""
+
+    _inner: Inner
+
+    @property
+    def baud(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self._inner.baud
+
+    def receive(self, data: bytes, now: float) -> bytes:
+        return self._inner.receive(data, now)
+
+    def power_cycle(self, now: float) -> None:
+        self._inner.power_cycle(now)
+
+    def inject(self, fault: str, value: float = 0.0) -> None:
+        self._inner.inject(fault, value)
+
+
+class AttachedMti(_Attached[EmulatedMti]):
     """An MTi on the machine: one packet a sample, of the instant at which it was true."""
 
     def __init__(self, settings: MtiSettings, share: Share) -> None:
@@ -55,13 +76,6 @@ class AttachedMti(EmulatedDevice):
             noise={},
         )
 
-    @property
-    def baud(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self._inner.baud
-
-    def receive(self, data: bytes, now: float) -> bytes:
-        return self._inner.receive(data, now)
-
     def advance(self, now: float) -> bytes:
         said = b""
         for shown in self._share.step({}, now):
@@ -69,12 +83,6 @@ class AttachedMti(EmulatedDevice):
             said += self._inner.advance(max(shown.time - 1e-6, 0.0))
             self._show(shown)
         return said + self._inner.advance(now)
-
-    def power_cycle(self, now: float) -> None:
-        self._inner.power_cycle(now)
-
-    def inject(self, fault: str, value: float = 0.0) -> None:
-        self._inner.inject(fault, value)
 
     def _show(self, shown: Shown) -> None:
         value = shown.value
@@ -85,7 +93,7 @@ class AttachedMti(EmulatedDevice):
         self._inner.values[_ITEMS[shown.source]] = tuple(value.tolist())
 
 
-class AttachedSolar2(EmulatedDevice):
+class AttachedSolar2(_Attached[EmulatedSolar2]):
     """A SOLAR-2 on the machine, which shows its newest angles whenever it is asked."""
 
     def __init__(self, settings: Solar2Settings, share: Share) -> None:
@@ -100,27 +108,14 @@ class AttachedSolar2(EmulatedDevice):
             streaming=settings.mode == "stream",
         )
 
-    @property
-    def baud(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self._inner.baud
-
-    def receive(self, data: bytes, now: float) -> bytes:
-        return self._inner.receive(data, now)
-
     def advance(self, now: float) -> bytes:
         for shown in self._share.step({}, now):
             if np.isfinite(shown.value).all():
                 self._inner.show(*np.degrees(shown.value).tolist())
         return self._inner.advance(now)
 
-    def power_cycle(self, now: float) -> None:
-        self._inner.power_cycle(now)
 
-    def inject(self, fault: str, value: float = 0.0) -> None:
-        self._inner.inject(fault, value)
-
-
-class AttachedMDrives(EmulatedDevice):
+class AttachedMDrives(_Attached[EmulatedMDrives]):
     """MDrives whose carriages are the machine's masses; they were homed in a session before."""
 
     def __init__(self, settings: MDriveSettings, share: Share, start: Sequence[float]) -> None:
@@ -152,23 +147,10 @@ class AttachedMDrives(EmulatedDevice):
             self._inner.drives.append(made)
         share.drive = self._places
 
-    @property
-    def baud(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self._inner.baud
-
-    def receive(self, data: bytes, now: float) -> bytes:
-        return self._inner.receive(data, now)
-
     def advance(self, now: float) -> bytes:
         said = self._inner.advance(now)
         self._share.step({}, now)
         return said
-
-    def power_cycle(self, now: float) -> None:
-        self._inner.power_cycle(now)
-
-    def inject(self, fault: str, value: float = 0.0) -> None:
-        self._inner.inject(fault, value)
 
     def _places(self, time: float) -> Array:
         """(drives,) where the carriages are then [m]."""
