@@ -132,19 +132,21 @@ class Bench(Plant):
 
     def watch(self, last: int = 0) -> None:
         """Read for `WATCHED` seconds, up to the tick of that number."""
-        tick, host = self.platform.tick, self._host
+        tick = self.platform.tick
         first = last - int(np.ceil(WATCHED / tick))
-        start = host.now() - first * tick
-        for number in range(first, last + 1):
-            host.sleep(start + number * tick - host.now())
-            self.read(number * tick)
+        self._watch(first, last, self._host.now() - first * tick)
 
     def watch_on(self) -> None:
         """Read for `WATCHED` seconds more, in the same time as before."""
+        tick, zero = self.platform.tick, self.hardware.zero
+        first = int(np.ceil((self._host.now() - zero) / tick))
+        self._watch(first, first + int(np.ceil(WATCHED / tick)), zero)
+
+    def _watch(self, first: int, last: int, zero: float) -> None:
+        """Read at these ticks, of which number 0 is due at `zero` by the host's clock [s]."""
         tick, host = self.platform.tick, self._host
-        first = int(np.ceil((host.now() - self.hardware.zero) / tick))
-        for number in range(first, first + int(np.ceil(WATCHED / tick)) + 1):
-            host.sleep(self.hardware.zero + number * tick - host.now())
+        for number in range(first, last + 1):
+            host.sleep(zero + number * tick - host.now())
             self.read(number * tick)
 
     def late(self, time: float) -> float:
