@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from twin.clock import SimulatedClock
+from twin.diagnose.candidates import candidate, ringing
 from twin.diagnose.diagnosis import plain_of
 from twin.diagnose.lines import slow_line_of
+from twin.diagnose.reasoning import search_from
 from twin.effects import catalogue
 from twin.flight import prepare
 from twin.platform import load_platform
@@ -47,10 +49,14 @@ def test_where_nothing_pushes_no_line_is_found():
 
 
 def test_of_where_a_push_acts_only_what_the_log_tells_is_fitted():
+    platform = load_platform("sads")
     kind = next(kind for kind in catalogue() if kind.name == "room_draft")
-    plain = plain_of([flown(0.083)], load_platform("sads"))
-    near = replace(kind.typical(), point=(0.3, 0.1, 0.0), frequency=0.08)
-    found = plain.instead([near])
+    plain = plain_of([flown(0.083)], platform)
+    asked = ringing([candidate(kind.typical().absent(), platform)], [0.08], plain.bodies)
+    search = search_from(plain, asked)
+    (index,) = search.best()
+    (force,) = search.weighing.weigh((index,)).strengths
+    found = plain.instead([replace(asked[index].effect, force=tuple(force.tolist()))])
     (free,), (effect,) = found.free, found.effects
     assert not free[:3].all(), "a longer arm with less force does the same"
     place = int(np.count_nonzero(free[: effect.values.tolist().index(effect.frequency)]))

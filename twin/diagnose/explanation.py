@@ -13,7 +13,7 @@ from twin.compare.misfit import misfits, misfits_of
 from twin.diagnose.candidates import Candidate, looked_among
 from twin.diagnose.determined import determined
 from twin.diagnose.laws import Law
-from twin.diagnose.moves import between, distance, largest, unseen
+from twin.diagnose.moves import between, distance, held, largest, unseen
 from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import Effect
@@ -350,6 +350,7 @@ def _fitted(
     platform = bodies[0].machine.platform
     every = [slopes_of(effect, platform) for effect in effects]
     free = before.free if before else determined(bodies, base, effects, every, start)
+    every = [held(effect, parts) for effect, parts in zip(effects, every, strict=True)]
     # as large as the largest; base and the others are no better known than that lets them be
     most = before.most if before else tuple(map(largest, effects, free))
     hidden = unseen(effects, free, most)

@@ -1,12 +1,15 @@
-"""Effects between two fits: how far they moved, how large they are, what of them no log shows."""
+"""Effects between two fits: how far they may move and did, how large they are, what of them no log
+shows."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.effects import Effect
 from twin.predict.effect_columns import amplitudes
+from twin.predict.perturbation import Perturbation
 
 Array = NDArray[np.float64]
 
@@ -17,6 +20,22 @@ def between(first: Sequence[Effect], last: Sequence[Effect], share: float) -> tu
     return tuple(
         end.with_values(np.clip(begin.values + share * (end.values - begin.values), *end.bounds()))
         for begin, end in zip(first, last, strict=True)
+    )
+
+
+def held(effect: Effect, parts: Sequence[Perturbation]) -> tuple[Perturbation, ...]:
+    """Its perturbations, those of its shape moved by a fit no further than what shapes are like.
+
+    What a log hardly tells, a fit would follow to where the columns mean nothing any more, and an
+    amplitude with it: a draft that pushes hard near the bearing is one that pushes far from it.
+    """
+    if not parts:
+        return ()
+    return tuple(
+        part if size else replace(part, spread=scale)
+        for part, size, scale in zip(
+            parts, amplitudes(effect), effect.scale().tolist(), strict=True
+        )
     )
 
 

@@ -80,7 +80,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
             search = search_from(plain, every)
         simplest = _lawful(plain, search, every, say) or _simplest(plain, search, every, say)
         line = min(line or simplest, simplest, key=lambda one: one.score)
-    lines = lines_of(line.now)
+    lines = lines_of(line.now) or slow_line_of(line.now)
     if lines:
         say("what rings")
         every = (*every, *ringing(asked, lines, plain.bodies))
