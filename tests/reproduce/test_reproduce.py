@@ -13,7 +13,7 @@ from twin.reproduce.judge import Status, judge
 from twin.reproduce.page import write_html, write_markdown
 from twin.reproduce.part import Ours, Part
 from twin.reproduce.rows import Paper, Row, paper_named, read_papers
-from twin.reproduce.run import UNCOMPUTED, parts_of, reproduce
+from twin.reproduce.run import UNCOMPUTED, Reproduced, parts_of, reproduce
 
 PAPERS = read_papers()
 
@@ -179,9 +179,9 @@ def test_what_a_part_draws_reaches_the_page(four, tmp_path):
 
 
 def other(number: str, value: float):
-    paper = Paper(number, "tas2", (f"Paper {number}",), (row("below", 1.0, name=f"{number}.a"),))
-    return reproduce(paper, (Part((f"{number}.a",), some.Constant(f"{number}.a", value)),), jobs=1,
-                     say=lambda _: None)  # fmt: skip
+    below = row("below", 1.0, name=f"{number}.a")
+    paper = Paper(number, "tas2", (f"Paper {number}",), (below,))
+    return Reproduced(paper, (judge(below, Ours(value)),), {}, ())
 
 
 @pytest.mark.parametrize("write", [write_markdown, write_html])
