@@ -31,8 +31,9 @@ from twin.predict.sensed import senses_of
 from twin.predict.shaking import shaking
 from twin.predict.states import States
 from twin.predict.tangent import carried_forces, carried_states
+from twin.predict.tanks import pressure
 from twin.predict.wander import random_walk, wander
-from twin.recording import Recording
+from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
 
@@ -75,7 +76,8 @@ class Body:
         self.inputs = Inputs(self.machine, recording)
         self.grid = grid
         senses = senses_of(machine, grid.step, self.inputs.field_world)
-        streams = tuple(dict.fromkeys((*self._predicted(), *senses)))
+        told = self._told()
+        streams = tuple(dict.fromkeys((*self._predicted(), *senses, *told)))
         self.outputs, self._width = outputs_of(
             recording,
             self.machine,
@@ -83,6 +85,7 @@ class Body:
             streams,
             senses,
             self.inputs.stage_course,
+            told,
             partial(shaking, self.inputs),
         )
         if not self.outputs:
@@ -290,7 +293,7 @@ class Body:
         measured = np.zeros((grid.segments, grid.steps + 1, self._width, x))
         for output in self.outputs:
             late = (output.place - output.instant) * grid.step
-            if output.course is not None:
+            if output.told is not None:
                 continue
             if output.sense is not None:
                 slope = output.sense.slope(path[:1])
@@ -338,9 +341,18 @@ class Body:
         hinge = self.machine.platform.base.kind == "hinge"
         wheels = ("wheel_speed",) if self.inputs.wheels_predicted else ()
         base = ("joint_angle", "joint_rate") if hinge else ("attitude", "gyro")
-        sensor = "stage_position" in self.machine.platform.sensors
-        stages = ("stage_position",) if self.inputs.stage_course is not None and sensor else ()
-        return (*base, *wheels, "gimbal_angle", *stages)
+        return (*base, *wheels, "gimbal_angle")
+
+    def _told(self) -> dict[str, Series]:
+        """Streams that follow from the commands alone, and how they should be."""
+        platform, inputs, edges = self.machine.platform, self.inputs, self.grid.edges
+        found: dict[str, Series] = {}
+        if inputs.stage_course is not None and "stage_position" in platform.sensors:
+            found["stage_position"] = inputs.stage_course.place
+        left = pressure(platform, edges, inputs.thrust(edges))
+        if left is not None and "command_thruster" in inputs.used:
+            found["gas_pressure"] = left
+        return found
 
 
 def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:

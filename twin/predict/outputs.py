@@ -107,7 +107,9 @@ class Output:
     sense: Sense | None = None
     """How the stream follows from the state; None where it is a part of it."""
     course: Course | None = None
-    """What it follows from, whatever the state."""
+    """Of stages that were told to move."""
+    told: Series | None = None
+    """What it follows by the commands, whatever the state; None where it does not."""
     shaken: Array | None = None
     """(m, 1) or (m, k) variance that what moves adds to the noise; None where nothing does."""
 
@@ -132,8 +134,8 @@ class Output:
             late: as if each sample, or each its own of (m,), had been true so much before its stamp
                 [s].
         """
-        if self.course is not None:
-            value = self.course.place.interpolated_at(self.time - late)
+        if self.told is not None:
+            value = self.told.interpolated_at(self.time - late)
             return np.broadcast_to(value, (len(path.rate), *value.shape))
         segments, steps = path.rate.shape[1], path.rate.shape[2] - 1
         place = self.place - (late + self.delay) / step
@@ -220,7 +222,7 @@ class Output:
             first: where in a state the numbers stand that this stream measures, if they do.
             path: (1, S, steps + 1, .) that is changed.
         """
-        if self.course is not None:
+        if self.told is not None:
             return np.zeros((*self.slot.shape, change.shape[-1]))
         if self.sense is not None:
             change, first = self.sense.moved_by(path, change), 0
@@ -245,6 +247,7 @@ def outputs_of(
     streams: Sequence[str],
     senses: Mapping[str, Sense],
     course: Course | None,
+    told: Mapping[str, Series],
     shaking: Shaking,
 ) -> tuple[tuple[Output, ...], int]:
     """The streams that a recording has, and how many rows each grid instant is given.
@@ -256,6 +259,7 @@ def outputs_of(
         streams: to look for, in this order.
         senses: of those among them that are no part of the state.
         course: that stages were told to take, if they are among them.
+        told: of those that follow from commands alone.
         shaking: variance (m, 1) or (m, k) that what moves adds to a stream at some instants.
     """
     found: list[Output] = []
@@ -280,9 +284,9 @@ def outputs_of(
         columns = ("x", "y", "z") if attitude else series.columns
         k = len(columns)
         slot = width + rank[:, None] * k + np.arange(k)
-        told = course if name == "stage_position" else None
+        stages = course if name == "stage_position" else None
         shaken = shaking(name, series.time)
-        counter = None if told is None else _counted(machine.platform, len(series))
+        counter = None if stages is None else _counted(machine.platform, len(series))
         noise, stated, worth = counter or _noise(recording, machine.platform, name, k, shaken)
         found.append(
             Output(
@@ -300,7 +304,8 @@ def outputs_of(
                 place,
                 slot,
                 senses.get(name),
-                told,
+                stages,
+                told.get(name),
                 None if shaken is None else shaken[inside],
             )
         )
@@ -373,5 +378,7 @@ def _delay(platform: Platform, name: str) -> float:
 
 
 def _bias(platform: Platform, name: str, k: int) -> Array:
+    if name == "gas_pressure" and platform.gas is not None:
+        return np.full(k, platform.gas.pressure)  # nobody states how full the tanks were
     sensor = platform.sensors.get(name)
     return np.zeros(k) if sensor is None else np.broadcast_to(sensor.bias, (k,)).copy()

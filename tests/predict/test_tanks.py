@@ -1,0 +1,53 @@
+"""A tank's gauge falls by what the thrusters take, and by what leaks besides."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin.clock import SimulatedClock
+from twin.diagnose.diagnosis import plain_of
+from twin.effects import effect_named
+from twin.flight import prepare
+from twin.plant.gas import STANDARD_GRAVITY
+from twin.platform import load_platform
+from twin.predict.tanks import pressure
+from twin.stream.recorder import MemoryRecorder
+
+SEED = 20261123
+
+
+def test_a_steady_thrust_empties_the_tanks_by_its_specific_impulse():
+    platform = load_platform("whorl1")
+    gas = platform.gas
+    assert gas is not None
+    edges, thrust = np.linspace(0.0, 40.0, 401), np.tile([0.05, 0.0, 0.03, 0.0], (400, 1))
+    found = pressure(platform, edges, thrust)
+    assert found is not None
+    taken = 0.08 * 40.0 / (gas.specific_impulse * STANDARD_GRAVITY)
+    assert found.value[-1, 0] == pytest.approx(gas.pressure * (1.0 - taken / gas.mass))
+    assert pressure(replace(platform, gas=None), edges, thrust) is None
+
+
+def test_what_leaks_is_told_from_what_the_thrusters_take():
+    leak = effect_named("gas_consumption")(rate=2e-4)
+    flight = prepare(
+        "whorl1",
+        controller="thruster_pd",
+        estimator="filter",
+        plant="sim",
+        reference="multisine:2",
+        duration=40.0,
+        seed=SEED,
+        effects=(leak,),
+    )
+    recorder = MemoryRecorder(flight.platform, {"platform": "whorl1", "source": f"seed {SEED}"})
+    flight.fly(SimulatedClock(), [recorder])
+    log = recorder.recording().without_truth()
+    assert np.sum(log["command_thruster"].value) > 0.0
+    plain = plain_of([log], load_platform("whorl1"))
+    found = plain.instead([replace(leak, rate=1e-5)])
+    (effect,), sigma = found.effects, float(np.sqrt(found.covariances[0][0, 0]))
+    print(f"seed {SEED}: {effect.values[0]:.3g} +- {sigma:.2g} kg/s")
+    assert abs(effect.values[0] - 2e-4) < 4.0 * sigma
+    assert plain.cost - found.cost > 30.0
