@@ -71,7 +71,8 @@ def slow_line_of(found: Explanation) -> tuple[float, ...]:
             best = min(best, (float(chi2.logsf(gain, directions.shape[1])), float(hertz)))
             asked += 1
     surprise, hertz = best
-    return (hertz,) if surprise + np.log(asked) < np.log(FALSE_ALARM) else ()
+    # a log of a few seconds holds no turn of what is slow
+    return (hertz,) if asked and surprise + np.log(asked) < np.log(FALSE_ALARM) else ()
 
 
 def _between_bins(values: Array, rate: float, hertz: float) -> float:
