@@ -76,6 +76,7 @@ LIBRARY = (
     Bench("tas2", SHAKEN),
     Bench("cubesat", SHAKEN, reference="hold", attitude=(5.0, 3.0, 0.0)),
     Bench("whorl1", SHAKEN, reference="multisine:2"),
+    Bench("whorl1", "thruster_pd", reference="multisine:2"),
     Bench("whorl2", SHAKEN),
     Bench("whorl2", "free_float", attitude=(45.0, 0.0, 0.0)),
     Bench("astros:mode_b", SHAKEN),
