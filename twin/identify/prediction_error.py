@@ -137,15 +137,18 @@ def _iterate(
     size = _size(now)
     best, idle, smallest, before = now, 0, np.inf, None
     for _ in range(ITERATIONS):
-        if size < CONVERGED and not tilted:
+        if (size < CONVERGED and not tilted) or (tilted and size > SETTLED):
+            # far from where it was taken that slope is another one
             now, tilted, before = problem.tilted(now), True, None
-            size = _size(now)
+            size, idle, smallest = _size(now), 0, np.inf
         if size < CONVERGED:
             return Fit(now, converged=True)
         step = now.step()
         share = 1.0 if before is None else _share(now, step, *before)
         moved = _moved(now, share * step, innovations)
         if moved is None:
+            if now.tilt.any():  # as likely as it becomes
+                return Fit(now, converged=True)
             break
         now, taken = moved
         before = step, share * taken
@@ -184,8 +187,10 @@ def _moved(
         except TwinError:
             continue
         before, after = now.chi2 + now.logarithm, tried.chi2 + tried.logarithm
-        # Paths that follow the model exactly may part from the logs first; disturbed ones need not.
-        room = (WORSE - 1.0) * max(now.chi2, float(now.samples)) if now.intensity == 0.0 else 0.0
+        # Paths that follow the model exactly may part from the logs first; disturbed ones need not,
+        # nor those that are there already.
+        settled = now.intensity > 0.0 or bool(now.tilt.any())
+        room = 0.0 if settled else (WORSE - 1.0) * max(now.chi2, float(now.samples))
         if after <= before + room:
             return tried, 0.5**halving
     return None
