@@ -9,6 +9,7 @@ import pytest
 from twin.controller import AnyController, Controller, load_controller
 from twin.diagnose.diagnosis import plain_of
 from twin.effects import with_effects
+from twin.effects.clocks.clock_drift import ClockDrift
 from twin.effects.stages.stage_backlash import StageBacklash
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
@@ -82,3 +83,18 @@ def test_it_is_missed_by_all_of_its_evidence(platform, log, play):
     found = plain.instead([play])
     weighed = found.weigh([], []).weigh(found.own)
     assert weighed.gain == pytest.approx(plain.cost - found.cost, rel=0.2)
+
+
+@pytest.mark.slow
+def test_counters_whose_clock_drifts_leave_nothing_of_what_the_masses_do(platform):
+    drift = ClockDrift(target="stage_position", drift=2e-3)
+    law = Swaying(load_controller("quaternion_pd"))
+    both = ([], [drift])
+    runs = [flown(with_effects(platform, some), law, 40.0, record=True) for some in both]
+    right, wrong = (plain_of([run.recordings[0].without_truth()], platform) for run in runs)
+    found = wrong.instead([replace(drift, drift=1e-3)])
+    (effect,), sigma = found.effects, float(np.sqrt(found.covariances[0][0, 0]))
+    print(f"{effect.values[0]:.3g} +- {sigma:.2g}, cost {found.cost - right.cost:.1f} more")
+    assert wrong.cost > right.cost + 50.0
+    assert found.cost < right.cost + 15.0
+    assert abs(effect.values[0] - 2e-3) < 4.0 * sigma

@@ -208,7 +208,8 @@ def _input_force(effect: Effect, body: Body) -> Array:
     recording, stream = body.recording, effect.stream
     predicted = [output.stream for output in body.outputs]
     none = np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
-    if stream not in body.inputs.used or stream in predicted:
+    # what is predicted says nothing of what the machine was driven with, but where stages were
+    if stream not in body.inputs.used or (stream in predicted and stream != "stage_position"):
         return none
     if stream == "command_stage_position" and "stage_position" in predicted:
         return _driven_by(body.inputs.with_stages(effect), body)
