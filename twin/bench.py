@@ -122,13 +122,24 @@ class Bench(Plant):
             DeviceError: a device refuses.
         """
         tick = self.platform.tick
-        host = self._host
         self.watch(-int(np.ceil(_ARMING / tick)))
         if self._held is not None:
             self.guard.arm(YES, held=self._held)
-        if isinstance(host, LockstepTime):
-            return LockstepClock(host, self.hardware.zero)
-        return WallClock(self.hardware.zero)
+        return self._clock(self.hardware.zero)
+
+    @property
+    def to_be_armed(self) -> bool:
+        """Somebody has said so."""
+        return self._held is not None
+
+    def begin_anew(self) -> Clock:
+        """Count time from 0 again, armed as it is; the clock whose first tick is the next one."""
+        return self._clock(self._host.now() + self.platform.tick)
+
+    def _clock(self, zero: float) -> Clock:
+        """Whose tick 0 is due at `zero` by the host's clock [s]."""
+        host = self._host
+        return LockstepClock(host, zero) if isinstance(host, LockstepTime) else WallClock(zero)
 
     def watch(self, last: int = 0) -> None:
         """Read for `WATCHED` seconds, up to the tick of that number."""

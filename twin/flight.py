@@ -1,6 +1,6 @@
 """A run put together from names: platform, law, estimator, plant and reference; checked, flown."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +20,7 @@ from twin.plant.simulated import InitialState, SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.recording import open_log
 from twin.reference import Reference, parse_reference
+from twin.signals import Command
 
 if TYPE_CHECKING:
     from twin.bench import Bench
@@ -59,11 +60,7 @@ class Flight:
         """What will go wrong, known before it starts; a sentence each."""
         platform = self.platform
         n = self.plant.n
-        estimate = self.estimator.init(platform, n)
-        wanted, _ = self.controller.update(
-            self.controller.init(platform, n), estimate, self.reference.at(0.0), 0.0
-        )
-        if "command_wheel_torque" not in wanted or platform.base.kind != "ball":
+        if "command_wheel_torque" not in self._wanted() or platform.base.kind != "ball":
             return []
         start = np.broadcast_to(self.initial.wheel_speeds(platform), (n, len(platform.wheels)))[0]
         budget = momentum_budget(platform, self.reference, self.duration, start)
@@ -79,9 +76,25 @@ class Flight:
             f"of {self.duration:g} s"
         ]
 
-    def fly(self, clock: Clock, observers: Sequence[Observer] = ()) -> Outcome:
-        """Run the loop to its end; a bench is watched and armed first, and has its own clock."""
-        clock = clock if self.bench is None else self.bench.begin()
+    def fly(
+        self,
+        clock: Clock,
+        observers: Sequence[Observer] = (),
+        tell: Callable[[str], None] = lambda line: None,
+    ) -> Outcome:
+        """Run the loop to its end.
+
+        A bench has its own clock, and is watched and armed first; then each actuator that the law
+        commands is tried, and `tell` takes a sentence for it (`twin.service.first_use`).
+
+        Raises:
+            SafetyError: why it is not armed, or which actuator does otherwise than predicted.
+            DeviceError: a device refuses.
+        """
+        if self.bench is not None:
+            from twin.service.first_use import armed  # its drivers take a while to import
+
+            clock = armed(self.bench, self._wanted(), tell)
         return fly(
             self.plant,
             self.estimator,
@@ -91,6 +104,12 @@ class Flight:
             duration=self.duration,
             observers=observers,
         )
+
+    def _wanted(self) -> Command:
+        """What the law commands at its beginning."""
+        platform, n = self.platform, self.plant.n
+        estimate, state = self.estimator.init(platform, n), self.controller.init(platform, n)
+        return self.controller.update(state, estimate, self.reference.at(0.0), 0.0)[0]
 
 
 def prepare(

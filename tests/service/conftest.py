@@ -84,8 +84,9 @@ def dumbbell() -> Callable[..., Bench]:
             ),
         )
         initial = InitialState(wheel_speed=speed)
+        simulated = captured(sads) if held is Held.captured else sads
         emulation = Miswired(
-            captured(sads), setup, believed=believed, seed=1, initial=initial, lockstep=True
+            simulated, setup, believed=believed, seed=1, initial=initial, lockstep=True
         )
         return Bench(sads, setup, held=held, emulation=emulation)
 

@@ -82,7 +82,7 @@ class Balance:
     def run(self) -> int:
         """Balance; the exit code."""
         from twin.bench import Bench, open_bench
-        from twin.cli.output import check_writable, print_json
+        from twin.cli.output import check_writable, print_json, tell
         from twin.clock import SimulatedClock
         from twin.effects import parse_effects, with_effects
         from twin.estimators import load_estimator, usual_estimator
@@ -93,6 +93,7 @@ class Balance:
         from twin.platform import load_platform
         from twin.procedures import balancing, usual_target
         from twin.reference import Hold
+        from twin.service.first_use import armed
         from twin.stream.provenance import provenance
         from twin.stream.recorder import FileRecorder
 
@@ -106,7 +107,7 @@ class Balance:
         with ExitStack() as stack:
             simulated = self.plant == "sim"
             offsets, positions = self._start(machine, way, target)
-            _tell(
+            tell(
                 f"{machine.name}: {way}, to {target:.3g} N m, at most {self.duration:g} s, "
                 f"plant {self.plant}, seed {self.seed}"
             )
@@ -129,7 +130,7 @@ class Balance:
             machine = plant.platform
             # a fit takes no time where the wall's clock does not count
             wait = simulated or self.lockstep
-            procedure = balancing(machine, self.runs, way=way, target=target, tell=_tell, wait=wait)
+            procedure = balancing(machine, self.runs, way=way, target=target, tell=tell, wait=wait)
             stack.enter_context(procedure.lab.fits)
             observers: list[Observer] = [procedure.lab.logbook]
             if self.rrd is not None:
@@ -142,7 +143,8 @@ class Balance:
                 from twin.cli.live import LiveView
 
                 observers.append(stack.enter_context(LiveView(plant, self.duration)))
-            clock = plant.begin() if isinstance(plant, Bench) else SimulatedClock()
+            commands = {"command_stage_position", *_DAMPING}
+            clock = armed(plant, commands, tell) if isinstance(plant, Bench) else SimulatedClock()
             outcome = fly(
                 plant,
                 load_estimator(usual_estimator(machine)),
@@ -156,7 +158,7 @@ class Balance:
             idle.pop("command_stage_position", None)
             plant.write(idle)
             if isinstance(plant, Bench):
-                _tell("\n".join(plant.told()))
+                tell("\n".join(plant.told()))
         notes = procedure.lab.notes
         documents = [self._document(outcome, notes, run, target, way) for run in range(self.runs)]
         if self.json:
@@ -297,7 +299,3 @@ def _check_damped(bench: "Bench") -> None:
             f"no device of {bench.platform.name} takes anything that damps its swinging; "
             f"[hardware.commands] needs one of {', '.join(_DAMPING)}"
         )
-
-
-def _tell(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)

@@ -18,6 +18,11 @@ def print_json(document: object) -> None:
     print(json.dumps(_plain(document), indent=2, allow_nan=False, ensure_ascii=False))
 
 
+def tell(line: str) -> None:
+    """Print a line of progress on stderr."""
+    print(line, file=sys.stderr, flush=True)
+
+
 def check_writable(path: Path) -> None:
     """Whether a file can be written there, asked before the work and not after it.
 

@@ -79,7 +79,7 @@ class Run:
 
     def run(self) -> int:
         """Fly; the exit code."""
-        from twin.cli.output import print_json
+        from twin.cli.output import print_json, tell
         from twin.clock import SimulatedClock, WallClock
         from twin.effects import parse_effects
         from twin.flight import prepare
@@ -126,7 +126,7 @@ class Run:
 
                 observers.append(stack.enter_context(LiveView(flight.bench, flight.duration)))
             clock = WallClock() if self.realtime else SimulatedClock()
-            outcome = flight.fly(clock, observers)
+            outcome = flight.fly(clock, observers, tell)
         told = [] if flight.bench is None else flight.bench.told()
 
         kept = self._keep(black_box, flight.platform)

@@ -59,7 +59,7 @@ def jog(bench: Bench, name: str, distance: float) -> list[str]:
         return [told, "captured: whether it turns the table the right way was not to be seen"]
     if found is not None and found.seen and found.share < 0.0:
         raise SafetyError(
-            f"{told}, but the table turned the wrong way: {_share(found)} of what the model "
+            f"{told}, but the table turned the wrong way: {found.words()} of what the model "
             "predicts",
             "correct the sign of the stage's scale, or of the sensors, in [hardware], before "
             "anything flies",
@@ -104,11 +104,7 @@ def _seen(found: Sense | None) -> str:
         return "whether it turned the table the right way could not be seen: no gyro, or no tilt"
     if not found.seen:
         return (
-            f"the table showed {_share(found)} of the turn that the model predicts, which does not "
+            f"the table showed {found.words()} of the turn that the model predicts, which does not "
             "tell the sign: jog further, or a stage that lies across the vertical"
         )
-    return f"the table turned the right way: {_share(found)} of what the model predicts"
-
-
-def _share(found: Sense) -> str:
-    return f"{found.share:.2f} +- {2.0 * found.deviation:.2f}"
+    return f"the table turned the right way: {found.words()} of what the model predicts"

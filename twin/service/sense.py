@@ -1,14 +1,15 @@
-"""Whether a floating table turns as the model says when a mass has moved: the sign of its stage.
+"""What part of a predicted turn a floating body shows: the sign, and the size, of what turned it.
 
-    J w(t) = J w(0) + integral of M x g + s (m u d(t)) x g - w x J w,    g in body axes
+    J w(t) = J w(0) + integral of M x g + sum s_k tau_k - w x (J w + h),    g in body axes
 
-holds over some seconds around a move d(t) of a mass m along u. M, the mass moment before, and the
-start are unknown; s is one where the stage does what the platform says, minus one where it is wired
-the wrong way round. It is linear in all of them, so one least squares gives s and how sure it is.
-Wheels and gyros that turn meanwhile are left out: what they do makes s less sure.
+holds over some seconds in which actuators push with tau_k. M, the mass moment, and the start are
+unknown; s_k is one where an actuator does what the platform says, minus one where it is wired the
+wrong way round. It is linear in all of them, so one least squares gives each s_k and how sure it
+is. h is what wheels and rotors hold as they were measured, or stand at the start.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from twin.platform import Platform
 from twin.rotation import cross, vertical_body
 from twin.service.session import POSITION
+from twin.service.stages import tolerance
 from twin.signals import Reading
 
 Array = NDArray[np.float64]
@@ -35,7 +37,7 @@ _SETTLES = 0.1
 
 
 class Sense(NamedTuple):
-    """What part of the predicted turn was seen."""
+    """What part of what was predicted was seen."""
 
     share: float
     deviation: float
@@ -45,6 +47,93 @@ class Sense(NamedTuple):
     def seen(self) -> bool:
         """Enough to tell its sign."""
         return abs(self.share) > _SURE * self.deviation
+
+    def words(self) -> str:
+        """The share, with its 95 % interval."""
+        return f"{self.share:.2f} +- {2.0 * self.deviation:.2f}"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How a floating body moved, at the times of its gyro's samples."""
+
+    times: Array
+    """(m,) [s]."""
+    rate: Array
+    """(m, 3) [rad/s, body]."""
+    gravity: Array
+    """(m, 3) [m/s^2, body]."""
+    places: Array
+    """(m, stages) [m]; width zero where none was measured."""
+    momentum: Array
+    """(m, 3) h [N m s, body]."""
+    still: NDArray[np.bool_]
+    """(m,) False: a stage may have been running, which shakes the gyro."""
+
+
+def motion(platform: Platform, readings: Sequence[Reading]) -> Motion | None:
+    """What was read; None where there is no gyro, no sensor of the vertical, or too few samples."""
+    gyro, tilt = rows(readings, "gyro"), _vertical(readings)
+    if gyro is None or tilt is None or len(gyro[0]) < _FEWEST:
+        return None
+    times, rate = gyro
+    place = rows(readings, POSITION)
+    places, still = np.zeros((len(times), 0)), np.ones(len(times), dtype=np.bool_)
+    if place is not None:
+        places = at(times, *place)
+        still = ~_running(times, *place, tolerance(platform))
+    gravity = -platform.gravity * at(times, *tilt)
+    return Motion(times, rate, gravity, places, _momentum(platform, readings, times), still)
+
+
+def slid(platform: Platform, seen: Motion, stage: int) -> Array:
+    """Change of the rate (m, 3) that a stage's mass should have made since the start [rad/s]."""
+    part = platform.stages[stage]
+    way = seen.places[:, stage] - seen.places[0, stage]
+    torque = cross(part.mass * way[:, None] * part.axis, seen.gravity)
+    return integral(seen.times, torque @ np.linalg.inv(platform.inertia))
+
+
+def senses(platform: Platform, seen: Motion, predicted: Sequence[Array]) -> list[Sense] | None:
+    """What part of each prediction was seen, all of them together.
+
+    Args:
+        platform: whose J and m r are taken.
+        seen: from before the first was made to push.
+        predicted: (m, 3) changes of the rate since the start [rad/s].
+
+    Returns:
+        None where one of them predicts nothing, or too little was seen.
+    """
+    inverse, still = np.linalg.inv(platform.inertia), seen.still
+    gyroscopic = -cross(seen.rate, seen.rate @ platform.inertia + seen.momentum)
+    start = [np.broadcast_to(axis, seen.rate.shape) for axis in np.eye(3)]
+    # the columns of M x g, one for each component of M
+    turned = [integral(seen.times, cross(axis[None], seen.gravity) @ inverse) for axis in np.eye(3)]
+    columns = (*start, *turned, *predicted)
+    design = np.stack([column[still].ravel() for column in columns], axis=1)
+    wanted = (seen.rate - integral(seen.times, gyroscopic @ inverse))[still].ravel()
+    # in seconds a level table hardly shows M z: it is what the platform says, give or take itself
+    # and what the masses can make of it
+    stated = platform.center_of_mass_offset
+    reach = sum(stage.mass * (stage.travel[1] - stage.travel[0]) for stage in platform.stages)
+    noise = float(np.max(platform.sensors["gyro"].noise)) or _NOISELESS
+    prior = np.zeros((3, design.shape[1]))
+    prior[:, 3:6] = np.eye(3) / max(float(np.linalg.norm(stated)), reach, 1e-12)
+    weighed = np.concatenate([design / noise, prior])
+    right = np.concatenate([wanted / noise, prior[:, 3:6] @ stated])
+    # columns of rad/s, of kg m and of one are made alike before they are solved for
+    size = np.linalg.norm(weighed, axis=0)
+    if still.sum() < _FEWEST or not size[6:].all():
+        return None
+    found, *_ = np.linalg.lstsq(weighed / size, right, rcond=None)
+    left = (right - weighed / size @ found)[: len(wanted)]
+    worse = max(float(left @ left) / len(wanted), 1.0)
+    covariance = worse * np.linalg.pinv((weighed / size).T @ (weighed / size))
+    deviation = np.sqrt(np.diag(covariance))
+    return [
+        Sense(float(found[k] / size[k]), float(deviation[k] / size[k])) for k in range(6, len(size))
+    ]
 
 
 def sense(platform: Platform, readings: Sequence[Reading], stage: int) -> Sense | None:
@@ -58,46 +147,15 @@ def sense(platform: Platform, readings: Sequence[Reading], stage: int) -> Sense 
     Returns:
         None where the machine has no gyro, no sensor of the vertical, or too few samples came.
     """
-    gyro, place = _rows(readings, "gyro"), _rows(readings, POSITION)
-    tilt = _vertical(readings)
-    if gyro is None or place is None or tilt is None:
+    seen = motion(platform, readings)
+    if seen is None or not seen.places.size:
         return None
-    times, rate = gyro
-    gravity = -platform.gravity * _at(times, *tilt)
-    way = np.interp(times, place[0], place[1][:, stage] - place[1][0, stage])
-    part = platform.stages[stage]
-    moment = part.mass * way[:, None] * part.axis
-    inverse = np.linalg.inv(platform.inertia)
-    gyroscopic = -cross(rate, rate @ platform.inertia)
-    # a stage that runs shakes the gyro
-    still = ~_running(times, *place, stage)
-    start = [np.broadcast_to(axis, rate.shape) for axis in np.eye(3)]
-    # the columns of M x g, one for each component of M
-    turned = [_integral(times, cross(axis[None], gravity) @ inverse) for axis in np.eye(3)]
-    predicted = _integral(times, cross(moment, gravity) @ inverse)
-    columns = (*start, *turned, predicted)
-    design = np.stack([column[still].ravel() for column in columns], axis=1)
-    wanted = (rate - _integral(times, gyroscopic @ inverse))[still].ravel()
-    # in seconds a level table hardly shows M z: it is what the platform says, give or take itself
-    stated = platform.center_of_mass_offset
-    noise = float(np.max(platform.sensors["gyro"].noise)) or _NOISELESS
-    prior = np.zeros((3, design.shape[1]))
-    prior[:, 3:6] = np.eye(3) / max(float(np.linalg.norm(stated)), float(np.abs(moment).max()))
-    rows = np.concatenate([design / noise, prior])
-    right = np.concatenate([wanted / noise, prior[:, 3:6] @ stated])
-    # columns of rad/s, of kg m and of one are made alike before they are solved for
-    size = np.linalg.norm(rows, axis=0)
-    if still.sum() < _FEWEST or size[-1] == 0.0:
-        return None
-    found, *_ = np.linalg.lstsq(rows / size, right, rcond=None)
-    left = (right - rows / size @ found)[: len(wanted)]
-    worse = max(float(left @ left) / len(wanted), 1.0)
-    covariance = worse * np.linalg.inv((rows / size).T @ (rows / size))
-    return Sense(found[-1] / size[-1], float(np.sqrt(covariance[-1, -1])) / size[-1])
+    found = senses(platform, seen, [slid(platform, seen, stage)])
+    return None if found is None else found[0]
 
 
-def _rows(readings: Sequence[Reading], stream: str) -> tuple[Array, Array] | None:
-    """Times (m,) and values (m, k) of what was valid."""
+def rows(readings: Sequence[Reading], stream: str) -> tuple[Array, Array] | None:
+    """Times (m,) and values (m, k) of what was valid; None: nothing was."""
     times: list[float] = []
     values: list[Array] = []
     for reading in readings:
@@ -110,32 +168,65 @@ def _rows(readings: Sequence[Reading], stream: str) -> tuple[Array, Array] | Non
     return (np.array(times)[order], np.array(values)[order]) if times else None
 
 
-def _running(times: Array, told: Array, places: Array, stage: int) -> NDArray[np.bool_]:
-    """(m,) whether the stage may have been moving then, by when its readings changed."""
-    changed = np.flatnonzero(np.diff(places[:, stage]))
-    if not changed.size:
-        return np.zeros(len(times), dtype=np.bool_)
-    return (times > told[changed[0]]) & (times < told[changed[-1] + 1] + _SETTLES)
+def at(times: Array, known: Array, values: Array) -> Array:
+    """Values (m, k) at other times, between their neighbours."""
+    return np.stack([np.interp(times, known, column) for column in values.T], axis=1)
+
+
+def integral(times: Array, values: Array) -> Array:
+    """From the first time on, (m, k), by trapezia."""
+    pieces = 0.5 * (values[1:] + values[:-1]) * np.diff(times)[:, None]
+    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(pieces, axis=0)])
+
+
+def carried_axes(platform: Platform, readings: Sequence[Reading], times: Array) -> list[Array]:
+    """Where the axes of wheels and then rotors stand, (m, 3) each, as their gimbals are read."""
+    angles = rows(readings, "gimbal_angle")
+    axes: list[Array] = []
+    for part in (*platform.wheels, *platform.rotors):
+        axis = np.broadcast_to(part.axis, (len(times), 3))
+        for k, gimbal in enumerate(platform.gimbals):
+            if gimbal.name == part.gimbal:
+                angle = gimbal.home if angles is None else at(times, *angles)[:, k, None]
+                turned = cross(gimbal.axis[None], part.axis[None])
+                axis = part.axis * np.cos(angle) + turned * np.sin(angle)
+        axes.append(np.broadcast_to(axis, (len(times), 3)))
+    return axes
+
+
+def speeds(platform: Platform, readings: Sequence[Reading], times: Array) -> list[Array]:
+    """Of wheels and then rotors, (m,) each [rad/s], as read or as stated."""
+    read = rows(readings, "wheel_speed")
+    wheels = [
+        np.full(len(times), wheel.home) if read is None else at(times, *read)[:, k]
+        for k, wheel in enumerate(platform.wheels)
+    ]
+    return [*wheels, *(np.full(len(times), rotor.speed) for rotor in platform.rotors)]
+
+
+def _momentum(platform: Platform, readings: Sequence[Reading], times: Array) -> Array:
+    parts = (*platform.wheels, *platform.rotors)
+    axes, turning = carried_axes(platform, readings, times), speeds(platform, readings, times)
+    held = [p.inertia * s[:, None] * a for p, s, a in zip(parts, turning, axes, strict=True)]
+    return np.sum(held, axis=0) if held else np.zeros((len(times), 3))
+
+
+def _running(times: Array, told: Array, places: Array, allowed: Array) -> NDArray[np.bool_]:
+    """(m,) whether a stage may have been moving then, by when its readings changed."""
+    running = np.zeros(len(times), dtype=np.bool_)
+    for k in np.flatnonzero((np.abs(np.diff(places, axis=0)) > allowed).any(axis=1)):
+        running |= (times > told[k]) & (times < told[k + 1] + _SETTLES)
+    return running
 
 
 def _vertical(readings: Sequence[Reading]) -> tuple[Array, Array] | None:
     """The vertical in body axes (m, 3), from whichever sensor tells it."""
-    attitude = _rows(readings, "attitude")
+    attitude = rows(readings, "attitude")
     if attitude is not None:
         return attitude[0], vertical_body(attitude[1])
-    angles = _rows(readings, "inclinometer")
+    angles = rows(readings, "inclinometer")
     if angles is None:
         return None
     roll, pitch = np.sin(angles[1]).T
     up = np.sqrt(np.maximum(1.0 - roll**2 - pitch**2, 0.0))
     return angles[0], np.stack([-pitch, roll, up], axis=1)
-
-
-def _at(times: Array, known: Array, values: Array) -> Array:
-    return np.stack([np.interp(times, known, column) for column in values.T], axis=1)
-
-
-def _integral(times: Array, values: Array) -> Array:
-    """From the first time on, (m, k), by trapezia."""
-    pieces = 0.5 * (values[1:] + values[:-1]) * np.diff(times)[:, None]
-    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(pieces, axis=0)])

@@ -31,6 +31,8 @@ class Session:
         self._ticks = bench.begin().ticks(self.tick, LONGEST)
         self.readings: list[Reading] = []
         """All since it was armed."""
+        self.applied: list[tuple[float, Command]] = []
+        """What was applied from each step's time [s] on."""
         self.now = 0.0
         """Of the last step [s]."""
 
@@ -42,7 +44,7 @@ class Session:
         """
         self.now = next(self._ticks)
         self.readings.append(self.bench.read(self.now))
-        self.bench.write(command)
+        self.applied.append((self.now, self.bench.write(command)))
         if self.bench.safe_reason:
             raise SafetyError(
                 f"it was stopped: {self.bench.safe_reason}", "look at the machine, then try again"

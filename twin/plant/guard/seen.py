@@ -45,7 +45,9 @@ class Seen:
         self._inertia = np.array([wheel.inertia for wheel in platform.wheels])
 
     def take(self, reading: Reading) -> None:
-        """Note what one tick brought."""
+        """Note what one tick brought; where time begins anew, what was seen is dated back."""
+        if reading.time <= self.now:
+            self._date_back(self.now + self._platform.tick - reading.time)
         for name, samples in reading.streams.items():
             good = np.flatnonzero(samples.valid[0])
             if good.size:
@@ -116,6 +118,9 @@ class Seen:
     def captured(self) -> None:
         """Positions were established anew with the machine held."""
         self.lost = ""
+
+    def _date_back(self, seconds: float) -> None:
+        self.newest = {name: (time - seconds, value) for name, (time, value) in self.newest.items()}
 
     def _lean(self, vertical: Array) -> float:
         stop = self._platform.pitch_stop
