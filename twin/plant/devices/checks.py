@@ -23,7 +23,8 @@ class Believable:
         Args:
             limit: Full scale [SI]; at or above it a sensor is saturated.
             frozen_after: So many equal values in a row mean that the sensor has stopped; 0: never.
-            largest_step: Between two samples that the machine can make [SI].
+            largest_step: Between two samples that the machine can make [SI]; where it is finite,
+                the first value has nothing to be held against and is not believed.
             unit_length: The values are a quaternion.
         """
         self._limit, self._frozen_after = limit, frozen_after
@@ -35,12 +36,15 @@ class Believable:
         """Why the value cannot be believed; empty: it can."""
         if not all(map(math.isfinite, value)):
             return "not a number"
+        first = not self._last
         before, self._last = self._last or value, value
         step = max(abs(new - old) for new, old in zip(value, before, strict=True))
         self._repeats = self._repeats + 1 if value is not before and step == 0.0 else 0
         largest = max(map(abs, value))
         if largest >= self._limit:
             return f"saturated: {largest:.4g} at a full scale of {self._limit:.4g}"
+        if first and math.isfinite(self._largest_step):
+            return "the first: there is nothing yet to hold it against"
         if step > self._largest_step:
             return f"leapt by {step:.4g}, more than {self._largest_step:.4g} between two samples"
         if self._unit_length and abs(math.hypot(*value) - 1.0) > 1e-2:
