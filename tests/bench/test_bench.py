@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -31,10 +31,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-termi
 
 TILTED = InitialState(attitude=from_rotation_vector(np.array([0.05, 0.0, 0.0])))
 
-
 TRIES = 5
-PATIENCE = 2.0
-"""[s]: set-points outlast what a busy test machine makes its processes wait."""
 
 
 @dataclass
@@ -69,13 +66,11 @@ def cubesat() -> Platform:
 
 @pytest.fixture
 def on_bench(cubesat: Platform) -> Callable[..., Bench]:
-    """The emulated table: `on_bench(held, initial)`, not entered."""
+    """The emulated table in lockstep: `on_bench(held, initial)`, not entered."""
 
     def made(held: Held | None = None, initial: InitialState | None = None) -> Bench:
         setup = read_hardware(cubesat)
-        devices = {name: replace(d, valid_for=PATIENCE) for name, d in setup.devices.items()}
-        setup = replace(setup, devices=devices)
-        emulation = EmulatedPlatform(cubesat, setup, seed=3, initial=initial)
+        emulation = EmulatedPlatform(cubesat, setup, seed=3, initial=initial, lockstep=True)
         return Bench(cubesat, setup, held=held, emulation=emulation)
 
     return made

@@ -32,7 +32,9 @@ def shown(step: int) -> np.ndarray:
     return np.float32([0.001 * step, 1.0 + 0.001 * step, -0.001 * step]).astype(float)
 
 
-@pytest.mark.parametrize("block", range(3))
+@pytest.mark.parametrize(
+    "block", [0, *(pytest.param(block, marks=pytest.mark.slow) for block in (1, 2))]
+)
 def test_no_session_believes_what_is_false_or_leaves_an_actuator_on(block: int):
     reasons = set[str]()
     for seed in range(20 * block, 20 * block + 20):
