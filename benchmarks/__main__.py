@@ -13,6 +13,7 @@ SUBJECTS = {
     "identify": "the base from a log of five minutes",
     "diagnose": "the causes of what a model gets wrong, from a log of five minutes",
     "vendor": "bytes a second through the parsers of vendors' devices",
+    "fuzz": "ten million random and mutated bytes into each parser",
     "link": "bytes a second through the parser of our own serial link",
     "machines": "steps a second of every machine",
     "batch": "closed loop against bare physics",
