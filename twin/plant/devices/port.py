@@ -112,6 +112,7 @@ class Port:
 
     def close(self) -> None:
         """Release it; raises nothing."""
+        self.unread = True
         with contextlib.suppress(OSError, TypeError):
             self._serial.close()
 
