@@ -55,6 +55,9 @@ class Run:
     reference: Annotated[str | None, _arg("REFERENCE")] = None
     """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or `multisine[:AMPLITUDE[@FREQUENCY]]`,
     in degrees and hertz; by default what the law is usually given."""
+    identified: Annotated[Path | None, _arg("FILE.json")] = None
+    """What `twin identify LOG --json` wrote: on the bench, the flight is first simulated at all
+    corners of its 95 % set, and refused where the guard would cut it out."""
     effects: Annotated[str | None, _arg("NAME[:TARGET]=VALUE[/VALUE ...],...")] = None
     """What the simulated machine has beyond its platform, as in
     `clock_lag:wheel_speed=0.17,gyro_bias=1e-3/0/0`; see `twin effects`."""
@@ -86,6 +89,7 @@ class Run:
         from twin.loop import Ended, Observer
         from twin.metrics import Metrics
         from twin.plant.guard.guarded import Held
+        from twin.rehearsal import check_lean, identified_box
         from twin.stream.flight_recorder import FlightRecorder
         from twin.stream.provenance import provenance
         from twin.stream.recorder import FileRecorder
@@ -113,6 +117,8 @@ class Run:
             )
             warnings = flight.warnings()
             self._announce(flight, warnings)
+            if self.identified is not None:
+                tell(check_lean(flight, identified_box(self.identified)))
             metrics, black_box = Metrics(flight.platform), FlightRecorder(flight.plant)
             observers: list[Observer] = [metrics, black_box]
             if recorder is not None:
@@ -139,6 +145,11 @@ class Run:
     def _check(self) -> None:
         from twin.errors import UsageError
 
+        on_bench = self.plant == "pty" or self.plant.startswith("serial")
+        if self.identified is not None and not on_bench:
+            raise UsageError(
+                f"--identified is for a machine on its bench; plant {self.plant} has no guard"
+            )
         moved = any((*self.attitude, *self.rate, *self.velocity))
         if self.plant.startswith("serial") and moved:
             raise UsageError(
