@@ -32,3 +32,10 @@ def test_a_session_under_faults_ends_with_a_reason_and_may_be_armed_again_twice(
     assert not found["problems"], found
     assert found["ended"] == "safe_stop"
     assert found["again"] == ["armed", "armed"]
+
+
+def test_a_board_whose_last_word_was_lost_on_the_line_is_not_said_to_take_set_points():
+    found = session(144)
+    assert found["faults"] == ["stuck 1.73", "silence 3.63"], "the seed draws other faults now"
+    assert found["ended"] == "safe_stop"
+    assert "why it said was lost on the line" in found["reason"]

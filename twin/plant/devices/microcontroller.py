@@ -45,6 +45,7 @@ _EXCHANGES = 8
 _BETWEEN_EXCHANGES = 0.005
 """[s]."""
 
+_WHY_LOST = "it is safe by itself, and why it said was lost on the line"
 _FAULT = "it reports a fault"
 
 
@@ -299,7 +300,11 @@ class Microcontroller(Device):
         if self.armed and end.state is not State.armed:
             self.armed = False
             event = end.last_event
-            self._disarmed = f" ({told(event.code, event.value)})" if event else ""
+            # where the last is that it was armed, what it said since was lost on the line
+            why = _WHY_LOST
+            if event is not None and event.code != "ARMED":
+                why = told(event.code, event.value)
+            self._disarmed = f" ({why})"
         if end.events:
             self._tell()
         if now - max(end.heard, self._complained) > self.settings.silence:
