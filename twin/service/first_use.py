@@ -38,7 +38,7 @@ _SHARE = 0.5
 _DULL = 0.1
 """With a share known so well (1 sigma), nothing seen means that nothing happened."""
 
-_ROUNDS = 4
+_ROUNDS = 3
 
 _BACK = 10.0
 """Tolerances by which a stage must read to have gone the wrong way before it is called wrong."""
@@ -46,7 +46,10 @@ _BACK = 10.0
 _LATE = 0.2
 """A stage's reading follows its move by no more [s]."""
 
-_HOPELESS = 0.5
+_LONGEST = 2.0
+"""A push lasts twice as long in each round, but no longer than this [s]."""
+
+_HOPELESS = 1.5
 """A share known no better after one round will not tell a sign after all [1 sigma]."""
 
 
@@ -139,12 +142,13 @@ class _Trial:
         size, seconds = self._size(stream, column)
         self._pushed.append((stream, column))
         found: list[_Seen] = []
-        for _ in range(_ROUNDS):
+        for number in range(_ROUNDS):
+            lasts = max(min(seconds * 2**number, _LONGEST), seconds)
             begun = self._session.now
             for part in self._profile(stream, column, size):
                 command = {key: value.copy() for key, value in self._rest.items()}
                 command[stream][0, column] += part * size
-                self._hold(command, seconds, (stream, column))
+                self._hold(command, lasts, (stream, column))
             found = self._found(stream, column, begun)
             if all(each.share.seen or each.share.deviation > _HOPELESS for each in found):
                 break
