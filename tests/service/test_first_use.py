@@ -98,4 +98,4 @@ def test_a_captured_machine_says_what_it_cannot_tell(table):
     told: list[str] = []
     with table(Held.captured) as bench:
         armed(bench, [COILS], told.append)
-    assert all("not to be seen while captured" in line for line in told)
+    assert all("while it is captured nothing shows what it does" in line for line in told)

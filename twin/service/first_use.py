@@ -6,22 +6,18 @@ be told (a captured table shows no turn, a mass that runs up and down hardly one
 """
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.bench import Bench
 from twin.clock import Clock
 from twin.errors import SafetyError
-from twin.service.push import OWN, Applied, lever, limit, own_gain, pushes, turned
-from twin.service.sense import Motion, Sense, motion, rows, senses, slid
+from twin.service.evidence import LATE, Actuator, Evidence, body_evidence, own_evidence, own_stream
+from twin.service.push import lever, limit, own_gain
 from twin.service.session import MOVE, POSITION, Session
 from twin.service.stages import in_mm, tolerance
-from twin.signals import Command, stream_named
-
-Array = NDArray[np.float64]
+from twin.signals import Command
 
 _BEFORE = 0.5
 """A floating body is watched so long before anything pushes [s]."""
@@ -35,16 +31,10 @@ _FASTEST = 0.02
 _SHARE = 0.5
 """Of an actuator's limit, and 0.9 of what the guard lets a stage move, that is used."""
 
-_DULL = 0.1
-"""With a share known so well (1 sigma), nothing seen means that nothing happened."""
-
 _ROUNDS = 3
 
 _BACK = 10.0
 """Tolerances by which a stage must read to have gone the wrong way before it is called wrong."""
-
-_LATE = 0.2
-"""A stage's reading follows its move by no more [s]."""
 
 _LONGEST = 2.0
 """A push lasts twice as long in each round, but no longer than this [s]."""
@@ -96,34 +86,17 @@ def first_use(session: Session, streams: Collection[str]) -> list[str]:
     return told
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """One prediction and what was seen of it."""
-
-    predicted: str
-    """In words."""
-    where: str
-    share: Sense
-
-    def words(self) -> str:
-        told = f"predicted {self.predicted}, {self.where} showed {self.share.words()} of it"
-        return told if self.share.seen else f"{told}, which does not tell the sign"
-
-    @property
-    def refused(self) -> str:
-        """What is wrong; empty: nothing, or it cannot be told."""
-        if self.share.seen:
-            return "" if self.share.share > 0.0 else "it acts the wrong way round"
-        return "it does nothing" if self.share.deviation < _DULL else ""
-
-
 class _Trial:
     """Actuators one after the other; a prediction for all that have pushed so far."""
 
     def __init__(self, session: Session) -> None:
         self._session, self._platform = session, session.platform
-        self._floating = session.bench.guard.floating and self._platform.base.kind == "ball"
-        self._pushed: list[tuple[str, int]] = []
+        self._free = (
+            session.bench.guard.floating
+            and self._platform.base.kind == "ball"
+            and "gyro" in self._platform.sensors
+        )
+        self._pushed: list[Actuator] = []
         self._rest: Command = {
             name: np.zeros((1, width)) for name, width in self._platform.commands.items()
         }
@@ -139,9 +112,11 @@ class _Trial:
             SafetyError: it refuses the session.
         """
         name = self._name(stream, column)
+        if not self._tells(stream, column):
+            return f"first use of {name}: {self._untold} what it does; it was not pushed"
         size, seconds = self._size(stream, column)
         self._pushed.append((stream, column))
-        found: list[_Seen] = []
+        found: list[Evidence] = []
         for number in range(_ROUNDS):
             lasts = max(min(seconds * 2**number, _LONGEST), seconds)
             begun = self._session.now
@@ -149,20 +124,37 @@ class _Trial:
                 command = {key: value.copy() for key, value in self._rest.items()}
                 command[stream][0, column] += part * size
                 self._hold(command, lasts, (stream, column))
-            found = self._found(stream, column, begun)
+            found = self._found(begun)
             if all(each.share.seen or each.share.deviation > _HOPELESS for each in found):
                 break
         for each in found:
             if each.refused:
                 self._refuse(name, f"{each.words()}; {each.refused}")
         lines = [each.words() for each in found]
-        if not self._floating:
-            lines.append("whether it turns the body the right way is not to be seen while captured")
-        elif not found:
-            lines.append("no sensor tells what it does: look at it")
+        if not self._free:
+            lines.append(f"{self._untold} whether it turns the body the right way")
         return f"first use of {name}: " + "; ".join(lines)
 
-    def _hold(self, command: Command, seconds: float, pushed: tuple[str, int]) -> None:
+    @property
+    def _untold(self) -> str:
+        held = not self._session.bench.guard.floating
+        return "while it is captured nothing shows" if held else "no sensor shows"
+
+    def _tells(self, stream: str, column: int) -> bool:
+        """Something will show what it does."""
+        if own_stream(stream) in self._platform.sensors:
+            return True
+        times = np.array([self._session.now])
+        readings = self._session.readings
+        return self._free and lever(self._platform, readings, times, stream, column) is not None
+
+    def _found(self, begun: float) -> list[Evidence]:
+        """All that tells of the last of those that have pushed."""
+        body = body_evidence(self._session, self._pushed, begun) if self._free else None
+        own = own_evidence(self._session, *self._pushed[-1])
+        return [each for each in (body, own) if each is not None]
+
+    def _hold(self, command: Command, seconds: float, pushed: Actuator) -> None:
         """Go on under a command; a stage that runs the other way is stopped at once."""
         session, (stream, column) = self._session, pushed
         start = session.places[column] if stream == MOVE else 0.0
@@ -193,11 +185,11 @@ class _Trial:
     def _size(self, stream: str, column: int) -> tuple[float, float]:
         """Of a push, and how long each part of it lasts [s]."""
         platform, session = self._platform, self._session
-        sensor = platform.sensors.get(POSITION if stream == MOVE else OWN.get(stream, ""))
+        sensor = platform.sensors.get(own_stream(stream))
         gyro = platform.sensors.get("gyro")
         # a free body falls meanwhile: what is read slowly is waited for where nothing else tells
-        needed = gyro if self._floating and gyro is not None and stream != MOVE else sensor
-        seconds = max(0.25, 4.0 * session.tick, 0.0 if needed is None else 4.0 / needed.rate)
+        telling = gyro if self._free and stream != MOVE else sensor
+        seconds = max(0.25, 4.0 * session.tick, 0.0 if telling is None else 4.0 / telling.rate)
         wish = 0.0 if gyro is None else _CLEAR * float(np.max(gyro.noise))
         wish = min(max(wish, 1e-5), _FASTEST)
         if stream == MOVE:
@@ -209,7 +201,7 @@ class _Trial:
             most = min(0.9 * settings.max_balance_step / weight, 0.2 * part.speed * seconds)
             size = min(max(wish / turn, clear), most)
             takes = 2.0 * size / part.speed + part.speed / part.acceleration + part.response
-            return size, max(seconds, takes + 2.0 * _LATE)
+            return size, max(seconds, takes + 2.0 * LATE)
         most = _SHARE * limit(platform, stream, column)
         times = np.array([session.now])
         torque = lever(platform, session.readings, times, stream, column)
@@ -236,77 +228,3 @@ class _Trial:
             if place - size < part.travel[0] + margin:
                 return (1.0, 0.0)
         return (1.0, -1.0, 0.0)
-
-    def _found(self, stream: str, column: int, begun: float) -> list[_Seen]:
-        """All that tells of the last of those that have pushed."""
-        found: list[_Seen] = []
-        seen = motion(self._platform, self._session.readings) if self._floating else None
-        if seen is not None:
-            predicted = [self._predicted(seen, *each) for each in self._pushed]
-            known = [each for each in predicted if each is not None and np.any(each)]
-            if predicted[-1] is not None and np.any(predicted[-1]):
-                shares = senses(self._platform, seen, known)
-                if shares is not None:
-                    found.append(_Seen(_peak(seen, predicted[-1], begun), "the gyro", shares[-1]))
-        own = self._own(stream, column)
-        return [*found, own] if own is not None else found
-
-    def _predicted(self, seen: Motion, stream: str, column: int) -> Array | None:
-        if stream == MOVE:
-            return slid(self._platform, seen, column) if seen.places.size else None
-        session = self._session
-        return turned(self._platform, session.readings, session.applied, seen, stream, column)
-
-    def _own(self, stream: str, column: int) -> _Seen | None:
-        """What the actuator shows itself."""
-        source = POSITION if stream == MOVE else OWN.get(stream)
-        read = None if source is None else rows(self._session.readings, source)
-        if read is None or source is None:
-            return None
-        times, values = read
-        applied = self._session.applied
-        if stream == MOVE:
-            told = _held(applied, times, column)
-            part, most = self._platform.stages[column], in_mm(float(np.ptp(told)))
-            # only where it has had the time to get there
-            takes = float(np.ptp(told)) / part.speed + part.speed / part.acceleration
-            there = told == _held(applied, times - takes - part.response - _LATE, column)
-            times, values, told = times[there], values[there], told[there]
-            noise = float(tolerance(self._platform)[column])
-        else:
-            told = pushes(applied, times, stream, column)
-            told = told * own_gain(self._platform, stream, column)
-            sensor = self._platform.sensors[source]
-            noise = float(np.max(sensor.noise)) + sensor.resolution
-            unit = stream_named(source).unit
-            most = f"{float(np.ptp(told)):.3g} {unit}"
-        share = _fitted(times, values[:, column], told, max(noise, 1e-12))
-        return None if share is None else _Seen(f"a change of {most}", source, share)
-
-
-def _peak(seen: Motion, predicted: Array, begun: float) -> str:
-    """The largest change of the rate since then, in words."""
-    during = predicted[seen.times >= begun]
-    change = during - during[0] if len(during) else predicted
-    row, axis = np.unravel_index(int(np.argmax(np.abs(change))), change.shape)
-    return f"a turn of {np.degrees(change[row, axis]):+.3g} deg/s about {'xyz'[int(axis)]}"
-
-
-def _held(applied: Applied, times: Array, column: int) -> Array:
-    """(m,) position [m] that a stage was told to hold at each time."""
-    begun = np.array([time for time, _ in applied])
-    told = np.array([command[MOVE][0, column] for _, command in applied])
-    return told[np.maximum(np.searchsorted(begun, times, side="right") - 1, 0)]
-
-
-def _fitted(times: Array, values: Array, told: Array, noise: float) -> Sense | None:
-    """Share of `told` in values that also drift at a steady pace; None: nothing was told."""
-    if np.ptp(told) == 0.0 or len(times) < 5:
-        return None
-    design = np.stack([np.ones_like(times), times - times[0], told], axis=1) / noise
-    size = np.linalg.norm(design, axis=0)
-    found, *_ = np.linalg.lstsq(design / size, values / noise, rcond=None)
-    left = values / noise - design / size @ found
-    worse = max(float(left @ left) / len(times), 1.0)
-    covariance = worse * np.linalg.pinv((design / size).T @ (design / size))
-    return Sense(float(found[-1] / size[-1]), float(np.sqrt(covariance[-1, -1]) / size[-1]))
