@@ -80,7 +80,7 @@ def run(case: Case) -> dict[str, Any]:
     except OutOfReach as why:
         return row | {"skipped": str(why).replace(f"{ROOT}/", "")}
     except Exception:
-        return row | {"failed": traceback.format_exc()}
+        return row | {"failed": traceback.format_exc().replace(f"{ROOT}/", "")}
     finally:
         signal.alarm(0)
 

@@ -71,7 +71,7 @@ def rows_of(path: Path) -> list[Row]:
 
 def page(rows: list[Row]) -> str:
     """The whole of it."""
-    done = [row for row in rows if "verdict" in row]
+    done = [row for row in rows if "verdict" in row and "failed" not in row]
     lines = [HEAD, *_provenance(rows), "", "## One effect", "", *_singles(done), ""]
     lines += ["## Nothing, two, or what the catalogue lacks", "", *_others(done), ""]
     lines += ["## By effect", "", *_by_effect(done), "", "## Confidence", "", *_confidence(done)]
