@@ -101,8 +101,9 @@ def sads() -> Platform:
 
 
 def without_bias(platform: Platform) -> Platform:
-    """No stop to hit, no gyro bias to hide behind."""
-    sensors = {k: replace(s, bias=0.0 * s.bias) for k, s in platform.sensors.items()}
+    """No stop to hit, no gyro bias to hide behind, and no gauge, which has one of its own."""
+    kept = {k: s for k, s in platform.sensors.items() if k != "gas_pressure"}
+    sensors = {k: replace(s, bias=0.0 * s.bias) for k, s in kept.items()}
     return replace(platform, tilt_limit=np.pi, sensors=sensors)
 
 
