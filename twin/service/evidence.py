@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.service.push import OWN, Applied, own_gain, pushes, turned
-from twin.service.sense import Motion, Sense, motion, rows, senses, slid
+from twin.service.sense import Motion, Sense, motion, rows, senses, shares, slid
 from twin.service.session import MOVE, POSITION, Session
 from twin.service.stages import in_mm, tolerance
 from twin.signals import stream_named
@@ -69,8 +69,8 @@ def body_evidence(session: Session, pushed: Sequence[Actuator], begun: float) ->
     if last is None or not np.any(last):
         return None
     known = [each for each in predicted if each is not None and np.any(each)]
-    shares = senses(platform, seen, known)
-    return None if shares is None else Evidence(_peak(seen, last, begun), "the gyro", shares[-1])
+    found = senses(platform, seen, known)
+    return None if found is None else Evidence(_peak(seen, last, begun), "the gyro", found[-1])
 
 
 def own_evidence(session: Session, stream: str, column: int) -> Evidence | None:
@@ -131,10 +131,5 @@ def _fitted(times: Array, values: Array, told: Array, noise: float) -> Sense | N
     """Share of `told` in values that also drift at a steady pace; None: nothing was told."""
     if np.ptp(told) == 0.0 or len(times) < 5:
         return None
-    design = np.stack([np.ones_like(times), times - times[0], told], axis=1) / noise
-    size = np.linalg.norm(design, axis=0)
-    found, *_ = np.linalg.lstsq(design / size, values / noise, rcond=None)
-    left = values / noise - design / size @ found
-    worse = max(float(left @ left) / len(times), 1.0)
-    covariance = worse * np.linalg.pinv((design / size).T @ (design / size))
-    return Sense(float(found[-1] / size[-1]), float(np.sqrt(covariance[-1, -1]) / size[-1]))
+    design = np.stack([np.ones_like(times), times - times[0], told], axis=1)
+    return shares(design / noise, values / noise, len(times))[-1]

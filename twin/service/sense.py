@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from twin.platform import Platform
 from twin.rotation import cross, vertical_body
@@ -91,7 +92,7 @@ def slid(platform: Platform, seen: Motion, stage: int) -> Array:
     part = platform.stages[stage]
     way = seen.places[:, stage] - seen.places[0, stage]
     torque = cross(part.mass * way[:, None] * part.axis, seen.gravity)
-    return integral(seen.times, torque @ np.linalg.inv(platform.inertia))
+    return _integral(seen.times, torque @ np.linalg.inv(platform.inertia))
 
 
 def senses(platform: Platform, seen: Motion, predicted: Sequence[Array]) -> list[Sense] | None:
@@ -109,10 +110,12 @@ def senses(platform: Platform, seen: Motion, predicted: Sequence[Array]) -> list
     gyroscopic = -cross(seen.rate, seen.rate @ platform.inertia + seen.momentum)
     start = [np.broadcast_to(axis, seen.rate.shape) for axis in np.eye(3)]
     # the columns of M x g, one for each component of M
-    turned = [integral(seen.times, cross(axis[None], seen.gravity) @ inverse) for axis in np.eye(3)]
+    turned = [
+        _integral(seen.times, cross(axis[None], seen.gravity) @ inverse) for axis in np.eye(3)
+    ]
     columns = (*start, *turned, *predicted)
     design = np.stack([column[still].ravel() for column in columns], axis=1)
-    wanted = (seen.rate - integral(seen.times, gyroscopic @ inverse))[still].ravel()
+    wanted = (seen.rate - _integral(seen.times, gyroscopic @ inverse))[still].ravel()
     # in seconds a level table hardly shows M z: it is what the platform says, give or take itself
     # and what the masses can make of it
     stated = platform.center_of_mass_offset
@@ -122,17 +125,28 @@ def senses(platform: Platform, seen: Motion, predicted: Sequence[Array]) -> list
     prior[:, 3:6] = np.eye(3) / max(float(np.linalg.norm(stated)), reach, 1e-12)
     weighed = np.concatenate([design / noise, prior])
     right = np.concatenate([wanted / noise, prior[:, 3:6] @ stated])
-    # columns of rad/s, of kg m and of one are made alike before they are solved for
-    size = np.linalg.norm(weighed, axis=0)
-    if still.sum() < _FEWEST or not size[6:].all():
+    if still.sum() < _FEWEST or not weighed[:, 6:].any(axis=0).all():
         return None
-    found, *_ = np.linalg.lstsq(weighed / size, right, rcond=None)
-    left = (right - weighed / size @ found)[: len(wanted)]
-    worse = max(float(left @ left) / len(wanted), 1.0)
-    covariance = worse * np.linalg.pinv((weighed / size).T @ (weighed / size))
-    deviation = np.sqrt(np.diag(covariance))
+    return shares(weighed, right, len(wanted))[6:]
+
+
+def shares(weighed: Array, right: Array, measured: int) -> list[Sense]:
+    """Least squares; what is left of the measured rows makes all less sure, where it is much.
+
+    Args:
+        weighed: (m, k) over the noise of each row; columns may be of any unit.
+        right: (m,) likewise.
+        measured: of the rows, the first, which are not known beforehand.
+    """
+    size = np.linalg.norm(weighed, axis=0)
+    alike = weighed / size
+    found, *_ = np.linalg.lstsq(alike, right, rcond=None)
+    left = (right - alike @ found)[:measured]
+    worse = max(float(left @ left) / measured, 1.0)
+    deviation = np.sqrt(worse * np.diag(np.linalg.pinv(alike.T @ alike)))
     return [
-        Sense(float(found[k] / size[k]), float(deviation[k] / size[k])) for k in range(6, len(size))
+        Sense(*pair)
+        for pair in zip((found / size).tolist(), (deviation / size).tolist(), strict=True)
     ]
 
 
@@ -173,10 +187,9 @@ def at(times: Array, known: Array, values: Array) -> Array:
     return np.stack([np.interp(times, known, column) for column in values.T], axis=1)
 
 
-def integral(times: Array, values: Array) -> Array:
-    """From the first time on, (m, k), by trapezia."""
-    pieces = 0.5 * (values[1:] + values[:-1]) * np.diff(times)[:, None]
-    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(pieces, axis=0)])
+def _integral(times: Array, values: Array) -> Array:
+    """From the first time on, (m, k)."""
+    return np.asarray(cumulative_trapezoid(values, times, axis=0, initial=0.0), dtype=np.float64)
 
 
 def carried_axes(platform: Platform, readings: Sequence[Reading], times: Array) -> list[Array]:
