@@ -203,15 +203,16 @@ def _body_force(effect: Effect, body: Body) -> Array:
 
 
 def _input_force(effect: Effect, body: Body) -> Array:
-    """What the machine was driven with, less what the log says; 0 where that is predicted."""
+    """What the machine was driven with, less what the log says."""
     assert isinstance(effect, SeriesEffect)
     recording, stream = body.recording, effect.stream
-    predicted = [output.stream for output in body.outputs]
+    # the reading of a state drives nothing
+    states = [output.stream for output in body.outputs if output.told is None]
     none = np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
-    # what is predicted says nothing of what the machine was driven with, but where stages were
-    if stream not in body.inputs.used or (stream in predicted and stream != "stage_position"):
+    if stream not in body.inputs.used or stream in states:
         return none
-    if stream == "command_stage_position" and "stage_position" in predicted:
+    counted = any(output.course is not None for output in body.outputs)
+    if stream == "command_stage_position" and counted:
         return _driven_by(body.inputs.with_stages(effect), body)
     series = recording[stream]
     samples = Samples(series.value[None], series.time[None], np.ones((1, len(series)), dtype=bool))
