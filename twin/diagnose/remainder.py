@@ -6,6 +6,7 @@ lacks, by whatever law. What they gain beyond chance is unexplained.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,11 +81,12 @@ def knots_of(body: Body) -> Array:
     return np.linspace(begin, end, int(np.clip((end - begin) / PIECE, 2, MOST)))
 
 
-def pieces_of(body: Body) -> list[Perturbation]:
+@lru_cache(maxsize=8)
+def pieces_of(body: Body) -> tuple[Perturbation, ...]:
     """Hats side by side over one log, about one axis of the base after the other."""
     knots = knots_of(body)
     dofs = range(body.machine.base_dof.start, body.machine.base_dof.stop)
-    return [_piece(body, knots, place, dof) for dof in dofs for place in range(len(knots))]
+    return tuple(_piece(body, knots, place, dof) for dof in dofs for place in range(len(knots)))
 
 
 def _piece(own: Body, knots: Array, place: int, dof: int) -> Perturbation:
