@@ -145,8 +145,7 @@ class Run:
     def _check(self) -> None:
         from twin.errors import UsageError
 
-        on_bench = self.plant == "pty" or self.plant.startswith("serial")
-        if self.identified is not None and not on_bench:
+        if self.identified is not None and not self._on_bench:
             raise UsageError(
                 f"--identified is for a machine on its bench; plant {self.plant} has no guard"
             )
@@ -187,11 +186,14 @@ class Run:
         ]
         print("\n".join(lines), file=sys.stderr, flush=True)
 
+    @property
+    def _on_bench(self) -> bool:
+        return self.plant == "pty" or self.plant.startswith("serial")
+
     def _seeded(self) -> str:
-        on_bench = self.plant == "pty" or self.plant.startswith("serial")
         armed = f", armed as {self.arm}" if self.arm else ", not armed: nothing leaves"
         seed = "" if self.plant.startswith("serial") else f"seed {self.seed}"
-        return (seed + (armed if on_bench else "")).removeprefix(", ")
+        return (seed + (armed if self._on_bench else "")).removeprefix(", ")
 
     def _keep(self, black_box: "FlightRecorder", platform: "Platform") -> list[Path]:
         """Write the flight record of every run that was stopped."""
