@@ -37,6 +37,8 @@ SPAN = 4.0
 COMMAND, FAR = "command_stage_position", 0.003
 """Where the stage goes and comes back from [m]."""
 
+STAGE = DriveSettings(address="1", part="s1", travel=(-0.025, 0.025), speed=0.025)
+
 OWN = {
     "imu": ("bad_checksum", "truncated", "drop_packets", "duplicate_packets", "time_wrap",
             "time_step_back", "inner_preamble", "error", "restart", "not_a_number", "saturated",
@@ -83,8 +85,7 @@ def tilt(port: str) -> Subject:
 def stages(port: str) -> Subject:
     """An MDrive that goes to and fro."""
     drive = EmulatedDrive(baud=38400, saved={"PY": 1, "R1": HOMED})
-    stage = DriveSettings(address="1", part="s1", travel=(-0.025, 0.025), speed=0.025)
-    settings = MDriveSettings(name="stages", port=port, baud=38400, drives=(stage,))
+    settings = MDriveSettings(name="stages", port=port, baud=38400, drives=(STAGE,))
 
     def wrong(sample: Sample) -> bool:
         return not -1e-6 <= sample.value[0] <= FAR + 1e-6
@@ -168,11 +169,11 @@ def _flown(device: Device, *, move: bool) -> tuple[list[Sample], list[str]]:
 
 def _outside(said: bytes) -> list[str]:
     """Commands that left for a stage beyond what it may be told."""
-    steps_per_metre = 51200 / 2.54e-3
+    most = STAGE.steps(FAR) + 1
     found = [
         f"MA {target.decode()}"
         for target in re.findall(rb"MA ?=?(-?\d+)", said)
-        if not -1.0 <= int(target) <= FAR * steps_per_metre + 1.0
+        if not -1 <= int(target) <= most
     ]
     found += [f"SL {speed.decode()}" for speed in re.findall(rb"SL ?=?(-?[1-9]\d*)", said)]
     return found + ["MR"] * said.count(b"MR ")

@@ -28,7 +28,7 @@ from twin.plant.devices.link import MessageType, Parser, SampleRows, Schema
 from twin.plant.guard.guarded import Held
 from twin.plant.hardware_setup import HardwareSetup, read_hardware
 from twin.plant.limits import Limits
-from twin.platform import load_platform
+from twin.platform import Platform, load_platform
 from twin.recording import open_log
 from twin.reference import Hold
 from twin.service.first_use import armed
@@ -125,12 +125,18 @@ class Here(EmulatedPlatform):
 
     heard: Heard
 
+    def __init__(
+        self, platform: Platform, setup: HardwareSetup, *, seed: int, faults: tuple[Fault, ...]
+    ) -> None:
+        super().__init__(platform, setup, seed=seed, faults=faults, lockstep=True)
+        self._limits = Limits(platform)
+
     def __enter__(self) -> Self:
         folder = tempfile.TemporaryDirectory(prefix="twin-")
         self._folder = folder
         ((name, board),) = self._devices().items()
         assert isinstance(board, EmulatedMicrocontroller)
-        self.heard = Heard(board, Limits(self.platform))
+        self.heard = Heard(board, self._limits)
         link = Path(folder.name) / name
         faults = tuple(self._faults)
         server = Server(self.heard, link, faults, self._seed, start=0.0, lockstep=True)
@@ -169,8 +175,7 @@ def session(seed: int) -> dict[str, Any]:
     platform = load_platform("cubesat")
     setup: HardwareSetup = read_hardware(platform)
     faults = drawn(seed)
-    emulation = Here(platform, setup, seed=seed, faults=faults, lockstep=True)
-    emulation.platform = platform
+    emulation = Here(platform, setup, seed=seed, faults=faults)
     problems: list[str] = []
     told: list[str] = []
     again: list[str] = []

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.clock import SimulatedClock
+from twin.controller import load_controller
 from twin.diagnose.diagnosis import plain_of
-from twin.effects import effect_named
-from twin.flight import prepare
+from twin.effects import effect_named, with_effects
 from twin.plant.gas import STANDARD_GRAVITY
 from twin.platform import load_platform
 from twin.predict.tanks import pressure
-from twin.stream.recorder import MemoryRecorder
+from twin.reference import parse_reference
+from twin.reproduce.flown import flown
 
 SEED = 20261123
 
@@ -31,21 +31,12 @@ def test_a_steady_thrust_empties_the_tanks_by_its_specific_impulse():
 
 def test_what_leaks_is_told_from_what_the_thrusters_take():
     leak = effect_named("gas_consumption")(rate=2e-4)
-    flight = prepare(
-        "whorl1",
-        controller="thruster_pd",
-        estimator="filter",
-        plant="sim",
-        reference="multisine:2",
-        duration=40.0,
-        seed=SEED,
-        effects=(leak,),
-    )
-    recorder = MemoryRecorder(flight.platform, {"platform": "whorl1", "source": f"seed {SEED}"})
-    flight.fly(SimulatedClock(), [recorder])
-    log = recorder.recording().without_truth()
+    platform, law = load_platform("whorl1"), load_controller("thruster_pd")
+    leaking, reference = with_effects(platform, [leak]), parse_reference("multisine:2")
+    run = flown(leaking, law, 40.0, reference=reference, seed=SEED, record=True)
+    log = run.recordings[0].without_truth()
     assert np.sum(log["command_thruster"].value) > 0.0
-    plain = plain_of([log], load_platform("whorl1"))
+    plain = plain_of([log], platform)
     found = plain.instead([replace(leak, rate=1e-5)])
     (effect,), sigma = found.effects, float(np.sqrt(found.covariances[0][0, 0]))
     print(f"seed {SEED}: {effect.values[0]:.3g} +- {sigma:.2g} kg/s")

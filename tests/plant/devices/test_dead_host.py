@@ -1,14 +1,12 @@
 """A host that is killed in the middle of a move: an MDrive, which has no watchdog, rests soon."""
 
 import re
-import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 
+from tests.plant.devices.hosts import killed
 from tests.plant.devices.stages import BAUD, STEP, drives
 from twin.emulate.line import EmulatedLine
 from twin.emulate.trapezoid import Ramps, move
@@ -21,6 +19,7 @@ HORIZON = 0.25
 HOST = """
 import sys
 import time
+from tests.plant.devices.hosts import killed
 from tests.plant.devices.stages import BAUD, go, stage
 from twin.plant.devices.mdrive.mdrive import MDriveSettings
 
@@ -53,16 +52,7 @@ def asked(port: Port, *items: str) -> tuple[int, ...]:
 def test_after_the_death_of_its_host_a_stage_ends_one_short_move_and_rests(tmp_path: Path):
     log = tmp_path / "bytes"
     with EmulatedLine(drives(), tmp_path / "port", log=log) as line:
-        host = subprocess.Popen(
-            [sys.executable, "-c", HOST, str(line.link)],
-            stdout=subprocess.PIPE,
-            cwd=Path(__file__).parents[3],
-        )
-        assert host.stdout is not None
-        assert host.stdout.readline() == b"moving\n"
-        host.send_signal(signal.SIGKILL)
-        host.wait()
-        host.stdout.close()
+        killed(HOST, line.link, "moving")
         died = log.read_text()
         port = Port("stages", str(line.link), baud=BAUD)
         while asked(port, "MV") != (0,):

@@ -1,7 +1,5 @@
 """The driver of our own link over a pseudo-terminal, against an emulated board in a process."""
 
-import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -10,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.plant.devices.hosts import killed
 from twin.errors import CommandError, DeviceError, UnknownName
 from twin.plant.devices.device import Sample
 from twin.plant.devices.link import (
@@ -329,17 +328,7 @@ while True:
 def test_a_host_that_is_killed_leaves_the_far_end_safe_by_itself(tmp_path: Path):
     log = tmp_path / "bytes.log"
     with EmulatedLine(board(), tmp_path / "feather", log=log) as line:
-        host = subprocess.Popen(
-            [sys.executable, "-c", HOST, str(line.link)],
-            stdout=subprocess.PIPE,
-            cwd=Path(__file__).parents[3],
-        )
-        assert host.stdout is not None
-        assert host.stdout.readline() == b"armed\n"
-        time.sleep(0.5)
-        host.send_signal(signal.SIGKILL)
-        host.wait()
-        host.stdout.close()
+        killed(HOST, line.link, "armed", after=0.5)
         time.sleep(1.0)
     said = [row[1:] for row in log.read_text().splitlines() if row.startswith(">")]
     frames = Parser(Schema(CHANNELS), "far end").feed(bytes.fromhex("".join(said)))
