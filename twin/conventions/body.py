@@ -99,11 +99,11 @@ class Body:
         turned, *rest = (evidence(*residuals) for residuals in self._residuals(one, other))
         others = sum(rest) + self._driven(other) - self._driven(one)
         # Under feedback the body answers the gyro's noise a moment later, so that a gyro taken for
-        # late leaves less momentum over: of a lag between gyro and attitude that alone is no proof.
+        # late leaves less momentum over: gyro and attitude alone prove that they are out of step.
         if one.out_of_step and not other.out_of_step:
-            others = min(others, max(turned, 0.0))
+            others = min(others, 0.0)
         elif other.out_of_step and not one.out_of_step:
-            others = max(others, min(turned, 0.0))
+            others = max(others, 0.0)
         return turned + others + other.cost - one.cost
 
     def dated(self, h: Hypothesis) -> Hypothesis:
