@@ -3,8 +3,9 @@
 `panel.py` beside this file does the same many times and counts.
 """
 
+import secrets
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from twin.diagnose import Diagnosis, diagnose
 from twin.diagnose.diagnosis import plain_of
 from twin.diagnose.remainder import remainder
-from twin.effects import effect_named
+from twin.effects import SensorLaw, effect_named, parameter
 
 SEED = 20261121
 
@@ -141,6 +142,36 @@ def test_what_the_catalogue_lacks_is_unexplained_and_given_as_an_equation():
     assert law.label == "torque_x ~ rate_x rate_z"
     assert found.held_out.log_likelihood > 0.0
     assert all(cause.confidence < 0.9 for cause in found.causes)
+
+
+@dataclass(frozen=True)
+class Shear(SensorLaw):
+    """Two axes of a gyro that lean towards each other: the catalogue has only that all turn."""
+
+    name = "shear"
+    observable = "a rate about one axis shows in another, and the other way round"
+    streams = ("gyro",)
+    acts_on = "gyro"
+    products = (("x", ("gyro_y",)), ("y", ("gyro_x",)))
+
+    in_x: float = parameter("of y", "1", 0.02, source="any")
+    in_y: float = parameter("of x", "1", 0.02, source="any")
+
+
+@pytest.mark.slow
+def test_an_error_of_a_sensor_that_the_catalogue_lacks_is_given_as_an_equation():
+    seed = secrets.randbits(32)
+    lean = np.random.default_rng(seed).choice([-1.0, 1.0]) * 0.05
+    found = diagnosed(LONG, [Shear(in_x=lean, in_y=lean)], seed)
+    assert found.verdict == "unexplained"
+    assert all(cause.confidence < 0.9 for cause in found.causes)
+    assert found.equation is not None
+    sizes = zip(found.equation.coefficients, found.equation.half_widths, strict=True)
+    told = {law.label: size for law, size in zip(found.equation.laws, sizes, strict=True)}
+    for label in ("gyro_x ~ gyro_y", "gyro_y ~ gyro_x"):
+        value, half = told[label]
+        # four sigma of each
+        assert abs(value - lean) < 2.0 * half
 
 
 @pytest.mark.slow

@@ -35,7 +35,7 @@ class Diagnose:
     def run(self) -> int:
         """Diagnose, print, write what was asked for."""
         from twin.cli.output import check_writable, print_json, progress
-        from twin.diagnose import LAW, check_logs, check_new, diagnose, extend, validate
+        from twin.diagnose import check_logs, check_new, diagnose, extend, laws_in, validate
         from twin.errors import UsageError
         from twin.platform import common_platform, load_platform
         from twin.recording import open_log
@@ -84,6 +84,6 @@ class Diagnose:
             if written is not None:
                 print(f"wrote {written}", file=to)
         if self.extend is not None and found.equation is not None:
-            law = self.extend / LAW
-            print(f"wrote {law}: twin run {self.extend} --effects {law} has the law too", file=to)
+            laws = ",".join(map(str, laws_in(self.extend)))
+            print(f"wrote {laws}: twin run {self.extend} --effects {laws} has it too", file=to)
         return 0

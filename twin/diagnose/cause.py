@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from twin.diagnose.candidates import Candidate
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.laws import Law
+from twin.diagnose.law import Law
 from twin.diagnose.search import EVEN, TIED, Search
 from twin.effects import Effect
 from twin.identify.prediction_error import NORMAL

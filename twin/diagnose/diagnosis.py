@@ -16,6 +16,7 @@ from twin.diagnose.held_out import HeldOut, held_out
 from twin.diagnose.reasoning import Line, reason
 from twin.diagnose.remainder import Remainder
 from twin.diagnose.scatter import scatter_causes
+from twin.effects import Effect
 from twin.errors import UsageError
 from twin.identify.calibrate import calibrated
 from twin.identify.momentum import momentum_fit
@@ -33,6 +34,9 @@ Say = Callable[[str], None]
 
 UNEXPLAINED = 1e-4
 """Chance below which what is left is no noise."""
+CROWD = 3
+"""Kinds of causes at once. What the catalogue lacks looks like more of them, each small beside it:
+six explained an inclinometer's misalignment that had been left out."""
 ROUGH = 1.5
 """Chi-square a sample beyond which no cause has made the motion follow the model. The logs are then
 predicted in segments apart, and what they say counts for less."""
@@ -138,7 +142,13 @@ def diagnose(
 
 def _unexplained(now: Explanation, left: Remainder) -> bool:
     """Whether there is something at work that no cause is a name for."""
-    return bool(now.laws) or not now.follows or left.chance < UNEXPLAINED
+    crowd = crowded(now.effects)
+    return bool(now.laws) or not now.follows or crowd or left.chance < UNEXPLAINED
+
+
+def crowded(effects: Sequence[Effect]) -> bool:
+    """Whether so many kinds of causes explain logs together that one without a name is likelier."""
+    return len({effect.name for effect in effects}) > CROWD
 
 
 def _unasked(candidates: Candidates, causes: Sequence[Cause]) -> dict[str, str]:

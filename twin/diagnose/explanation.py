@@ -12,7 +12,7 @@ from twin.compare.account import Account
 from twin.compare.misfit import misfits, misfits_of
 from twin.diagnose.candidates import Candidate, looked_among
 from twin.diagnose.determined import determined
-from twin.diagnose.laws import Law
+from twin.diagnose.law import Law
 from twin.diagnose.moves import between, distance, held, largest, unseen
 from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing

@@ -9,20 +9,18 @@ import numpy as np
 import tomlkit
 
 from twin.diagnose.diagnosis import Diagnosis
-from twin.diagnose.law_file import write_law
+from twin.diagnose.law_file import write_laws
 from twin.effects import Effect
 from twin.errors import UsageError
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
-
-LAW = "law.py"
 
 
 def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
     """Write the platform with the base and the causes that a diagnosis found.
 
     Comments and everything else of platform.toml stay; logs are not copied. A law without a name
-    becomes an effect's file beside it, `law.py`: a platform runs no code of its own.
+    becomes an effect's file beside it (`law_file`): a platform runs no code of its own.
 
     Returns:
         The platform, read back from the folder.
@@ -51,7 +49,7 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
             _state(effects, cause.effect)
     path.write_text(tomlkit.dumps(document), encoding="utf-8")
     if diagnosis.equation is not None:
-        write_law(diagnosis.equation, platform, folder / LAW)
+        write_laws(diagnosis.equation, platform, folder)
     extended = load_platform(str(folder))
     _weigh(extended)
     return extended

@@ -8,7 +8,8 @@ import numpy as np
 
 from twin.diagnose.candidates import Candidate, ringing
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.laws import Law, laws_of
+from twin.diagnose.law import Law
+from twin.diagnose.laws import laws_of
 from twin.diagnose.lines import lines_of, slow_line_of
 from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.search import TIED, Search

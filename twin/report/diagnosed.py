@@ -7,6 +7,8 @@ import numpy as np
 from twin.compare.free_run import FreeRun
 from twin.diagnose import Diagnosis
 from twin.diagnose.cause import Cause, Equation
+from twin.diagnose.diagnosis import crowded
+from twin.diagnose.law import TORQUE
 from twin.diagnose.remainder import Remainder
 from twin.diagnose.validation import Validation
 from twin.identify.excitation import not_excited
@@ -64,6 +66,11 @@ def verdict_sentence(found: Diagnosis) -> str:
             f"Unexplained: {best}no cause makes the motion follow the model: segments predicted "
             f"apart still miss by {size:.2g} times the noise."
         )
+    if crowded([cause.effect for cause in found.causes]) and found.equation is None:
+        return (
+            f"Unexplained: {names} together explain most, but so many at once rather stand in for "
+            "something that the catalogue has no name for."
+        )
     beside = f" beside {names}" if names else ""
     return f"Unexplained: the model lacks something{beside} that the catalogue has no name for."
 
@@ -97,12 +104,14 @@ def cause_sentence(cause: Cause) -> str:
 
 
 def equation_text(equation: Equation) -> str:
-    """`torque_x = 3.1 rate_x rate_z`, one an axis, SI."""
+    """`torque_x = 3.1 rate_x rate_z`, `error of gyro_x = 0.02 gyro_y`, one a column, SI."""
     lines: dict[str, list[str]] = {}
     for law, value in zip(equation.laws, equation.coefficients.tolist(), strict=True):
         product = " ".join(law.factors)
-        lines.setdefault(law.axis, []).append(f"{value:+.3g} {product}".rstrip())
-    return "; ".join(f"torque_{axis} = {' '.join(terms)}" for axis, terms in lines.items())
+        what = f"{law.what}_{law.column}"
+        left = what if law.what == TORQUE else f"error of {what}"
+        lines.setdefault(left, []).append(f"{value:+.3g} {product}".rstrip())
+    return "; ".join(f"{left} = {' '.join(terms)}" for left, terms in lines.items())
 
 
 def equation_sentence(equation: Equation) -> str:

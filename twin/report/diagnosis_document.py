@@ -38,7 +38,8 @@ def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[
             "evidence": found.equation.evidence,
             "terms": [
                 {
-                    "axis": law.axis,
+                    "what": law.what,
+                    "column": law.column,
                     "factors": list(law.factors),
                     "unit": law.unit,
                     "value": value,
