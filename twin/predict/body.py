@@ -320,10 +320,11 @@ class Body:
         for output in self.outputs:
             if output.stream == "wheel_speed" and self.inputs.wheels_undriven:
                 rotor = np.array([wheel.inertia for wheel in machine.platform.wheels])
-                walk = random_walk(self.recording[output.stream], output.noise)
+                series = self.recording[output.stream]
+                walk = random_walk(series, output.noise, output.digit)
                 wheels = np.square(rotor) * walk
             if output.stream == "gimbal_angle" and self.inputs.gimbal_error is not None:
-                gimbals = random_walk(self.inputs.gimbal_error, output.noise)
+                gimbals = random_walk(self.inputs.gimbal_error, output.noise, output.digit)
         return wheels, gimbals
 
     def _first(self, stream: str) -> int:

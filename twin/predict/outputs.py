@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.model import Machine
-from twin.noise import noise_and_worth, noise_left
+from twin.noise import noise_and_worth, noise_left, resolution_of
 from twin.platform import Platform, Sensor
 from twin.predict.profiles import Course
 from twin.predict.sensed import Sense
@@ -119,6 +119,11 @@ class Output:
         if self.shaken is None:
             return np.broadcast_to(self.noise, self.slot.shape)
         return np.sqrt(np.square(self.noise) + self.shaken)
+
+    @property
+    def digit(self) -> Array:
+        """(k,) to which it is rounded; 0: not at all."""
+        return np.array([resolution_of(column) for column in self.value.T])
 
     @property
     def instant(self) -> Index:

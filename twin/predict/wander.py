@@ -15,25 +15,31 @@ from twin.recording import Series
 
 Array = NDArray[np.float64]
 
+ROUNDED = 2.0
+"""Digits, from the least to the most, that rounding may take a reading off: one where the truth is
+known to the instant, as much again for when it was read."""
 WORTHWHILE = 10.0
 """By how much a walk must lower twice the negative log-likelihood of the readings to be believed.
 """
 
 
-def random_walk(series: Series, noise: Array) -> Array:
+def random_walk(series: Series, noise: Array, digit: Array) -> Array:
     """(k,) variance a second of what walks at random and is read with white noise.
 
     The most likely one: a Kalman filter at rest, its gain sought. 0 where the readings do not ask
-    for any.
+    for any, or where rounding alone could have them stray so far: of what moves slowly that is no
+    white noise, and looks like a walk.
 
     Args:
         series: as measured.
         noise: (k,) 1 sigma of a reading.
+        digit: (k,) to which it is rounded; 0: not at all.
     """
     period = float(np.median(np.diff(series.time)))
+    strayed = np.ptp(series.value, axis=0) > ROUNDED * digit
     walk = [
-        _random_walk(column, float(sigma))
-        for column, sigma in zip(series.value.T, noise, strict=True)
+        _random_walk(column, float(sigma)) if far else 0.0
+        for column, sigma, far in zip(series.value.T, noise, strayed, strict=True)
     ]
     return np.array(walk) / period
 
