@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from twin.controller import AnyController, Controller, load_controller
+from twin.diagnose.candidates import candidate
 from twin.diagnose.diagnosis import plain_of
 from twin.effects import with_effects
 from twin.effects.clocks.clock_drift import ClockDrift
@@ -83,6 +84,14 @@ def test_it_is_missed_by_all_of_its_evidence(platform, log, play):
     found = plain.instead([play])
     weighed = found.weigh([], []).weigh(found.own)
     assert weighed.gain == pytest.approx(plain.cost - found.cost, rel=0.2)
+
+
+def test_unfitted_it_promises_what_its_fit_brings(platform, log, play):
+    plain = plain_of([log], platform)
+    usual = candidate(play.typical("s2").absent(), platform)
+    promised = plain.weighing([usual]).weigh((0,)).gain
+    brought = plain.cost - plain.instead([play]).cost
+    assert promised == pytest.approx(brought, rel=0.2)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from twin.effects.stages.stage_backlash import StageBacklash
+from twin.effects.stages.stage_scale import StageScale
 from twin.model import Machine, compile_model
 from twin.platform import load_platform
 from twin.predict.drive import Inputs
@@ -48,6 +49,24 @@ def off(found: Inputs, truth: Series) -> float:
     """[m] at most."""
     place = found.joint_states(truth.time)[0][:, found.machine.stage_qpos]
     return float(np.abs(place - truth.value).max())
+
+
+@pytest.mark.parametrize("fault", [PLAY, StageScale(target="s2", error=0.0069)])
+def test_a_fault_is_sized_by_counters_to_less_than_their_digit(machine, fault):
+    truth = profile(replace(machine, effects=(fault,)), TOLD, command(machine))[0]
+    found = inputs(machine, truth)
+    usual = fault.typical("s2")
+    share = found.stage_course.size(usual, found.stage_seen)
+    sized = usual.with_values(share * usual.values)
+    assert found.counted_with(sized)
+    assert not found.counted_with(usual)
+    off_by = np.abs(found.stage_course.less(sized, truth.time) - (truth.value - told(found).value))
+    assert np.ptp(off_by) < 0.5 * DIGIT
+
+
+def told(found: Inputs) -> Series:
+    """Where the mass should be."""
+    return found.stage_course.place
 
 
 def test_a_counter_alone_leaves_a_mass_off_by_its_digit(machine, truth):

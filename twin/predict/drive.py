@@ -223,7 +223,7 @@ class Inputs:
         width = len(self.machine.platform.stages)
         seen = self._stream(recording, "stage_position", width)
         told = self._stream(recording, "command_stage_position", width)
-        self._stage_seen = seen
+        self.stage_seen = seen
         if seen is not None and (told is None or not np.ptp(told.value, axis=0).any()):
             return _travelled(seen, self.machine.platform.sensors.get("stage_position"))
         if told is None:
@@ -244,17 +244,17 @@ class Inputs:
             counted: whether they went where they were counted, besides.
         """
         assert self.stage_course is not None
-        assert self._stage_seen is not None
+        assert self.stage_seen is not None
         same, there = copy(self), self.stage_course.otherwise(effect)
-        same._stage = self._followed(*there, self._stage_seen) if counted else there
+        same._stage = self._followed(*there, self.stage_seen) if counted else there
         return same
 
     def counted_with(self, effect: Effect) -> bool:
         """Whether counters show no more than rounding of where stages are with such an effect."""
         assert self.stage_course is not None
-        assert self._stage_seen is not None
+        assert self.stage_seen is not None
         place, _ = self.stage_course.otherwise(effect)
-        return self._rounded(self._error(place, self._stage_seen))
+        return self._rounded(self._error(place, self.stage_seen))
 
     def _followed(self, place: Series, rate: Series, seen: Series) -> tuple[Series, Series]:
         """Position and rate, moved to where the stages were measured."""

@@ -165,7 +165,7 @@ def _perturbation(name: str, unit: str, change: Change, platform: Platform) -> P
             moved = sum(factor * course.less(effect, output.time) for effect, factor in change)
             return np.asarray(moved)[None]
 
-        force = _summed(change, _input_force)
+        force = _summed(change, _drive_force)
         return Perturbation(name, unit, force=force, stream="stage_position", shown=strayed)
     if stream.startswith("command_"):
         return Perturbation(name, unit, force=_summed(change, _input_force))
@@ -200,6 +200,22 @@ def _summed(change: Change, force: Callable[[Effect, Body], Array]) -> Callable[
 def _body_force(effect: Effect, body: Body) -> Array:
     assert isinstance(effect, BodyEffect)
     return force_of(effect, body)
+
+
+def _drive_force(effect: Effect, body: Body) -> Array:
+    """What stages drive the machine with under a fault of their drives, less what the log says.
+
+    In proportion to what that is at the size that counters show, where they show one: only there do
+    stages go as the fault has them, between a counter's digits too.
+    """
+    course, seen = body.inputs.stage_course, body.inputs.stage_seen
+    if course is None or seen is None or body.inputs.counted_with(effect):
+        return _input_force(effect, body)
+    share = course.size(effect, seen)
+    sized = effect.with_values(np.clip(share * effect.values, *effect.bounds()))
+    if not body.inputs.counted_with(sized):
+        return _input_force(effect, body)
+    return _input_force(sized, body) / share
 
 
 def _input_force(effect: Effect, body: Body) -> Array:

@@ -18,6 +18,9 @@ from twin.signals import Samples
 
 Array = NDArray[np.float64]
 
+SIZED = 2
+"""Times that an effect is sized by counters: play is not in proportion to what it does."""
+
 
 @dataclass(frozen=True, eq=False)
 class Course:
@@ -33,9 +36,31 @@ class Course:
         there, _ = self.otherwise(effect)
         return there.interpolated_at(time) - self.place.interpolated_at(time)
 
+    def size(self, effect: Effect, seen: Series) -> float:
+        """How many times as large an effect on the command leaves least of what counters show.
+
+        Args:
+            effect: of some size.
+            seen: positions as measured [m].
+        """
+        share, error = 1.0, _from_mean(seen.value - self.place.interpolated_at(seen.time))
+        for _ in range(SIZED):
+            sized = effect.with_values(np.clip(share * effect.values, *effect.bounds()))
+            mark = _from_mean(self.less(sized, seen.time))
+            power = float(np.sum(np.square(mark)))
+            found = float(np.sum(mark * error)) / power if power > 0.0 else 0.0
+            if found <= 0.0:
+                return 1.0
+            share *= found
+        return share
+
     def otherwise(self, effect: Effect) -> tuple[Series, Series]:
         """Positions [m] and rates [m/s] with an effect on the command."""
         return _told_otherwise(self, effect)
+
+
+def _from_mean(values: Array) -> Array:
+    return values - values.mean(axis=0)
 
 
 @lru_cache(maxsize=64)
