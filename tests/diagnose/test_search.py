@@ -1,5 +1,7 @@
 """Causes are chosen by what they explain beside the base, and by no more than that."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -76,6 +78,20 @@ def test_what_the_base_does_as_well_is_not_asked(rng):
     columns = np.column_stack([base[:, 0] + base[:, 1], rng.normal(size=200)])
     found = Weighing(rng.normal(size=200), base, columns, [trace("base's"), trace("own")])
     assert Search(found, range(2)).asked == (1,)
+
+
+@pytest.mark.parametrize("constant", [True, False])
+def test_a_constant_error_beyond_what_is_stated_of_it_is_named(rng, constant):
+    samples, stated, true = 10_000, 2.0, 20.0
+    shown = np.append(np.ones((samples, 1)), [[0.0]], axis=0)
+    # the base has the same constant, and knows how large it should be
+    base = np.append(np.ones((samples, 1)), [[1.0 / stated]], axis=0)
+    residual = rng.normal(size=samples + 1) - true * shown[:, 0]
+    found = Weighing(residual, base, shown, [replace(trace("bias"), constant=constant)])
+    assert Search(found, [0]).best() == ((0,) if constant else ())
+    if constant:
+        (strength,) = found.weigh((0,)).strengths
+        assert strength == pytest.approx(true, abs=4.0 * stated)
 
 
 def test_a_friction_that_drives_is_no_friction(rng):

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from twin.diagnose.weighing import Trace
 from twin.effects import (
+    BiasEffect,
     BodyEffect,
     Effect,
     ScatterEffect,
@@ -62,7 +63,8 @@ class Candidate:
     def trace(self) -> Trace:
         """For weighing; a fit of it would set its shape too."""
         shapes = len(self.effect.values) - len(self.low)
-        return Trace(self.label, self.low, self.high, shapes, looked=self.looked)
+        constant = isinstance(self.effect, BiasEffect)
+        return Trace(self.label, self.low, self.high, shapes, looked=self.looked, constant=constant)
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.diagnose.weighing import SLIGHT
-from twin.effects import Effect
+from twin.diagnose.weighing import KNOWN, SLIGHT
+from twin.effects import BiasEffect, Effect
 from twin.predict.base import BaseParameters
 from twin.predict.body import Body
 from twin.predict.effect_columns import amplitudes, strengths_of
@@ -52,13 +52,14 @@ def determined(
     basis = np.linalg.qr(columns[:, :kept])[0]
     first = kept
     for i, effect in enumerate(effects):
+        least = KNOWN if isinstance(effect, BiasEffect) else BLURRED
         order = np.argsort(~amplitudes(effect), kind="stable")
         for j in order.tolist():
             column = columns[:, first + j]
             for _ in range(2):
                 column = column - basis @ (basis.T @ column)
             size = float(np.linalg.norm(column))
-            if size < BLURRED or not felt[first - kept + j]:
+            if size < least or not felt[first - kept + j]:
                 free[i][j] = False
             else:
                 basis = np.column_stack([basis, column / size])

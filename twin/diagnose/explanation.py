@@ -16,7 +16,7 @@ from twin.diagnose.law import Law
 from twin.diagnose.moves import between, distance, held, largest, unseen
 from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing
-from twin.effects import Effect
+from twin.effects import BiasEffect, Effect
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
 from twin.predict.apart import Apart, apart, fit_apart
 from twin.predict.base import BaseParameters
@@ -281,7 +281,9 @@ class Explanation:
         origin = np.where(amplitudes(effect), 0.0, effect.values - strengths)
         low, high = effect.bounds()
         looked = looked_among(self.bodies) if effect.rings else 0.0
-        return Trace(effect.label, (low - origin)[free], (high - origin)[free], looked=looked)
+        low, high = (low - origin)[free], (high - origin)[free]
+        constant = isinstance(effect, BiasEffect)
+        return Trace(effect.label, low, high, looked=looked, constant=constant)
 
 
 def explain(

@@ -17,6 +17,9 @@ Index = NDArray[np.intp]
 HIDDEN = 1e-2
 """A direction of which less than this share is left when the base is free cannot be told from it:
 what is left may be the error of a linearised base."""
+KNOWN = 1e-6
+"""But of what is the same wherever it is formed, a sensor's constant error. What is left of that
+beside the base is what platform.toml says of its size, and no error."""
 ROUNDING = 1e-9
 """Share of the largest singular value below which a direction is none."""
 SLIGHT = 1.0
@@ -37,6 +40,13 @@ class Trace:
     """-2 log of how probable it is beforehand beside a cause of the catalogue."""
     looked: float = 0.0
     """Logarithm of how many like it were looked among, of which it is the best."""
+    constant: bool = False
+    """Whether it is the same wherever its columns are formed."""
+
+    @property
+    def hidden(self) -> float:
+        """Share that must be left of a column for it to be told from the base."""
+        return KNOWN if self.constant else HIDDEN
 
 
 @dataclass(frozen=True)
@@ -75,7 +85,9 @@ class Weighing:
         triangle = np.asarray(np.linalg.qr(scaled, mode="r"), dtype=np.float64)
         p = base.shape[1]
         own = triangle[p:, p:-1]
-        self._columns = np.where(felt & (np.linalg.norm(own, axis=0) > HIDDEN), own, 0.0)
+        counts = [len(trace.low) for trace in self.traces]
+        least = np.repeat([trace.hidden for trace in self.traces], counts)
+        self._columns = np.where(felt & (np.linalg.norm(own, axis=0) > least), own, 0.0)
         self._like_base = np.where(felt, triangle[:p, p:-1], 0.0)
         self._residual = triangle[p:, -1]
         self._known: dict[frozenset[int], Weighed] = {}

@@ -12,6 +12,7 @@ from twin.effects.on_body import BodyEffect as BodyEffect
 from twin.effects.on_body import Push as Push
 from twin.effects.on_body import State as State
 from twin.effects.on_sensor import SensorLaw as SensorLaw
+from twin.effects.on_series import BiasEffect as BiasEffect
 from twin.effects.on_series import Order as Order
 from twin.effects.on_series import ScatterEffect as ScatterEffect
 from twin.effects.on_series import SeriesEffect as SeriesEffect

@@ -87,6 +87,23 @@ class ScaleEffect(SeriesEffect, abc.ABC):
 
 
 @dataclass(frozen=True)
+class BiasEffect(SeriesEffect, abc.ABC):
+    """Adds a constant to each column of a stream."""
+
+    order = Order.bias
+
+    @abc.abstractmethod
+    def error(self) -> Array:
+        """(k,) what each column shows too much."""
+
+    def apply(self, samples: Samples, platform: Platform) -> Samples:
+        return with_value(samples, samples.value + self.error())
+
+    def undo(self, samples: Samples, platform: Platform) -> Samples:
+        return with_value(samples, samples.value - self.error())
+
+
+@dataclass(frozen=True)
 class ScatterEffect(Effect, abc.ABC):
     """Adds noise to one sensor, as strong as something else makes it; it cannot be undone."""
 

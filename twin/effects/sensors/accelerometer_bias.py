@@ -5,20 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_series import Order, SeriesEffect, with_value
-from twin.platform import Platform
-from twin.signals import Samples
+from twin.effects.on_series import Array, BiasEffect
 
 
 @dataclass(frozen=True)
-class AccelerometerBias(SeriesEffect):
+class AccelerometerBias(BiasEffect):
     """It shows a constant too much: x + b."""
 
     name = "accelerometer_bias"
     domain = Domain.sensor
     observable = "the length of the measured gravity changes with attitude"
     streams = ("accelerometer", "attitude")
-    order = Order.bias
     acts_on = "accelerometer"
 
     bias: tuple[float, ...] = parameter(
@@ -30,8 +27,5 @@ class AccelerometerBias(SeriesEffect):
         high=50.0,
     )
 
-    def apply(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value + np.array(self.bias))
-
-    def undo(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value - np.array(self.bias))
+    def error(self) -> Array:
+        return np.array(self.bias)

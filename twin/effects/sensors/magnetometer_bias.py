@@ -5,20 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_series import Order, SeriesEffect, with_value
-from twin.platform import Platform
-from twin.signals import Samples
+from twin.effects.on_series import Array, BiasEffect
 
 
 @dataclass(frozen=True)
-class MagnetometerBias(SeriesEffect):
+class MagnetometerBias(BiasEffect):
     """It shows a constant too much: x + b."""
 
     name = "magnetometer_bias"
     domain = Domain.sensor
     observable = "the length of the measured field changes with attitude"
     streams = ("magnetometer", "attitude")
-    order = Order.bias
     acts_on = "magnetometer"
 
     bias: tuple[float, ...] = parameter(
@@ -30,8 +27,5 @@ class MagnetometerBias(SeriesEffect):
         high=1.0,
     )
 
-    def apply(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value + np.array(self.bias))
-
-    def undo(self, samples: Samples, platform: Platform) -> Samples:
-        return with_value(samples, samples.value - np.array(self.bias))
+    def error(self) -> Array:
+        return np.array(self.bias)
