@@ -1,10 +1,36 @@
-"""A Python file that somebody brings: a control law, an effect."""
+"""A Python file that somebody brings: a control law, an effect.
 
-import hashlib
-import importlib.util
+It becomes a module of a private name that tells its path, so that other processes, to which
+objects of its classes are sent, import the same file.
+"""
+
+import importlib
+import os
 import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import spec_from_file_location
 from pathlib import Path
 from types import ModuleType
+
+__path__: list[str] = []
+"""Modules stand below this one; whoever asks for one of them imports this first."""
+
+
+class _ByPath(MetaPathFinder):
+    """Finds the file of which a module's name tells."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        package, _, told = fullname.rpartition(".")
+        if package != __name__:
+            return None
+        return spec_from_file_location(fullname, Path(os.fsdecode(bytes.fromhex(told))))
+
+
+sys.meta_path.append(_ByPath())
 
 
 def import_alone(path: Path) -> ModuleType:
@@ -12,15 +38,6 @@ def import_alone(path: Path) -> ModuleType:
 
     What the file raises passes through, and its module is forgotten then.
     """
-    name = f"_twin_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:12]}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except BaseException:
-        del sys.modules[name]
-        raise
-    return module
+    name = f"{__name__}.{os.fsencode(path.absolute()).hex()}"
+    sys.modules.pop(name, None)
+    return importlib.import_module(name)
