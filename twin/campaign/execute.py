@@ -1,4 +1,4 @@
-"""A campaign flown shard by shard, on as many processes as are given."""
+"""A campaign flown shard by shard, on as many processes as are given or by a cluster's workers."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -6,11 +6,15 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
+from typing import TYPE_CHECKING
 
 from twin.campaign.folder import Folder
 from twin.campaign.spec import Spec
 from twin.campaign.worker import Done, begin, fly, fly_shard
 from twin.errors import TwinError
+
+if TYPE_CHECKING:
+    from twin.campaign.cluster import Cluster
 
 ATTEMPTS = 3
 """Times that processes may die before one shard is done."""
@@ -49,6 +53,7 @@ def execute(
     workers: int,
     tell: Callable[[str], None],
     resume: bool = False,
+    cluster: "Cluster | None" = None,
 ) -> Progress:
     """Fly what is missing; returns when all of it is written.
 
@@ -58,10 +63,12 @@ def execute(
         workers: processes; 1 flies in this one.
         tell: takes each state of progress.
         resume: whether the folder may hold part of it, or all.
+        cluster: flies in place of processes of this machine.
 
     Raises:
         CampaignError: the folder holds something else, or somebody flies there.
         LostWorkers: processes died again and again.
+        ClusterError: as `Cluster.fly` tells.
     """
     with folder.owned():
         folder.begin(spec, resume=resume)
@@ -69,11 +76,12 @@ def execute(
         left = sum(len(spec.runs_of(shard)) for shard in missing)
         progress = Progress(spec.runs, spec.runs - left, started=time.monotonic())
         tell(progress.words(time.monotonic()))
-        shards = (
-            (fly_shard(spec, folder, shard) for shard in missing)
-            if workers <= 1 or len(missing) <= 1
-            else _by_processes(folder, missing, min(workers, len(missing)))
-        )
+        if cluster is not None:
+            shards = cluster.fly(spec, folder, missing, tell)
+        elif workers <= 1 or len(missing) <= 1:
+            shards = (fly_shard(spec, folder, shard) for shard in missing)
+        else:
+            shards = _by_processes(folder, missing, min(workers, len(missing)))
         for done in shards:
             progress.flown += done.runs
             progress.failed += done.failed

@@ -156,8 +156,13 @@ def _facts(spec: Spec) -> dict[str, Any]:
         "runs": spec.runs,
         "shards": spec.shards,
         "files": files,
-        "versions": {name: version(name) for name in _PACKAGES},
+        "versions": versions(),
     }
+
+
+def versions() -> dict[str, str]:
+    """Of the packages that decide about bits."""
+    return {name: version(name) for name in _PACKAGES}
 
 
 def _first_difference(was: Mapping[str, str], now: Mapping[str, str]) -> str:

@@ -8,6 +8,8 @@ from multiprocessing import parent_process
 from multiprocessing.connection import wait
 from pathlib import Path
 
+import pyarrow as pa
+
 from twin.campaign.draw import draw
 from twin.campaign.flight import flown
 from twin.campaign.folder import Folder
@@ -21,7 +23,7 @@ _folder: Folder | None = None
 
 @dataclass(frozen=True)
 class Done:
-    """A shard that is written."""
+    """A shard that is flown."""
 
     shard: int
     runs: int
@@ -31,11 +33,17 @@ class Done:
 
 def fly_shard(spec: Spec, folder: Folder, shard: int) -> Done:
     """Fly the runs of a shard and write them."""
+    done, rows = rows_of_shard(spec, shard)
+    write_atomically(rows, folder.shard(shard))
+    return done
+
+
+def rows_of_shard(spec: Spec, shard: int) -> tuple[Done, pa.Table]:
+    """Fly the runs of a shard; a row each."""
     drawn = draw(spec, spec.runs_of(shard))
     came = flown(spec, drawn)
-    write_atomically(table_of(spec, drawn, came), folder.shard(shard))
     failed = sum(run.ended == "failed" for run in came.values())
-    return Done(shard, len(came), failed)
+    return Done(shard, len(came), failed), table_of(spec, drawn, came)
 
 
 def begin(path: str) -> None:

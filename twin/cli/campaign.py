@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 if TYPE_CHECKING:
+    from twin.campaign.execute import Progress
     from twin.campaign.folder import Folder
     from twin.campaign.forecast import Forecast
     from twin.campaign.spec import Spec
@@ -30,6 +31,8 @@ class Campaign:
     """Go on with what DIR holds; no error where it holds nothing yet, or all."""
     workers: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
     """Processes; by default one a core. The results do not depend on it."""
+    cluster: Annotated[str, tyro.conf.arg(metavar="tcp://HOST:PORT")] = ""
+    """Fly on the workers of that Dask scheduler in place of this machine, to the same bytes."""
     dry_run: bool = False
     """Only say how many runs, how long and how much disk, measured on a short probe."""
     json: bool = False
@@ -37,7 +40,6 @@ class Campaign:
 
     def run(self) -> int:
         """Fly; 1 where no run came to its end."""
-        from twin.campaign.execute import execute
         from twin.campaign.folder import Folder
         from twin.campaign.forecast import forecast
         from twin.campaign.read import read_spec
@@ -46,6 +48,12 @@ class Campaign:
 
         if self.workers is not None and self.workers < 1:
             raise UsageError(f"workers is {self.workers}; give 1 or more")
+        if self.cluster and (self.workers is not None or self.dry_run):
+            other = "--dry-run" if self.dry_run else "--workers"
+            raise UsageError(
+                f"--cluster does not go with {other}; to foresee a cluster of N workers like this "
+                "machine's cores, say --dry-run --workers N"
+            )
         if self.folder is None and not self.dry_run:
             raise UsageError("no folder for the results is given: twin campaign SPEC.toml DIR")
         workers = self.workers or _cores()
@@ -60,7 +68,7 @@ class Campaign:
         assert self.folder is not None
         folder = Folder(self.folder)
         with progress() as say:
-            done = execute(spec, folder, workers=workers, tell=say, resume=self.resume)
+            done = self._flown(spec, folder, workers, say)
             recorded = _keep(spec, folder, say)
         ends = _ends(folder, spec)
         if self.json:
@@ -80,6 +88,16 @@ class Campaign:
                 print(f"{len(recorded)} recorded in {recorded[0].parent}")
             print(f"what came of it: `twin report {self.folder}`")
         return 0 if set(ends) - {"failed"} else 1
+
+    def _flown(self, spec: "Spec", folder: "Folder", workers: int, say: Any) -> "Progress":
+        from twin.campaign.execute import execute
+
+        if not self.cluster:
+            return execute(spec, folder, workers=workers, tell=say, resume=self.resume)
+        from twin.campaign.cluster import connected
+
+        with connected(self.cluster) as cluster:
+            return execute(spec, folder, workers=0, tell=say, resume=self.resume, cluster=cluster)
 
 
 def _cores() -> int:
