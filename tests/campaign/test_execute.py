@@ -116,6 +116,7 @@ def test_a_worker_that_dies_loses_no_run(undisturbed, file, tmp_path):
         folder.begin(spec, resume=False)
         flying = executing._by_processes(folder, range(4), 2)
         next(iter(flying))
+        (tmp_path / "metrics" / ".shard-0000003.parquet.1").write_bytes(b"half")
         child = _children(os.getpid())[-1]
         os.kill(child, signal.SIGKILL)
         list(flying)

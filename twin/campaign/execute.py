@@ -95,6 +95,7 @@ def _by_processes(folder: Folder, shards: Iterable[int], workers: int) -> Iterab
     waiting.reverse()
     died = 0
     while waiting:
+        folder.sweep()
         pool = ProcessPoolExecutor(
             workers,
             mp_context=get_context("spawn"),

@@ -78,8 +78,12 @@ class Folder:
             (self.path / METRICS).mkdir(parents=True, exist_ok=True)
             _write(self.spec, spec.text)
             _write(self.path / FACTS, json.dumps(_facts(spec), indent=2) + "\n")
+        self.sweep()
+
+    def sweep(self) -> None:
+        """Remove what is left of shards in whose middle somebody was killed; none may be flown."""
         for part in (self.path / METRICS).glob(".*"):
-            part.unlink(missing_ok=True)  # of a shard in whose middle somebody was killed
+            part.unlink(missing_ok=True)
 
     @contextmanager
     def owned(self) -> Generator[None]:
