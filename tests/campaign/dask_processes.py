@@ -11,6 +11,15 @@ PATIENCE = 120.0
 """For a process to come up on a machine that has other things to do [s]."""
 
 
+BARE = """
+import runpy, sys
+sys.modules["twin"] = None
+module = sys.argv.pop(1)
+runpy.run_module(module, run_name="__main__", alter_sys=True)
+"""
+"""Runs a module as on a machine that has Dask and nothing of ours."""
+
+
 class Processes:
     """What was started; ends with the `with`."""
 
@@ -22,7 +31,7 @@ class Processes:
         environment = {**os.environ, **settings}
         self.scheduler = subprocess.Popen(
             [
-                *_python("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard"),
+                *_bare("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard"),
                 *("--scheduler-file", str(self._file), "--idle-timeout", "10 minutes"),
             ],
             stdout=subprocess.DEVNULL,
@@ -49,13 +58,19 @@ class Processes:
                 time.sleep(0.05)
         raise TimeoutError("the scheduler did not come up")
 
-    def worker(self, **settings: str) -> subprocess.Popen[bytes]:
-        """One more, in a folder of its own and without anybody to start it again."""
+    def worker(self, *, bare: bool = False, **settings: str) -> subprocess.Popen[bytes]:
+        """One more, in a folder of its own and without anybody to start it again.
+
+        Args:
+            bare: it has nothing of ours.
+            settings: of its environment.
+        """
+        start = _bare if bare else _python
         folder = self._folder / f"worker-{len(self.workers)}"
         folder.mkdir()
         process = subprocess.Popen(
             [
-                *_python("dask_worker", self.address, "--nthreads", "1", "--no-nanny"),
+                *start("dask_worker", self.address, "--nthreads", "1", "--no-nanny"),
                 *("--no-dashboard", "--local-directory", str(folder), "--death-timeout", "20"),
             ],
             cwd=folder,
@@ -69,3 +84,7 @@ class Processes:
 
 def _python(command: str, *words: str) -> list[str]:
     return [sys.executable, "-m", f"distributed.cli.{command}", *words]
+
+
+def _bare(command: str, *words: str) -> list[str]:
+    return [sys.executable, "-c", BARE, f"distributed.cli.{command}", *words]

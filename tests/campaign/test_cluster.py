@@ -98,14 +98,25 @@ def test_a_shard_that_kills_its_workers_is_told_by_name(tmp_path):
     file = tmp_path / "spec.toml"
     file.write_text(GOOD.replace('"mass_magnetic_pid"', f'"{law}"'), encoding="utf-8")
     folder = Folder(tmp_path / "out")
-    deaths = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
-    with Processes(tmp_path, **deaths) as processes:
-        for _ in range(2):
-            processes.worker(FATAL_HERE="1")
-        told = r"shard \d \(runs \d+ to \d+\) .* 2 workers"
+    with Processes(tmp_path, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as processes:
+        processes.worker(FATAL_HERE="1")
+        told = r"shard \d \(runs \d+ to \d+\) lost its worker 1 time: "
         with connected(processes.address) as cluster, pytest.raises(ClusterError, match=told):
             execute(read_spec(file), folder, workers=0, tell=silent, cluster=cluster)
     assert shards(folder.path) == {}
+
+
+@pytest.mark.slow
+def test_a_worker_that_has_nothing_of_ours_says_so(file, tmp_path):
+    with Processes(tmp_path) as processes:
+        processes.worker(bare=True)
+        with (
+            connected(processes.address) as cluster,
+            pytest.raises(ClusterError, match=r"cannot import twin.*airbearing-twin\[cluster\]"),
+        ):
+            execute(
+                read_spec(file), Folder(tmp_path / "o"), workers=0, tell=silent, cluster=cluster
+            )
 
 
 @pytest.mark.slow

@@ -12,12 +12,13 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from importlib import import_module
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, cast
 from uuid import uuid4
 
 from twin.campaign.folder import Folder
-from twin.campaign.guest import Refused, Sent, fly_sent
+from twin.campaign.guest import Refused, Sent
 from twin.campaign.parcel import packed
 from twin.campaign.rows import write_atomically
 from twin.campaign.spec import Spec
@@ -65,7 +66,7 @@ class Cluster:
             ClusterError: the scheduler went away, a shard killed its workers, or a worker cannot
                 fly the campaign.
         """
-        campaign = packed(spec)
+        campaign, task = packed(spec), _task()
         name = f"campaign-{uuid4().hex[:8]}"
         self._refuse_threads()
         waiting = list(reversed(shards))
@@ -78,7 +79,7 @@ class Cluster:
                     while waiting and len(asked) < max(AHEAD * workers, 1):
                         shard = waiting.pop()
                         key = f"{name}-shard-{shard}"
-                        future = self._client.submit(fly_sent, campaign, shard, key=key, pure=False)
+                        future = self._client.submit(task, campaign, shard, key=key, pure=False)
                         asked[key] = shard, future
                         future.add_done_callback(came.put)
                 try:
@@ -104,15 +105,16 @@ class Cluster:
                 got: Sent | Refused = future.result()
         except KilledWorker as lost:
             runs = spec.runs_of(shard)
+            deaths = lost.allowed_failures + 1
             raise ClusterError(
-                f"shard {shard} (runs {runs[0]} to {runs[-1]}) was given to "
-                f"{lost.allowed_failures + 1} workers, each of which died over it: have they "
-                "memory enough, or does their queue's time end? --resume goes on"
+                f"shard {shard} (runs {runs[0]} to {runs[-1]}) lost its worker {deaths} "
+                f"time{'s' if deaths > 1 else ''}: has it memory enough, or does its queue's time "
+                "end? --resume goes on"
             ) from None
         except ImportError as problem:
             raise ClusterError(
                 f"a worker of {self.address} cannot import {problem.name}; install "
-                "airbearing-twin[cluster] where the workers and the scheduler run"
+                "airbearing-twin[cluster] where the workers run"
             ) from None
         if isinstance(got, Refused):
             raise ClusterError(f"a worker on {got.host} cannot fly the campaign: {got.sentence}")
@@ -179,6 +181,12 @@ def connected(address: str) -> Generator[Cluster]:
         ) from None
     with client:
         yield Cluster(address, client)
+
+
+def _task() -> Callable[[bytes, int], Sent | Refused]:
+    """A function that travels as its code, for it has no name that could be imported: a scheduler
+    then needs nothing of ours, and a worker without it says so where it would die of a name."""
+    return lambda campaign, shard: import_module("twin.campaign.guest").fly_sent(campaign, shard)
 
 
 def _listen(host: str, port: int, *, greets: bool) -> None:
