@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ import pytest
 from tests.campaign.conftest import GOOD
 from tests.campaign.dask_processes import PATIENCE, Processes
 from twin.campaign import cluster as clusters
+from twin.campaign import guest
 from twin.campaign.cluster import Cluster, ClusterError, connected
 from twin.campaign.execute import execute
 from twin.campaign.folder import Folder
@@ -201,6 +203,43 @@ def test_workers_with_threads_are_refused_with_what_would_do(file, tmp_path):
     spec = read_spec(file)
     with pytest.raises(ClusterError, match=r"10.0.0.2:2 has 8 threads.* --nworkers 8"):
         next(cluster.fly(spec, Folder(tmp_path), [0], silent))
+
+
+class Here:
+    """A cluster's client whose only worker is this process."""
+
+    def nthreads(self) -> dict[str, int]:
+        return {"tcp://10.0.0.1:1": 1}
+
+    def submit(self, task, campaign: bytes, shard: int, *, key: str, pure: bool) -> "Here":
+        del pure
+        self.key, self._task = key, lambda: task(campaign, shard)
+        return self
+
+    def add_done_callback(self, call) -> None:
+        call(self)
+
+    def result(self) -> object:
+        return self._task()
+
+    def cancel(self, futures: list["Here"], *, force: bool) -> None:
+        assert not futures
+
+
+def test_processors_that_round_otherwise_are_told(file, tmp_path, monkeypatch, capsys):
+    @contextmanager
+    def here(address: str) -> Generator[Cluster]:
+        yield Cluster(address, Here())
+
+    monkeypatch.setattr(clusters, "connected", here)
+    monkeypatch.setattr(clusters, "AHEAD", 1)
+    words = ["campaign", str(file), str(tmp_path / "out"), "--cluster", "tcp://lab:8786"]
+    assert main(words) == 0
+    assert "another kind" not in capsys.readouterr().err
+    monkeypatch.setattr(guest, "arithmetic", lambda: "otherwise")
+    Folder(tmp_path / "out").shard(0).unlink()
+    assert main([*words, "--resume"]) == 0
+    assert "processors of another kind than this machine's" in capsys.readouterr().err
 
 
 def wait_for_workers(cluster: Cluster, count: int) -> None:

@@ -49,6 +49,8 @@ class Cluster:
     def __init__(self, address: str, client: "Client") -> None:
         """See `connected`."""
         self.address = address
+        self.arithmetics: set[str] = set()
+        """Marks of those who flew; see `twin.campaign.arithmetic`."""
         self._client = client
 
     def fly(
@@ -92,6 +94,7 @@ class Cluster:
                 shard, _ = asked[key]
                 sent = self._result(spec, shard, future)
                 del asked[key]
+                self.arithmetics.add(sent.arithmetic)
                 write_atomically(sent.rows, folder.shard(shard))
                 yield sent.done
         finally:

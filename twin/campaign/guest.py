@@ -12,6 +12,7 @@ from threading import Lock
 
 import pyarrow as pa
 
+from twin.campaign.arithmetic import arithmetic
 from twin.campaign.parcel import unpacked
 from twin.campaign.spec import Spec
 from twin.campaign.worker import Done, rows_of_shard
@@ -27,6 +28,8 @@ class Sent:
 
     done: Done
     rows: pa.Table
+    arithmetic: str
+    """The mark of who flew it."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ def fly_sent(campaign: bytes, shard: int) -> Sent | Refused:
     try:
         with _one_at_a_time:
             spec, _ = _opened(campaign)
-            return Sent(*rows_of_shard(spec, shard))
+            return Sent(*rows_of_shard(spec, shard), arithmetic())
     except TwinError as problem:
         return Refused(socket.gethostname(), str(problem))
 

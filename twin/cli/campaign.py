@@ -94,10 +94,18 @@ class Campaign:
 
         if not self.cluster:
             return execute(spec, folder, workers=workers, tell=say, resume=self.resume)
+        from twin.campaign.arithmetic import arithmetic
         from twin.campaign.cluster import connected
+        from twin.cli.output import tell
 
         with connected(self.cluster) as cluster:
-            return execute(spec, folder, workers=0, tell=say, resume=self.resume, cluster=cluster)
+            done = execute(spec, folder, workers=0, tell=say, resume=self.resume, cluster=cluster)
+        if cluster.arithmetics - {arithmetic()}:
+            tell(
+                "processors of another kind than this machine's flew some of it: their last bits "
+                "are their own, so these are not this machine's bytes, and `twin replay` says so"
+            )
+        return done
 
 
 def _cores() -> int:
