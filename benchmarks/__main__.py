@@ -18,6 +18,7 @@ SUBJECTS = {
     "machines": "steps a second of every machine",
     "batch": "closed loop against bare physics",
     "campaign": "a shard of a campaign against bare physics",
+    "scale": "what a million and a thousand million runs of a campaign would take",
 }
 
 
