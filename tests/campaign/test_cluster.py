@@ -1,6 +1,7 @@
 """A cluster flies what this machine would have flown, to the same bytes, whoever dies meanwhile."""
 
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -23,6 +24,8 @@ from twin.campaign.read import read_spec
 from twin.cli.main import main
 from twin.errors import UsageError
 from twin.library import library
+
+REPOSITORY = Path(__file__).parents[2]
 
 FATAL = """
 import os
@@ -119,6 +122,39 @@ def test_a_worker_that_has_nothing_of_ours_says_so(file, tmp_path):
             execute(
                 read_spec(file), Folder(tmp_path / "o"), workers=0, tell=silent, cluster=cluster
             )
+
+
+QUEUE = """
+from distributed import LocalCluster
+
+class SLURMCluster(LocalCluster):
+    def __init__(self, *, queue, account, cores, processes, memory, walltime, interface,
+                 local_directory, log_directory, job_script_prologue, worker_extra_args):
+        assert processes == cores
+        super().__init__(n_workers=0, threads_per_worker=1, dashboard_address=":0")
+
+    def job_script(self):
+        return ""
+
+    def adapt(self, *, minimum_jobs, maximum_jobs):
+        self.scale(1)
+"""
+"""In dask-jobqueue's place: a queue of this machine."""
+
+
+@pytest.mark.slow
+def test_the_script_for_slurm_flies_a_campaign(undisturbed, file, tmp_path):
+    (tmp_path / "dask_jobqueue.py").write_text(QUEUE)
+    path = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+    done = subprocess.run(
+        [sys.executable, REPOSITORY / "docs/campaigns/slurm.py", file, tmp_path / "out"],
+        env={**os.environ, "PYTHONPATH": path},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert shards(tmp_path / "out") == shards(undisturbed)
 
 
 @pytest.mark.slow
