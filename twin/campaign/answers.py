@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from twin.campaign.comparison import Comparison, between_arms, between_campaigns
+from twin.campaign.indices import Index, sobol_indices
 from twin.campaign.merit import METRICS
 from twin.campaign.results import Results
 from twin.campaign.statistics import Interval, bootstrap, high, holm, mean, median, rank_correlation
@@ -73,6 +74,8 @@ class Answers:
     """Why runs did not come to their end: sentence without its numbers, count, first such run."""
     spreads: tuple[Spread, ...]
     sensitivities: tuple[Sensitivity, ...]
+    indices: tuple[Index, ...]
+    """Where the campaign has a Saltelli design."""
     worst: tuple[Worst, ...]
     comparisons: tuple[Comparison, ...]
 
@@ -94,8 +97,9 @@ def answers(results: Results, against: Results | None = None) -> Answers:
             if not known.size:
                 continue
             spreads.append(_spread(arm, metric, column[known], results.sample[known]))
+            own = known[results.free[known]]
             for factor, values in causes.items():
-                found, p = rank_correlation(values[known], column[known])
+                found, p = rank_correlation(values[own], column[own])
                 if np.isfinite(found.value):
                     links.append((arm, metric, factor, found, p))
     corrected = holm(np.array([link[-1] for link in links]))
@@ -111,6 +115,7 @@ def answers(results: Results, against: Results | None = None) -> Answers:
         reasons=_reasons(results),
         spreads=tuple(spreads),
         sensitivities=sensitivities,
+        indices=sobol_indices(results),
         worst=_worst(results, sensitivities),
         comparisons=comparisons,
     )

@@ -42,7 +42,7 @@ def between_arms(results: Results) -> tuple[Comparison, ...]:
     count = len(results.spec.arms)
     for a, b in combinations(range(count), 2):
         one, other = (results.spec.arms[number].name for number in (a, b))
-        of_one, of_other = results.of(one), results.of(other)
+        of_one, of_other = _free(results, one), _free(results, other)
         # a run's partner flies the same sample at the same point of the grids
         first = {run - a: row for run, row in zip(results.run[of_one], of_one, strict=True)}
         second = {run - b: row for run, row in zip(results.run[of_other], of_other, strict=True)}
@@ -61,6 +61,12 @@ def between_arms(results: Results) -> tuple[Comparison, ...]:
     return _corrected(found)
 
 
+def _free(results: Results, arm: str) -> NDArray[np.intp]:
+    """Rows of an arm that a test may take for draws of their own."""
+    rows = results.of(arm)
+    return rows[results.free[rows]]
+
+
 def between_campaigns(results: Results, against: Results) -> tuple[Comparison, ...]:
     """All runs of one campaign and all of another, arm by arm where both have it by name."""
     found: list[Comparison] = []
@@ -70,7 +76,7 @@ def between_campaigns(results: Results, against: Results) -> tuple[Comparison, .
         couples = [(one, other) for one in ours for other in theirs]
     for one, other in couples:
         for metric in (name for name in results.metrics if name in against.metrics):
-            rows, others = results.of(one), against.of(other)
+            rows, others = _free(results, one), _free(against, other)
             x, y = results.metrics[metric][rows], against.metrics[metric][others]
             x_known, y_known = np.isfinite(x), np.isfinite(y)
             if min(x_known.sum(), y_known.sum()) < 5:

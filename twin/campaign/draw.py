@@ -51,7 +51,7 @@ def draw(spec: Spec, runs: Sequence[int]) -> Drawn:
     for factor, grid in spec.grids:
         values[factor.name] = np.array(grid)[point % len(grid)]
         point = point // len(grid)
-    spread = [factor for factor in spec.factors if factor.dispersed]
+    spread = spec.dispersed
     names = [factor.name for factor in spread]
     wanted = sorted(set(sample.tolist()))
     table = shares(spec.sampling, wanted, spec.samples, names, spec.seed)

@@ -159,12 +159,37 @@ def _refuse_odd(table: Table, spec: Spec) -> None:
             f"is {spec.runs}, no multiple of the {spec.points} combinations of arms and grids",
             f"give {fits}, so that every sample flies each",
         )
-    dispersed = [factor.name for factor in spec.factors if factor.dispersed]
+    dispersed = [factor.name for factor in spec.dispersed]
     if spec.sampling == "grid" and dispersed:
         raise table.fail(
             "sampling",
             f"is 'grid', but {dispersed[0]} is spread by a distribution",
             "put it on a grid, or sample it: random, latin_hypercube or sobol",
         )
+    if spec.sampling == "saltelli":
+        _refuse_odd_design(table, spec)
     if spec.sampling == "sobol" and spec.samples > MOST_SOBOL:
         raise table.fail("sampling", "is 'sobol', which ends at 2^30 samples", "use random")
+
+
+def _refuse_odd_design(table: Table, spec: Spec) -> None:
+    if spec.grids:
+        raise table.fail(
+            "sampling",
+            f"is 'saltelli', but {spec.grids[0][0].name} is on a grid",
+            "spread it by a distribution, or make its values arms",
+        )
+    if not spec.dispersed:
+        raise table.fail(
+            "sampling", "is 'saltelli', but nothing is spread", "spread some, or use random"
+        )
+    of_one = spec.points * spec.together
+    number = spec.runs / of_one
+    if number < 2 or not math.log2(number).is_integer():
+        fits = of_one * 2 ** max(round(math.log2(max(number, 1e-9))), 1)
+        raise table.fail(
+            "runs",
+            f"is {spec.runs}; a Saltelli design of {len(spec.dispersed)} factors has "
+            f"{of_one} runs for each of 2, 4, 8, ... points",
+            f"give {fits}; 256 points, {256 * of_one} runs, are a usual beginning",
+        )

@@ -38,7 +38,14 @@ class Results:
     @property
     def sample(self) -> NDArray[np.int64]:
         """(n,) which draw from the distributions a run is of; runs of one sample are alike."""
-        return self.run // self.spec.points
+        return self.run // (self.spec.points * self.spec.together)
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """(n,) whether a run's factors are drawn for themselves; in a Saltelli design most are
+        another run's but for one."""
+        place = (self.run // self.spec.points) % self.spec.together
+        return place < 2
 
     @property
     def causes(self) -> dict[str, Array]:

@@ -3,7 +3,12 @@
 `random` and `latin_hypercube` give each sample a generator of its own. A Latin hypercube needs, for
 each factor, a permutation of as many strata as there are samples: a Feistel network on the number
 of the sample, walked until it falls inside (J. Black, P. Rogaway, Ciphers with arbitrary finite
-domains, 2002), so that nothing is kept of the others. `sobol` skips to the sample.
+domains, 2002), so that nothing is kept of the others. `sobol` skips to the sample. `saltelli` is
+the design that Sobol indices are computed from: of each point of a Sobol sequence of twice as many
+numbers come one sample of the first half, one of the second, and one for each factor, of the first
+half with that factor from the second.
+
+Source: A. Saltelli et al., Computer Physics Communications 181, 2010, table 2.
 """
 
 import zlib
@@ -16,8 +21,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Words = NDArray[np.uint64]
 
-Sampling = Literal["random", "latin_hypercube", "sobol", "grid"]
-SAMPLINGS: tuple[Sampling, ...] = ("random", "latin_hypercube", "sobol", "grid")
+Sampling = Literal["random", "latin_hypercube", "sobol", "saltelli", "grid"]
+SAMPLINGS: tuple[Sampling, ...] = ("random", "latin_hypercube", "sobol", "saltelli", "grid")
 
 MOST_SOBOL = 1 << 30
 """Samples of a Sobol sequence."""
@@ -40,6 +45,8 @@ def shares(
     """
     if not names:
         return np.zeros((len(samples), 0))
+    if sampling == "saltelli":
+        return _designed(np.array(samples), count, names, seed)
     if sampling == "sobol":
         from scipy.stats import qmc  # takes a second to import
 
@@ -57,6 +64,22 @@ def shares(
         strata = np.stack([_permuted(number, count, seed, name) for name in names], axis=1)
         return _inside((strata.astype(np.float64) + free) / count)
     return _inside(free)
+
+
+def of_a_point(factors: int) -> int:
+    """Samples of each point of a Saltelli design."""
+    return factors + 2
+
+
+def _designed(sample: NDArray[np.int64], count: int, names: Sequence[str], seed: int) -> Array:
+    many, width = of_a_point(len(names)), len(names)
+    point, place = sample // many, sample % many
+    points = sorted(set(point.tolist()))
+    both = shares("sobol", points, count // many, [*names, *names], seed)
+    both = both[np.searchsorted(points, point)]
+    first, second = both[:, :width], both[:, width:]
+    changed = place[:, None] == 2 + np.arange(width)
+    return np.where(changed | (place == 1)[:, None], second, first)
 
 
 def _generator(seed: int, number: int) -> np.random.Generator:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from twin.campaign.distribution import Distribution, Fixed, Grid
-from twin.campaign.sampling import Sampling
+from twin.campaign.sampling import Sampling, of_a_point
 from twin.effects import Effect
 from twin.platform import Platform
 
@@ -141,6 +141,16 @@ class Spec:
         return tuple(
             (f, f.distribution.values) for f in self.factors if isinstance(f.distribution, Grid)
         )
+
+    @property
+    def dispersed(self) -> tuple[Factor, ...]:
+        """Those that differ by a distribution."""
+        return tuple(factor for factor in self.factors if factor.dispersed)
+
+    @property
+    def together(self) -> int:
+        """Samples that belong together, being drawn of one point; 1 but for a Saltelli design."""
+        return of_a_point(len(self.dispersed)) if self.sampling == "saltelli" else 1
 
     @property
     def points(self) -> int:

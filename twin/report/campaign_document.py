@@ -40,6 +40,17 @@ def campaign_document(found: Answers) -> dict[str, Any]:
             }
             for one in found.sensitivities
         ],
+        "sobol_indices": [
+            {
+                "arm": one.arm,
+                "metric": one.metric,
+                "factor": one.factor,
+                "first_order": one.first.document(),
+                "total": one.total.document(),
+                "points": one.count,
+            }
+            for one in found.indices
+        ],
         "comparisons": [
             {
                 "one": one.one,

@@ -8,8 +8,10 @@ import numpy as np
 from twin.campaign.answers import Answers
 from twin.report.campaign_figures import gain_figure, sensitivity_figure, spread_figure
 from twin.report.campaign_words import (
+    INDICES,
     Rows,
     comparison_table,
+    index_table,
     sensitivity_table,
     spread_table,
     summary,
@@ -35,6 +37,9 @@ def write_campaign_page(path: Path, found: Answers) -> None:
         _table(spread_table(found)),
         "<h2>What they depend on</h2>",
     ]
+    if found.indices:
+        parts.append(f"<p>{escape(INDICES)}</p>")
+        parts.append(_table(index_table(found)))
     for arm in spec.arms:
         drawn = sensitivity_figure(found, arm.name)
         if drawn:

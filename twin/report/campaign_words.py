@@ -14,6 +14,9 @@ Rows = tuple[tuple[str, ...], list[list[str]]]
 
 LISTED = 30
 """Sensitivities listed at most."""
+WORTH = 0.01
+"""Share of the variance from which on an index is listed."""
+INDICES = "Shares of each metric's variance (Sobol indices), where they may be 1 % or more:"
 PROVEN = 0.05
 """Level of significance, of p-values that are corrected for their number."""
 
@@ -97,6 +100,20 @@ def sensitivity_table(found: Answers) -> Rows:
     return ("metric", "goes with", "arm", "rank correlation (95 %)"), rows
 
 
+def index_table(found: Answers) -> Rows:
+    """Sobol indices that may be worth a word, metric by metric, the largest first."""
+    order = {name: number for number, name in enumerate(found.results.metrics)}
+    indices = [one for one in found.indices if one.total.high >= WORTH]
+    indices.sort(key=lambda one: (order[one.metric], one.arm, -one.total.value))
+    rows = [
+        [one.metric, one.factor, one.arm, _interval(one.first, 1.0), _interval(one.total, 1.0)]
+        for one in indices
+    ]
+    head = ("metric", "depends on", "arm", "alone: first-order index (95 %)",
+            "with others, too: total index (95 %)")  # fmt: skip
+    return head, rows
+
+
 def worst_table(found: Answers) -> Rows:
     """The worst runs of each metric, and what is unusual about them."""
     units = {factor.name: factor.unit for factor in found.results.spec.factors}
@@ -127,6 +144,9 @@ def markdown(found: Answers) -> str:
     parts += ["", "## Distributions", "", *_table(spread_table(found))]
     head, rows = sensitivity_table(found)
     parts += ["", "## What they depend on", ""]
+    if found.indices:
+        parts += [INDICES, ""]
+        parts += [*_table(index_table(found)), ""]
     parts += _table((head, rows)) if rows else ["No factor is proven to matter."]
     parts += ["", "## Worst runs", "", *_table(worst_table(found))]
     return "\n".join(parts) + "\n"
