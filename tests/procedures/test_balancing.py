@@ -1,6 +1,7 @@
 """Balancings flown through the one loop."""
 
 import json
+import secrets
 
 import numpy as np
 import pytest
@@ -11,10 +12,10 @@ from twin.estimators import load_estimator
 from twin.loop import fly
 from twin.plant.simulated import InitialState, SimulatedPlant
 from twin.platform import load_platform
-from twin.procedures import Phase, balancing, random_offsets
+from twin.procedures import Phase, balancing, random_offsets, usual_target
 from twin.recording import open_log
 from twin.reference import Hold
-from twin.signals import Tick
+from twin.signals import Estimate, Tick
 
 CUBESAT = load_platform("cubesat")
 
@@ -62,6 +63,28 @@ def test_run_has_the_same_phases_alone_as_among_others():
     said = [line.split(", ", 1)[1] for line in together[1].said]
     assert len(said) > 1
     assert said == [line.split(", ", 1)[1] for line in alone[0].said]
+
+
+def test_a_body_that_swings_slowly_is_seen_to_rest_though_its_gyro_is_noisy():
+    platform, n = load_platform("whorl2"), 20
+    noise = platform.sensors["gyro"].noise
+    seed = secrets.randbits(32)
+    print("seed", seed)
+    rng = np.random.default_rng(seed)
+    procedure = balancing(platform, n, way="direct", target=usual_target(platform), workers=0)
+    state = procedure.init(platform, n)
+    place, still, seen = np.zeros((n, 3)), np.zeros((n, 3)), np.ones(n, dtype=bool)
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    for tick in range(round(200.0 / platform.tick)):
+        # 3 um below the centre of rotation
+        state.stiffness[:] = platform.gravity * platform.mass * 3e-6
+        rate = noise * rng.standard_normal((n, 3))
+        none = np.zeros((n, 0))
+        time = tick * platform.tick
+        shown = Estimate(time, level, rate, still, place, none, none, still, seen)
+        command, state = procedure.update(state, shown, Hold().at(np.full(n, time)), time)
+        place = command["command_stage_position"]
+    assert np.all(state.phase > Phase.settle)
 
 
 def test_command_line_refuses_before_it_starts_and_says_how_far(capsys):

@@ -25,7 +25,10 @@ STRONG, WEAK = 0.3, 0.01
 SWING = np.radians(4.0)
 """That a nudge is to give [rad], or an eighth of the way to the stop."""
 SMOOTHED = 2.0
-"""Over which the rate is averaged [s]."""
+"""Over which the rate is averaged at least [s]."""
+SLOWLY = 0.25
+"""And at least over so much of a swing [rad]: a body that swings slowly is at rest at rates that a
+noisy gyro hardly shows."""
 SETTLED = 2e-3
 """[rad/s]: a body that leans and turns no faster hangs there, or lies on its stop."""
 THERE = 1.0
@@ -118,9 +121,11 @@ class Balancing(Controller[Progress]):
 
     def _watch(self, now: Progress, estimate: Estimate, time: float) -> None:
         """What the conditions of the phases look at."""
-        share = min(now.kit.platform.tick / SMOOTHED, 1.0)
+        kit = now.kit
+        averaged = np.maximum(SMOOTHED, SLOWLY / kit.frequency(now.stiffness))
+        share = np.minimum(kit.platform.tick / averaged, 1.0)[:, None]
         now.rate = now.rate + share * (estimate.rate_body - now.rate)
-        kit, across = now.kit, now.kit.across(now.rate, estimate)
+        across = kit.across(now.rate, estimate)
         moving = (across > kit.still(now.amplitude, now.stiffness)) | (kit.lean(estimate) > CLEAR)
         away = kit.away(now.goal, estimate)
         now.swinging_until = np.where(across > SETTLED, time, now.swinging_until)
