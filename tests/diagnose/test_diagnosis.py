@@ -8,8 +8,9 @@ import pytest
 
 from twin.cli.main import main
 from twin.diagnose import Experiment, diagnose, extend, reasoning, validate
+from twin.diagnose.diagnosis import crowded
 from twin.diagnose.explanation import Explanation
-from twin.effects import effects_of
+from twin.effects import effect_named, effects_of
 from twin.errors import UsageError
 from twin.platform import load_platform
 from twin.recording import open_log
@@ -50,6 +51,21 @@ def test_the_gain_is_measured_on_time_that_was_not_fitted(found):
     gain = found.held_out
     assert gain.log_likelihood > 200.0
     assert gain.low < gain.after < gain.high + 0.02 < gain.before
+
+
+def test_a_cause_that_foretells_nothing_explains_nothing(found):
+    worse = replace(found, held_out=replace(found.held_out, log_likelihood=-1.0))
+    assert worse.verdict == "unexplained"
+    assert "foretells nothing" in diagnosed(worse)[0]
+
+
+def test_causes_of_more_kinds_than_are_likely_at_once_explain_nothing(found):
+    names = ("bearing_swirl_torque", "gyro_bias", "gyro_drift", "residual_dipole")
+    many = tuple(effect_named(name).typical("") for name in names)
+    assert not crowded(many[:3])
+    assert crowded(many)
+    crowd = replace(found, explained=replace(found.explained, effects=many))
+    assert crowd.verdict == "unexplained"
 
 
 def test_a_fit_that_has_lost_the_motion_names_nothing(found, monkeypatch):

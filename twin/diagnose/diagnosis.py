@@ -16,7 +16,7 @@ from twin.diagnose.held_out import HeldOut, held_out
 from twin.diagnose.reasoning import Line, reason
 from twin.diagnose.remainder import Remainder
 from twin.diagnose.scatter import scatter_causes
-from twin.effects import Effect
+from twin.effects import BiasEffect, Effect
 from twin.errors import UsageError
 from twin.identify.calibrate import calibrated
 from twin.identify.momentum import momentum_fit
@@ -73,7 +73,7 @@ class Diagnosis:
     @property
     def verdict(self) -> str:
         """healthy, explained, ambiguous or unexplained."""
-        if _unexplained(self.explained, self.remainder):
+        if _unexplained(self.explained, self.remainder, self.held_out):
             return "unexplained"
         if not self.causes:
             return "healthy"
@@ -113,7 +113,8 @@ def diagnose(
         plain = plain_of(logs, platform, follows=False)
         line = reason(plain, candidates.asked, say)
     now = line.now
-    unexplained = _unexplained(now, line.left)
+    held = held_out(now)
+    unexplained = _unexplained(now, line.left, held)
     causes = (*causes_of(now, line.search, unexplained=unexplained), *scatter_causes(now))
     experiment = next_experiment(platform, now, causes, line.asked, say)
     tried = tried_of(line.search, now.own, line.asked)
@@ -131,7 +132,7 @@ def diagnose(
         {**_unasked(candidates, causes), **_silent(candidates, line, causes, tried)},
         equation_of(now, line.nameless),
         line.left,
-        held_out(now),
+        held,
         {horizon: free_run(horizon, plain.account, now.account) for horizon in HORIZONS},
         experiment,
     )
@@ -140,10 +141,19 @@ def diagnose(
     return found
 
 
-def _unexplained(now: Explanation, left: Remainder) -> bool:
+def _unexplained(now: Explanation, left: Remainder, held: HeldOut) -> bool:
     """Whether there is something at work that no cause is a name for."""
-    crowd = crowded(now.effects)
-    return bool(now.laws) or not now.follows or crowd or left.chance < UNEXPLAINED
+    doubtful = crowded(now.effects) or foretells_nothing(now.effects, held)
+    return bool(now.laws) or not now.follows or doubtful or left.chance < UNEXPLAINED
+
+
+def foretells_nothing(effects: Sequence[Effect], held: HeldOut) -> bool:
+    """Whether causes that explain the logs make time that took no part in the fit no likelier.
+
+    A constant error need not: it is any log's own.
+    """
+    lasting = any(not isinstance(effect, BiasEffect) for effect in effects)
+    return lasting and held.log_likelihood <= 0.0
 
 
 def crowded(effects: Sequence[Effect]) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from twin.compare.free_run import FreeRun
 from twin.diagnose import Diagnosis
 from twin.diagnose.cause import Cause, Equation
-from twin.diagnose.diagnosis import crowded
+from twin.diagnose.diagnosis import crowded, foretells_nothing
 from twin.diagnose.law import TORQUE
 from twin.diagnose.remainder import Remainder
 from twin.diagnose.validation import Validation
@@ -70,6 +70,11 @@ def verdict_sentence(found: Diagnosis) -> str:
         return (
             f"Unexplained: {names} together explain most, but so many at once rather stand in for "
             "something that the catalogue has no name for."
+        )
+    if foretells_nothing([cause.effect for cause in found.causes], found.held_out):
+        return (
+            f"Unexplained: {names} explains these logs best, but foretells nothing of the time "
+            "that took no part in the fit."
         )
     beside = f" beside {names}" if names else ""
     return f"Unexplained: the model lacks something{beside} that the catalogue has no name for."
