@@ -15,9 +15,9 @@ from twin.recording import Series
 
 Array = NDArray[np.float64]
 
-ROUNDED = 2.0
+ROUNDED = 1.25
 """Digits, from the least to the most, that rounding may take a reading off: one where the truth is
-known to the instant, as much again for when it was read."""
+known to the instant, a quarter more for when it was read. What strays farther is not rounding."""
 WORTHWHILE = 10.0
 """By how much a walk must lower twice the negative log-likelihood of the readings to be believed.
 """
