@@ -34,6 +34,16 @@ width = { uniform = [5e-6, 2e-5] }
 """
 
 
+def silent(said: str) -> None:
+    """Told of progress, says nothing."""
+    del said
+
+
+def shards(folder: Path) -> dict[str, bytes]:
+    """Files of a campaign's rows, by name."""
+    return {path.name: path.read_bytes() for path in sorted((folder / "metrics").iterdir())}
+
+
 @pytest.fixture
 def spec_of(tmp_path: Path) -> Callable[..., Spec]:
     """A specification from the good one, with texts replaced."""

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.campaign.conftest import GOOD
+from tests.campaign.conftest import GOOD, shards, silent
 from tests.campaign.dask_processes import PATIENCE, Processes
 from twin.campaign import cluster as clusters
 from twin.campaign import guest
@@ -33,14 +33,6 @@ if os.environ.get("FATAL_HERE"):
     os.kill(os.getpid(), 9)
 """
 """The end of a law that nobody survives who has that variable."""
-
-
-def silent(said: str) -> None:
-    del said
-
-
-def shards(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted((folder / "metrics").iterdir())}
 
 
 @pytest.fixture(scope="module")

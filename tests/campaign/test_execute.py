@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from tests.campaign.conftest import GOOD
+from tests.campaign.conftest import GOOD, shards, silent
 from twin.campaign import execute as executing
 from twin.campaign.execute import execute
 from twin.campaign.folder import Folder
@@ -23,14 +23,6 @@ from twin.campaign.rows import schema_of
 from twin.cli.main import main
 from twin.errors import CampaignError
 from twin.recording import open_log
-
-
-def silent(said: str) -> None:
-    del said
-
-
-def shards(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted((folder / "metrics").iterdir())}
 
 
 @pytest.fixture(scope="module")
