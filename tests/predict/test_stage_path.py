@@ -56,8 +56,7 @@ def test_a_fault_is_sized_by_counters_to_less_than_their_digit(machine, fault):
     truth = profile(replace(machine, effects=(fault,)), TOLD, command(machine))[0]
     found = inputs(machine, truth)
     usual = fault.typical("s2")
-    share = found.stage_course.size(usual, found.stage_seen)
-    sized = usual.with_values(share * usual.values)
+    sized = found.stage_course.sized(usual, found.stage_seen)
     assert found.counted_with(sized)
     assert not found.counted_with(usual)
     off_by = np.abs(found.stage_course.less(sized, truth.time) - (truth.value - told(found).value))

@@ -13,7 +13,7 @@ from scipy.optimize import nnls
 
 from twin.effects import Effect, SeriesEffect, catalogue
 from twin.model import Machine
-from twin.predict.profiles import profile
+from twin.predict.profiles import from_mean, profile
 from twin.recording import Series
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ def less_drive_faults(machine: Machine, told: Series, there: Series, seen: Serie
     """
     kinds = [k for k in catalogue() if issubclass(k, SeriesEffect) and k.acts_on == STREAM]
     gimbals = [gimbal.name for gimbal in machine.platform.gimbals]
-    error = _from_mean(seen.value - there.interpolated_at(seen.time))
+    error = from_mean(seen.value - there.interpolated_at(seen.time))
     left = error
     # one of each kind on each gimbal, which is felt there alone
     faults: list[list[Effect]] = [[kind.typical(name) for name in gimbals] for kind in kinds]
@@ -61,11 +61,7 @@ def _mark(
     """(m, gimbals) [rad]."""
     faulty = replace(machine, effects=(*machine.effects, *faults))
     astray = profile(faulty, STREAM, told)[0]
-    return _from_mean(astray.interpolated_at(time) - there.interpolated_at(time))
-
-
-def _from_mean(values: Array) -> Array:
-    return values - values.mean(axis=0)
+    return from_mean(astray.interpolated_at(time) - there.interpolated_at(time))
 
 
 def _sized(fault: Effect, size: float) -> Effect:

@@ -211,11 +211,10 @@ def _drive_force(effect: Effect, body: Body) -> Array:
     course, seen = body.inputs.stage_course, body.inputs.stage_seen
     if course is None or seen is None or body.inputs.counted_with(effect):
         return _input_force(effect, body)
-    share = course.size(effect, seen)
-    sized = effect.with_values(np.clip(share * effect.values, *effect.bounds()))
+    sized = course.sized(effect, seen)
     if not body.inputs.counted_with(sized):
         return _input_force(effect, body)
-    return _input_force(sized, body) / share
+    return _input_force(sized, body) * float(effect.values[0] / sized.values[0])
 
 
 def _input_force(effect: Effect, body: Body) -> Array:

@@ -36,30 +36,31 @@ class Course:
         there, _ = self.otherwise(effect)
         return there.interpolated_at(time) - self.place.interpolated_at(time)
 
-    def size(self, effect: Effect, seen: Series) -> float:
-        """How many times as large an effect on the command leaves least of what counters show.
+    def sized(self, effect: Effect, seen: Series) -> Effect:
+        """An effect on the command, of the size that leaves least of what counters show; as it is
+        where they show none of it.
 
         Args:
-            effect: of some size.
+            effect: one number, of some size.
             seen: positions as measured [m].
         """
-        share, error = 1.0, _from_mean(seen.value - self.place.interpolated_at(seen.time))
+        error, sized = from_mean(seen.value - self.place.interpolated_at(seen.time)), effect
         for _ in range(SIZED):
-            sized = effect.with_values(np.clip(share * effect.values, *effect.bounds()))
-            mark = _from_mean(self.less(sized, seen.time))
+            mark = from_mean(self.less(sized, seen.time))
             power = float(np.sum(np.square(mark)))
-            found = float(np.sum(mark * error)) / power if power > 0.0 else 0.0
-            if found <= 0.0:
-                return 1.0
-            share *= found
-        return share
+            share = float(np.sum(mark * error)) / power if power > 0.0 else 0.0
+            if share <= 0.0:
+                return effect
+            sized = sized.with_values(np.clip(share * sized.values, *sized.bounds()))
+        return sized
 
     def otherwise(self, effect: Effect) -> tuple[Series, Series]:
         """Positions [m] and rates [m/s] with an effect on the command."""
         return _told_otherwise(self, effect)
 
 
-def _from_mean(values: Array) -> Array:
+def from_mean(values: Array) -> Array:
+    """Positions or angles (m, k) from their mean: where they began is not known so well."""
     return values - values.mean(axis=0)
 
 
