@@ -66,15 +66,15 @@ def verdict_sentence(found: Diagnosis) -> str:
             f"Unexplained: {best}no cause makes the motion follow the model: segments predicted "
             f"apart still miss by {size:.2g} times the noise."
         )
-    if crowded([cause.effect for cause in found.causes]) and found.equation is None:
+    if found.equation is None and crowded(found.explained.effects):
         return (
             f"Unexplained: {names} together explain most, but so many at once rather stand in for "
             "something that the catalogue has no name for."
         )
-    if foretells_nothing([cause.effect for cause in found.causes], found.held_out):
+    if found.equation is None and foretells_nothing(found.explained.effects, found.held_out):
         return (
-            f"Unexplained: {names} explains these logs best, but foretells nothing of the time "
-            "that took no part in the fit."
+            f"Unexplained: these logs are explained best by {names}, which foretells nothing of "
+            "the time that took no part in the fit."
         )
     beside = f" beside {names}" if names else ""
     return f"Unexplained: the model lacks something{beside} that the catalogue has no name for."
