@@ -51,7 +51,11 @@ def off(found: Inputs, truth: Series) -> float:
     return float(np.abs(place - truth.value).max())
 
 
-@pytest.mark.parametrize("fault", [PLAY, StageScale(target="s2", error=0.0069)])
+@pytest.mark.parametrize(
+    "fault",
+    [PLAY, StageScale(target="s2", error=0.0069), StageScale(target="s2", error=-0.0069)],
+    ids=["play", "too far", "not far enough"],
+)
 def test_a_fault_is_sized_by_counters_to_less_than_their_digit(machine, fault):
     truth = profile(replace(machine, effects=(fault,)), TOLD, command(machine))[0]
     found = inputs(machine, truth)

@@ -49,9 +49,9 @@ class Course:
             mark = from_mean(self.less(sized, seen.time))
             power = float(np.sum(np.square(mark)))
             share = float(np.sum(mark * error)) / power if power > 0.0 else 0.0
-            if share <= 0.0:
-                return effect
             sized = sized.with_values(np.clip(share * sized.values, *sized.bounds()))
+            if not sized.values.any():
+                return effect
         return sized
 
     def otherwise(self, effect: Effect) -> tuple[Series, Series]:
