@@ -90,22 +90,37 @@ class BodyEffect(Effect, abc.ABC):
         return None
 
 
-def add_couple(spec: mujoco.MjSpec, platform: Platform, name: str, apart: Array) -> None:
-    """Hang two bodies to push on from the bus: at the CR, and `apart` from it, body axes [m].
+@dataclass(frozen=True)
+class CoupleEffect(BodyEffect, abc.ABC):
+    """Two opposite forces with axes of the room, on points that are apart in the bus.
 
     A force F on one and -F on the other is the torque apart x R^T F, and nothing else.
     """
-    for end, place in (("", apart), ("/back", np.zeros(3))):
-        where = anchor(spec, platform) + place
-        body = spec.body(platform.base.body).add_body(name=name + end, pos=where)
-        set_inertial(body, CARRIER_MASS, np.full(3, CARRIER_INERTIA))
 
+    @abc.abstractmethod
+    def apart(self) -> Array:
+        """(3,) from the point that is pushed back to the other, body axes [m]."""
 
-def couple(name: str, wrench: Array | Callable[[Array], Array]) -> tuple[Push, Push]:
-    """A force on the one, its opposite on the other of two bodies hung by `add_couple`."""
-    if callable(wrench):
-        return Push(name, wrench), Push(f"{name}/back", lambda time: -wrench(time))
-    return Push(name, wrench), Push(f"{name}/back", -wrench)
+    @abc.abstractmethod
+    def pull(self, platform: Platform) -> Array | Callable[[Array], Array]:
+        """(3,) force on the other, room axes [N]; or from times (m,) [s] to (m, 3)."""
+
+    def edit_spec(self, spec: mujoco.MjSpec, platform: Platform) -> None:
+        for end, place in (("", self.apart()), ("/back", np.zeros(3))):
+            where = anchor(spec, platform) + place
+            body = spec.body(platform.base.body).add_body(name=self.label + end, pos=where)
+            set_inertial(body, CARRIER_MASS, np.full(3, CARRIER_INERTIA))
+
+    def pushes(self, platform: Platform) -> tuple[Push, ...]:
+        pull = self.pull(platform)
+        if not callable(pull):
+            wrench = np.concatenate([pull, np.zeros(3)])
+            return Push(self.label, wrench), Push(f"{self.label}/back", -wrench)
+
+        def push(time: Array) -> Array:
+            return np.pad(pull(time), ((0, 0), (0, 3)))
+
+        return Push(self.label, push), Push(f"{self.label}/back", lambda time: -push(time))
 
 
 def set_inertial(body: mujoco.MjsBody, mass: float, moments: Array) -> None:

@@ -22,7 +22,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.effects import BodyEffect, able, with_effects
+from twin.effects import BodyEffect, CoupleEffect, able, with_effects
 from twin.effects.on_body import CARRIER_MASS
 from twin.model import Machine, compile_model
 from twin.plant.gas import thruster_arms
@@ -65,6 +65,8 @@ def force_of(effect: BodyEffect, body: Body, turn: Array | None = None) -> Array
     Raises:
         EffectError: the machine cannot have it, at whatever step.
     """
+    if isinstance(effect, CoupleEffect):
+        return on_grid(_couple(effect, body), body)
     plain = body.machine
     machine = _with(effect, body, turn)
     shared = _Shared.of(plain, machine)
@@ -235,6 +237,20 @@ def _alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
         mujoco.mj_saveModel(model, None, buffer)
         stored.append(buffer.tobytes())
     return stored[0] == stored[1]
+
+
+def _couple(effect: CoupleEffect, body: Body) -> Array:
+    """(m, nv) torque of a couple on the base."""
+    machine, (here, plainly) = body.machine, plain_forces(body)
+    pull, times = effect.pull(able(machine.platform, effect)), middles(body)
+    force = pull(times) if callable(pull) else np.broadcast_to(pull, (len(times), 3))
+    hinge = machine.platform.base.kind == "hinge"
+    turned = here.position[:, machine.base_qpos]
+    attitude = rotation.from_rotation_vector(turned * hinge_axis(machine)) if hinge else turned
+    torque = np.cross(effect.apart(), rotation.rotate(rotation.conjugate(attitude), force))
+    needed = np.zeros_like(plainly)
+    needed[:, machine.base_dof] = torque @ hinge_axis(machine)[:, None] if hinge else torque
+    return needed
 
 
 def _pushes(effect: BodyEffect, machine: Machine, along: Along, times: Array) -> Array:

@@ -1,12 +1,12 @@
 """A CM that wanders: gas that is used up, a structure that warms."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_body import Array, BodyEffect, Push, add_couple, couple
+from twin.effects.on_body import Array, CoupleEffect
 from twin.platform import Platform
 
 _REACH = 1e5
@@ -14,7 +14,7 @@ _REACH = 1e5
 
 
 @dataclass(frozen=True)
-class CenterOfMassDrift(BodyEffect):
+class CenterOfMassDrift(CoupleEffect):
     """The mass moment moves steadily: m r += rate t, in the gravity torque.
 
     A couple of vertical forces that grow with time, held over each physics step at its middle. The
@@ -35,13 +35,9 @@ class CenterOfMassDrift(BodyEffect):
         high=1.0,
     )
 
-    def edit_spec(self, spec: mujoco.MjSpec, platform: Platform) -> None:
-        add_couple(spec, platform, self.label, _REACH * np.array(self.rate))
+    def apart(self) -> Array:
+        return _REACH * np.array(self.rate)
 
-    def pushes(self, platform: Platform) -> tuple[Push, ...]:
-        per_second = np.array([0.0, 0.0, -platform.gravity / _REACH, 0.0, 0.0, 0.0])
-
-        def weight(time: Array) -> Array:
-            return time[:, None] * per_second
-
-        return couple(self.label, weight)
+    def pull(self, platform: Platform) -> Callable[[Array], Array]:
+        per_second = np.array([0.0, 0.0, -platform.gravity / _REACH])
+        return lambda time: time[:, None] * per_second

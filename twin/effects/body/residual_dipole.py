@@ -2,16 +2,15 @@
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_body import Array, BodyEffect, Push, add_couple, couple
+from twin.effects.on_body import Array, CoupleEffect
 from twin.platform import Platform
 
 
 @dataclass(frozen=True)
-class ResidualDipole(BodyEffect):
+class ResidualDipole(CoupleEffect):
     """A magnetic moment fixed in the body turns into the room's field: torque m x R^T B.
 
     A couple of forces along B, 1 A m apart by m: exact at every stage of RK4.
@@ -37,9 +36,8 @@ class ResidualDipole(BodyEffect):
             return missing
         return "its environment has no magnetic field (environment.magnetic_field)"
 
-    def edit_spec(self, spec: mujoco.MjSpec, platform: Platform) -> None:
-        add_couple(spec, platform, self.label, np.array(self.moment))
+    def apart(self) -> Array:
+        return np.array(self.moment)
 
-    def pushes(self, platform: Platform) -> tuple[Push, ...]:
-        field: Array = platform.magnetic_field
-        return couple(self.label, np.concatenate([field, np.zeros(3)]))
+    def pull(self, platform: Platform) -> Array:
+        return platform.magnetic_field

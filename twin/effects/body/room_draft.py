@@ -1,18 +1,18 @@
 """Air currents of the room: an air conditioner, a door, a person walking by."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Self
 
-import mujoco
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_body import Array, BodyEffect, Push, add_couple, couple
+from twin.effects.on_body import Array, CoupleEffect
 from twin.platform import Platform
 
 
 @dataclass(frozen=True)
-class RoomDraft(BodyEffect):
+class RoomDraft(CoupleEffect):
     """A push fixed in the room that comes and goes: torque p x R^T F sin(2 pi f t + phase).
 
     A couple of forces, held over each physics step at its middle. A steady draft is the twin of a
@@ -74,14 +74,14 @@ class RoomDraft(BodyEffect):
             for phase in phases
         )
 
-    def edit_spec(self, spec: mujoco.MjSpec, platform: Platform) -> None:
-        add_couple(spec, platform, self.label, np.array(self.point))
+    def apart(self) -> Array:
+        return np.array(self.point)
 
-    def pushes(self, platform: Platform) -> tuple[Push, ...]:
-        force = np.concatenate([self.force, np.zeros(3)])
+    def pull(self, platform: Platform) -> Callable[[Array], Array]:
+        del platform
 
-        def push(time: Array) -> Array:
+        def force(time: Array) -> Array:
             turn = 2.0 * np.pi * self.frequency * time + self.phase
-            return np.sin(turn)[:, None] * force
+            return np.sin(turn)[:, None] * np.array(self.force)
 
-        return couple(self.label, push)
+        return force
