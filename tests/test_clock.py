@@ -2,6 +2,7 @@
 
 import time
 
+import numpy as np
 import pytest
 
 from twin.clock import SimulatedClock, WallClock
@@ -38,6 +39,30 @@ def test_a_tick_that_takes_too_long_costs_whole_ticks_and_no_burst_follows():
     assert clock.timing.overruns >= 4
     assert len(seen) + clock.timing.overruns == 21
     assert seen[3] >= seen[2] + 0.09, "a late loop must skip to the next tick in the future"
+
+
+def test_a_wall_clock_tells_of_each_tick_how_late_it_came_and_what_it_took():
+    clock, cycles = WallClock(), []
+    for _ in clock.ticks(0.05, 0.1):
+        time.sleep(0.003)
+        clock.lap("read")
+        cycles.append(clock.cycle())
+        time.sleep(0.001)
+        clock.lap("record")
+    late, read, *_, record = np.array(cycles).T
+    assert late.tolist() == clock.timing.lateness
+    assert (read >= 0.003).all()
+    assert record[0] == 0.0, "that of the tick before"
+    assert (record[1:] >= 0.001).all()
+    assert len(clock.timing.own) == 3
+    assert min(clock.timing.own) >= 0.004
+    assert clock.timing.own_at(100.0) == max(clock.timing.own)
+
+
+def test_time_that_is_simulated_costs_nothing_that_is_told():
+    clock = SimulatedClock()
+    for _ in clock.ticks(0.05, 0.1):
+        assert clock.cycle() is None
 
 
 def test_each_phase_is_timed():

@@ -10,6 +10,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 PHASES = ("read", "estimate", "control", "write", "record")
 
@@ -25,10 +28,16 @@ class Timing:
     """Wall seconds spent in each phase."""
     lateness: list[float] = field(default_factory=list[float])
     """How long after its deadline each tick began [s]; empty on a simulated clock."""
+    own: list[float] = field(default_factory=list[float])
+    """How long each tick took, all phases together [s]; empty on a simulated clock."""
 
     def lateness_at(self, percent: float) -> float:
         """Percentile of the lateness [s]; 0 on a simulated clock."""
         return float(np.percentile(self.lateness, percent)) if self.lateness else 0.0
+
+    def own_at(self, percent: float) -> float:
+        """Percentile of what a tick took [s]; 0 on a simulated clock."""
+        return float(np.percentile(self.own, percent)) if self.own else 0.0
 
 
 class Clock(abc.ABC):
@@ -37,6 +46,7 @@ class Clock(abc.ABC):
     def __init__(self) -> None:
         self.timing = Timing()
         self._mark = 0.0
+        self._spent: dict[str, float] = dict.fromkeys(PHASES, 0.0)
 
     @abc.abstractmethod
     def ticks(self, period: float, duration: float) -> Iterator[float]:
@@ -45,8 +55,16 @@ class Clock(abc.ABC):
     def lap(self, phase: str) -> None:
         """The phase that began at the last lap, or at the tick, has ended."""
         now = time.perf_counter()
+        self._spent[phase] = now - self._mark
         self.timing.seconds[phase] += now - self._mark
         self._mark = now
+
+    def cycle(self) -> Array | None:
+        """(6,) how late the tick in hand began, and what each of its phases took, the last that of
+        the tick before [s]; None where time is simulated."""
+        if not self.timing.lateness:
+            return None
+        return np.array([self.timing.lateness[-1], *self._spent.values()])
 
     def _tick(self) -> None:
         self.timing.ticks += 1
@@ -81,7 +99,9 @@ class WallClock(Clock):
             self.timing.lateness.append(time.monotonic() - start - number * period)
             self._tick()
             yield number * period
-            due = int((time.monotonic() - start) / period) + 1
+            now = time.monotonic() - start
+            self.timing.own.append(now - number * period - self.timing.lateness[-1])
+            due = int(now / period) + 1
             self.timing.overruns += max(min(due, last + 1) - number - 1, 0)
             number = max(due, number + 1)
 

@@ -91,7 +91,8 @@ def fly(
             estimate = estimator.told(estimate, applied)
             clock.lap("write")
             if observers:
-                tick = Tick(reading, estimate, target, wanted, applied, plant.truth())
+                truth, cycle = plant.truth(), clock.cycle()
+                tick = Tick(reading, estimate, target, wanted, applied, truth, cycle)
                 for observer in observers:
                     observer.collect(tick)
                 clock.lap("record")

@@ -78,6 +78,7 @@ STREAMS: dict[str, Stream] = {
     "estimate_gyro_bias": Stream("rad/s", _XYZ, "body"),
     "reference_attitude": Stream("1", _WXYZ, "world from body"),
     "reference_rate": Stream("rad/s", _XYZ, "body"),
+    "loop_time": Stream("s", ("late", "read", "estimate", "control", "write", "record")),
 }
 """The canonical streams (docs/design.md 4.2). `wanted_*` has the unit of its `command_*`."""
 
@@ -182,3 +183,5 @@ class Tick(NamedTuple):
     """What was really applied, after limits."""
     truth: Mapping[str, Samples]
     """A simulation's true states, one sample each; empty on hardware."""
+    cycle: Array | None = None
+    """(6,) what it cost, as `loop_time` has it; None where time is simulated."""

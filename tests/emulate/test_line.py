@@ -69,6 +69,15 @@ def test_a_host_at_another_rate_gets_garbage(tmp_path):
     assert b"\xfa\xff\x36" not in heard
 
 
+def test_a_host_at_the_same_rate_is_heard_whichever_that_is(tmp_path):
+    with (
+        EmulatedLine(EmulatedSolar2(baud=1_000_000), tmp_path / "port"),
+        serial.Serial(str(tmp_path / "port"), 1_000_000, timeout=1.0) as port,
+    ):
+        port.write(b"get-x&y")
+        assert len(port.read(8)) == 8
+
+
 def test_a_schedule_is_the_same_for_the_same_seed_and_another_for_another():
     def faults(seed):
         return schedule(seed, LINE_FAULTS, span=60.0, mean_gap=2.0, duration=0.3, share=0.1)

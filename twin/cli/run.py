@@ -268,8 +268,13 @@ def _report(flight: "Flight", outcome: "Outcome", metrics: "Metrics") -> list[st
     timing = outcome.timing
     if timing.lateness:
         p50, p99, most = (timing.lateness_at(p) * 1e3 for p in (50.0, 99.0, 100.0))
+        own50, own99, longest = (timing.own_at(p) * 1e3 for p in (50.0, 99.0, 100.0))
         lines.append(
             f"ticks came {p50:.2f} ms late (median), {p99:.2f} ms (99 %), {most:.2f} ms at most; "
             f"{timing.overruns} overruns in {timing.ticks} ticks"
+        )
+        lines.append(
+            f"each took {own50:.2f} ms (median), {own99:.2f} ms (99 %), {longest:.2f} ms at most, "
+            f"of {flight.platform.tick * 1e3:g} ms"
         )
     return lines

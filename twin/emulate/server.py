@@ -23,8 +23,9 @@ _PATIENCE = 1.0
 """Longest wait in lockstep for bytes that were written [s]: an unplugged line loses them."""
 
 _RATES = {
-    getattr(termios, f"B{rate}"): rate
-    for rate in (4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600, 2000000, 4000000)
+    getattr(termios, name): int(name[1:])
+    for name in dir(termios)
+    if name[0] == "B" and name[1:].isdigit()
 }
 """Code of the terminal driver -> baud."""
 

@@ -59,7 +59,7 @@ def noise_findings(recording: Recording, platform: Platform | None) -> list[Nois
 
 def _measured(name: str) -> bool:
     """Whether a stream is a sensor's, not a command, a state of the software or of the truth."""
-    derived = ("command_", "wanted_", "truth_", "estimate_", "reference_")
+    derived = ("command_", "wanted_", "truth_", "estimate_", "reference_", "loop_")
     return name in STREAMS and not name.startswith(derived)
 
 

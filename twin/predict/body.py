@@ -158,7 +158,7 @@ class Body:
     def not_predicted(self) -> tuple[str, ...]:
         """Measured streams of the recording that have no part in the prediction."""
         taken = {output.stream for output in self.outputs} | set(self.inputs.used)
-        ours = ("truth_", "estimate_", "reference_", "wanted_", "command_")
+        ours = ("truth_", "estimate_", "reference_", "wanted_", "command_", "loop_")
         return tuple(
             name for name in self.recording if name not in taken and not name.startswith(ours)
         )

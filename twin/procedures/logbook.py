@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 FITTED = {
     "gyro",
     "attitude",
+    "inclinometer",
     "wheel_speed",
     "gimbal_angle",
     "gimbal_rate",
@@ -28,7 +29,7 @@ FITTED = {
     "estimate_gyro_bias",
 }
 """What an offset is identified from. Not a magnetometer beside coils, nor an accelerometer, which
-says little that the attitude does not."""
+says little that the attitude does not; nor, beside that, an inclinometer."""
 
 
 class Logbook:
@@ -59,6 +60,8 @@ class Logbook:
         facts = {"platform": self._platform.name, "source": f"balancing, from {start:.2f} s on"}
         # Samples from before the start may arrive after it: under another command.
         kept = {name: rows for name, rows in streams.items() if name in FITTED}
+        if "attitude" in kept:
+            kept.pop("inclinometer", None)
         return _still(Recording(kept, facts).between(start, np.inf), self._platform)
 
 

@@ -17,7 +17,7 @@ from twin.units import fitting, printed, three_digits
 
 Array = NDArray[np.float64]
 
-DERIVED = ("command_", "wanted_", "truth_", "estimate_", "reference_")
+DERIVED = ("command_", "wanted_", "truth_", "estimate_", "reference_", "loop_")
 """Streams that no sensor measured begin so: their scatter is no noise."""
 
 HELD = ("command_", "wanted_")

@@ -68,6 +68,9 @@ class Rows:
             ("reference_rate", [t.target.rate_body for t in ticks]),
         ):
             blocks[name] = self._values(stamps, every, values)
+        cycles = [t.cycle for t in ticks if t.cycle is not None]
+        if len(cycles) == len(ticks):
+            blocks["loop_time"] = self._values(stamps, every, cycles)
         seen = [i for i, t in enumerate(ticks) if t.estimate.valid[run]]
         if seen:
             estimates = [ticks[i].estimate for i in seen]
