@@ -208,9 +208,10 @@ def open_bench(
 
     Args:
         machine: with the effects of its emulation.
-        plant: `pty`, its emulation; `serial`, its own [hardware] at the ports that stand there;
-            `serial:URL`, with its device at that port, or `serial:NAME=URL,NAME=URL` with several;
-            or `serial:FILE.toml`, the [hardware] of that file.
+        plant: `pty`, its emulation; `pty:FILE.toml`, wired as the [hardware] of that file says;
+            `serial`, its own [hardware] at the ports that stand there; `serial:URL`, with its
+            device at that port, or `serial:NAME=URL,NAME=URL` with several; or
+            `serial:FILE.toml`, the [hardware] of that file.
         held: see `Bench`; an emulated table that is captured stands still, level.
         seed: of an emulation's noise.
         initial: of an emulation.
@@ -223,15 +224,15 @@ def open_bench(
         PlatformError: no [hardware], or something wrong in it.
     """
     kind, _, where = plant.partition(":")
-    if plant == "pty":
-        setup = read_hardware(machine)
+    if kind == "pty":
+        setup = read_hardware(machine, Path(where) if where else None)
         simulated = captured(machine) if held is Held.captured else machine
         emulation = EmulatedPlatform(
             simulated, setup, seed=seed, initial=initial, faults=faults, lockstep=lockstep
         )
         return Bench(carried(machine, setup), setup, held=held, emulation=emulation)
     if kind != "serial":
-        raise UnknownName("plant", plant, ("pty", "serial", "serial:URL"))
+        raise UnknownName("plant", plant, ("pty", "pty:FILE.toml", "serial", "serial:URL"))
     if plant == "serial":
         setup = read_hardware(machine)
     elif not where:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from twin.bench import Bench
     from twin.plant.guard.guarded import Held
 
-PLANTS = ("sim", "replay:LOG", "pty", "serial:URL")
+PLANTS = ("sim", "replay:LOG", "pty", "pty:FILE.toml", "serial:URL")
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def prepare(
         raise UsageError(
             f"--arm is for a machine on its bench; plant {plant} takes commands at once"
         )
-    if lockstep and plant != "pty":
+    if lockstep and kind != "pty":
         raise UsageError(f"--lockstep is for plant pty; {plant} has no emulation to wait for")
     if effects and kind in ("replay", "serial"):
         what = "a log that is replayed" if kind == "replay" else "a real machine"
@@ -170,7 +170,7 @@ def prepare(
         replayed = ReplayedPlant(machine, open_log(Path(rest)))
         body = replayed
         length = replayed.duration if duration is None else min(duration, replayed.duration)
-    elif plant == "pty" or kind == "serial":
+    elif kind in ("pty", "serial"):
         from twin.bench import open_bench  # its drivers take a while to import
 
         bench = open_bench(machine, plant, held=held, seed=seed, initial=start, lockstep=lockstep)

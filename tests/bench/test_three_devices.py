@@ -15,6 +15,7 @@ from twin.bench import Bench, captured, carried, open_bench
 from twin.cli.main import main
 from twin.emulate.faults import Fault
 from twin.emulate.platform import EmulatedPlatform
+from twin.errors import TwinError
 from twin.plant.guard.guarded import Held
 from twin.plant.hardware_setup import HardwareSetup, read_hardware
 from twin.plant.simulated import InitialState, SimulatedPlant
@@ -122,6 +123,20 @@ def test_the_loop_knows_of_no_sensor_that_no_device_carries(astros):
     assert set(seen.sensors) == {
         "gyro", "accelerometer", "magnetometer", "inclinometer", "stage_position"
     }  # fmt: skip
+
+
+def test_a_file_beside_the_platform_may_wire_more_devices(astros):
+    deck = astros.model_path.with_name("deck.toml")
+    with open_bench(astros, f"pty:{deck}") as bench:
+        readings = watched(bench, 2.0)
+    for name in ("attitude", "gimbal_angle", "wheel_speed", "inclinometer", "gyro"):
+        assert len(samples_of(readings, name)[1]) > 10, name
+    assert {"stages", "tilt", "imu", "deck"} == set(bench.setup.devices)
+
+
+def test_a_file_of_wiring_that_is_not_there_is_named(astros):
+    with pytest.raises(TwinError, match=r"nowhere\.toml"):
+        open_bench(astros, "pty:nowhere.toml")
 
 
 def test_a_run_over_three_lines_is_reported(capsys):

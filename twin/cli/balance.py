@@ -52,7 +52,7 @@ class Balance:
     target: Annotated[float | None, _arg("N_M")] = None
     """Gravity torque that may be left at the worst attitude; by default that of the machine's
     paper, else that of 5 um."""
-    plant: Annotated[str, _arg("sim|pty|serial[:URL]")] = "sim"
+    plant: Annotated[str, _arg("sim|pty[:FILE.toml]|serial[:URL]")] = "sim"
     """Simulated; its devices emulated on a pseudo-terminal; or the real ones, as of `twin run`."""
     arm: Annotated[Literal["floating"] | None, _arg("floating")] = None
     """Let commands leave, within the rules of docs/safety.md, on the bench and on its emulation:
@@ -177,12 +177,12 @@ class Balance:
             raise UsageError(f"target is {self.target:g} N m; give a torque above zero")
         if self.plant.startswith("replay"):
             raise UsageError("a log that is replayed does not move: balance the simulated machine")
-        real = self.plant.startswith("serial")
-        if not real and self.plant not in ("sim", "pty"):
-            raise UnknownName("plant", self.plant, ("sim", "pty", "serial:URL"))
+        kind = self.plant.partition(":")[0]
+        if self.plant != "sim" and kind not in ("pty", "serial"):
+            raise UnknownName("plant", self.plant, ("sim", "pty", "pty:FILE.toml", "serial:URL"))
         if self.plant == "sim" and self.arm:
             raise UsageError("--arm is for a machine on its bench; the simulated one moves at once")
-        if self.lockstep and self.plant != "pty":
+        if self.lockstep and kind != "pty":
             raise UsageError(
                 f"--lockstep is for plant pty; {self.plant} has no emulation to wait for"
             )
@@ -193,7 +193,9 @@ class Balance:
             )
         if self.plant != "sim" and self.runs > 1:
             raise UsageError(f"runs is {self.runs}; there is one machine on a bench")
-        if real and (self.effects or self.offset or self.random_offset or any(self.stages)):
+        if kind == "serial" and (
+            self.effects or self.offset or self.random_offset or any(self.stages)
+        ):
             raise UsageError(
                 "--effects, --offset, --random-offset and --stages are of a simulated machine; a "
                 "real one has its own: leave them out"

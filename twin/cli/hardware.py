@@ -102,9 +102,10 @@ class Hardware:
         from twin.service.stages import stage_named
 
         kind = self.plant.partition(":")[0]
-        if self.plant != "pty" and kind != "serial":
-            raise UnknownName("plant", self.plant, ("pty", "serial", "serial:URL"))
-        if self.lockstep and self.plant != "pty":
+        if kind not in ("pty", "serial"):
+            known = ("pty", "pty:FILE.toml", "serial", "serial:URL")
+            raise UnknownName("plant", self.plant, known)
+        if self.lockstep and kind != "pty":
             raise UsageError(
                 f"--lockstep is for plant pty; {self.plant} has no emulation to wait for"
             )

@@ -42,7 +42,7 @@ class Run:
     """Attitude and gyro bias filtered (`filter`) or the sensors as they are (`passthrough`), by
     default the first where the machine has gyro and attitude; `inclinometer`, rates by its
     differences; `vertical_offset` and `offset`, which tell where the CM is."""
-    plant: Annotated[str, _arg("sim|pty|serial[:URL]|replay:LOG")] = "sim"
+    plant: Annotated[str, _arg("sim|pty[:FILE.toml]|serial[:URL]|replay:LOG")] = "sim"
     """Simulated; its devices emulated on a pseudo-terminal; the real ones (of the platform's
     [hardware], at its ports or at that one; or those of serial:FILE.toml); or a log played as if it
     were these."""
@@ -188,7 +188,7 @@ class Run:
 
     @property
     def _on_bench(self) -> bool:
-        return self.plant == "pty" or self.plant.startswith("serial")
+        return self.plant.partition(":")[0] in ("pty", "serial")
 
     def _seeded(self) -> str:
         armed = f", armed as {self.arm}" if self.arm else ", not armed: nothing leaves"
