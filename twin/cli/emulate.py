@@ -4,6 +4,7 @@ import signal
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import tyro
@@ -32,6 +33,9 @@ class Emulate:
     """End by itself after this."""
     seed: int = 0
     """Of the sensors' noise."""
+    replay: Annotated[tuple[str, ...], tyro.conf.arg(metavar="DEVICE=FILE")] = ()
+    """Devices that say again what they once said on a port that was opened as
+    spy://PORT?file=FILE."""
 
     def run(self) -> int:
         """Emulate; the exit code."""
@@ -39,6 +43,7 @@ class Emulate:
 
         from twin.effects import parse_effects, with_effects
         from twin.emulate.platform import EmulatedPlatform
+        from twin.emulate.replayed import spied
         from twin.plant.hardware_setup import read_hardware
         from twin.plant.simulated import InitialState
         from twin.platform import load_platform
@@ -49,9 +54,12 @@ class Emulate:
         roll, pitch, yaw = np.radians(self.attitude)
         initial = InitialState(attitude=from_euler_zyx(yaw, pitch, roll))
         setup = read_hardware(machine)
+        said = {name: spied(Path(file)) for name, file in map(_named, self.replay)}
         # a shell starts what runs beside it deaf to Ctrl-C
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        with EmulatedPlatform(machine, setup, seed=self.seed, initial=initial) as emulation:
+        with EmulatedPlatform(
+            machine, setup, seed=self.seed, initial=initial, said=said
+        ) as emulation:
             for name, port in emulation.ports.items():
                 print(f"{name}: {port}", flush=True)
             print(f"{machine.name} is emulated until Ctrl-C", file=sys.stderr, flush=True)
@@ -65,3 +73,12 @@ class Emulate:
                 print("twin: the emulation has ended by itself; please report it", file=sys.stderr)
                 return 1
         return 0
+
+
+def _named(word: str) -> tuple[str, str]:
+    from twin.errors import UsageError
+
+    name, _, file = word.partition("=")
+    if not file:
+        raise UsageError(f"replay {word!r}: give DEVICE=FILE, as in imu=imu.spy")
+    return name, file

@@ -18,6 +18,7 @@ from twin.emulate.faults import Fault
 from twin.emulate.line import EmulatedLines
 from twin.emulate.machine import Machine, SimulatedMachine
 from twin.emulate.microcontroller import EmulatedMicrocontroller
+from twin.emulate.replayed import ReplayedDevice, Said
 from twin.errors import UnknownName, UsageError
 from twin.plant.devices.device import Device, DeviceSettings
 from twin.plant.devices.host_time import HostTime
@@ -39,6 +40,8 @@ class Devices:
 
     settings: Mapping[str, DeviceSettings]
     machine: Machine
+    said: Mapping[str, tuple[Said, ...]]
+    """By devices that say again what they said once."""
 
     def __call__(self) -> dict[str, EmulatedDevice]:
         """Switched on, at time 0."""
@@ -47,6 +50,8 @@ class Devices:
 
     def _made(self, name: str, machine: SimulatedMachine) -> EmulatedDevice:
         settings, share = self.settings[name], machine.share(name)
+        if name in self.said:
+            return ReplayedDevice(self.said[name], baud=settings.baud)
         match settings:
             case MicrocontrollerSettings():
                 return EmulatedMicrocontroller(
@@ -85,6 +90,7 @@ class EmulatedPlatform:
         initial: InitialState | None = None,
         faults: Sequence[Fault] = (),
         lockstep: bool = False,
+        said: Mapping[str, tuple[Said, ...]] | None = None,
     ) -> None:
         """Nothing is started yet.
 
@@ -96,19 +102,20 @@ class EmulatedPlatform:
             faults: of the lines and the devices.
             lockstep: time passes only as the host lets it, as fast as both can
                 (`twin.lockstep`).
+            said: by devices that say it again, whatever the machine does, by name.
 
         Raises:
             UsageError: wiring that cannot be emulated.
-            UnknownName: a fault of a device that is not there.
+            UnknownName: a device that is not there.
         """
         _check(platform, setup, lockstep=lockstep)
-        for fault in faults:
-            if fault.device and fault.device not in setup.devices:
-                raise UnknownName("device", fault.device, setup.devices)
+        for name in (*(fault.device for fault in faults if fault.device), *(said or {})):
+            if name not in setup.devices:
+                raise UnknownName("device", name, setup.devices)
         self._setup = setup
         sampled = _sampled(platform, setup)
         machine = Machine(sampled, setup.measured, setup.commanded, seed, initial)
-        self._devices = Devices(dict(setup.devices), machine)
+        self._devices = Devices(dict(setup.devices), machine, dict(said or {}))
         try:
             pickle.dumps(self._devices)
         except (pickle.PicklingError, AttributeError, TypeError) as problem:

@@ -81,6 +81,8 @@ class DeviceSettings(abc.ABC):
     """As the laboratory calls it; stands in every message."""
     port: str
     """Path (best by /dev/serial/by-id) or pyserial URL (`socket://`, `rfc2217://`)."""
+    baud: int
+    """Of its line."""
 
     @abc.abstractmethod
     def session(self) -> "Device":
