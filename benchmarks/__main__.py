@@ -18,7 +18,10 @@ SUBJECTS = {
     "link": "bytes a second through the parser of our own serial link",
     "machines": "steps a second of every machine",
     "batch": "closed loop against bare physics",
-    "campaign": "a shard of a campaign against bare physics",
+    "campaign": "a shard of a campaign, and a balancing, against bare physics",
+    "plain": "a campaign against a plain Python loop over mj_step, and against Basilisk",
+    "scaling": "what a campaign's cost grows with: runs, seconds, effects",
+    "large": "a hundred thousand runs, beside ten thousand",
     "scale": "what a million and a thousand million runs of a campaign would take",
 }
 

@@ -59,9 +59,9 @@ def run() -> None:
             "`.venv/bin/python -m benchmarks single` compares\n"
         )
     else:
-        step = _equal_accuracy(platform)
+        step = equal_accuracy(platform)
         against = f"Basilisk, simpleNav, mrpFeedback, RK4 {step * 1e3:g} ms"
-        flights[against] = partial(_basilisk, platform, step)
+        flights[against] = partial(basilisk_flight, platform, step, DURATION)
     speeds: dict[str, list[float]] = {name: [] for name in flights}
     for _ in range(ROUNDS):
         for name, flight in flights.items():
@@ -95,15 +95,16 @@ def _ours(platform: Platform, estimator: str) -> float:
         return seconds(fly_it)
 
 
-def _basilisk(platform: Platform, step: float) -> float:
+def basilisk_flight(platform: Platform, step: float, duration: float) -> float:
+    """Wall time [s] of Basilisk's closed loop over `duration` [s]."""
     from benchmarks.basilisk import Spacecraft
 
     peer = Spacecraft(platform, step, RATE, np.zeros(3))
     peer.close_loop(PROPORTIONAL, DERIVATIVE)
-    return seconds(partial(peer.ready(), DURATION))
+    return seconds(partial(peer.ready(), duration))
 
 
-def _equal_accuracy(platform: Platform) -> float:
+def equal_accuracy(platform: Platform) -> float:
     """The largest step with which Basilisk errs no more than we do at the platform's own."""
     from benchmarks.basilisk import Spacecraft
 
