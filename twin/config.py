@@ -126,8 +126,8 @@ class Table:
             for x in entries
         )
         if not numeric or (size is not None and len(entries) != size):
-            count = "a list of" if size is None else f"{size}"
-            raise self.fail(key, f"is {value!r}", f"give {count} numbers{_in(unit)}")
+            count = {None: "a list of numbers", 1: "a number"}.get(size, f"{size} numbers")
+            raise self.fail(key, f"is {value!r}", f"give {count}{_in(unit)}")
         array = np.array(entries, dtype=np.float64)
         outside = array[(array < low) | (array > high)]
         if outside.size:

@@ -107,10 +107,11 @@ def test_the_worst_runs_are_named_with_what_is_unusual_about_them(found):
     worst = [one for one in found.worst if one.metric == "rate_rms"]
     column = found.results.metrics["rate_rms"]
     assert worst[0].run == int(np.nanargmax(column))
-    name, value, below = worst[0].blamed[0]
-    assert name == f"|{OFFSET}|"
-    assert value > 1.5e-5
-    assert below > 0.8
+    blamed = worst[0].blamed[0]
+    assert blamed.factor == f"|{OFFSET}|"
+    assert blamed.value > 1.5e-5
+    assert blamed.below > 0.8
+    assert blamed.above < 0.2
 
 
 def test_arms_are_compared_on_the_machines_that_both_met(found):

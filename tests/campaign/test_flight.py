@@ -153,3 +153,16 @@ def test_a_balancing_has_the_same_bits_alone_as_among_others(spec_of):
     for one in every.values():
         stated = [one.metrics[f"residual_torque{end}"] for end in ("_low", "_high")]
         assert 0.8 * stated[0] < one.metrics["gravity_torque"] < 1.2 * stated[1]
+
+
+def test_a_run_that_would_start_beyond_its_stop_is_a_row_with_a_reason(spec_of):
+    spec = spec_of(("hangs = true\n", "attitude = { uniform = [-0.6, 0.6] }\n"))
+    stop = spec.arms[0].platform.stop_angle
+    drawn = draw(spec, range(24))
+    came = flown(spec, drawn)
+    roll, pitch = (drawn.values[f"initial.attitude.{axis}"] for axis in ("roll", "pitch"))
+    beyond = np.arccos(np.cos(roll) * np.cos(pitch)) > stop
+    assert 0 < beyond.sum() < 24
+    for run, one in came.items():
+        assert (one.ended == "failed") == beyond[run]
+        assert ("beyond the stop at" in one.reason) == beyond[run]

@@ -1,5 +1,6 @@
 """A specification that cannot be flown is refused with a sentence, before any run starts."""
 
+import math
 import re
 
 import pytest
@@ -71,6 +72,31 @@ BROKEN = {
     "gains of a balancing": ("runs = 24", 'runs = 24\nprocedure = "balance"',
                              "controller is 'mass_magnetic_pid', no way of balancing"),
     "target of a run": ("seed = 3", "seed = 3\ntarget = 1e-5", "target is of a balancing"),
+    "misspelt keys, before one is missing": (
+        "controller =", "keeps = 1\ncontroler =",
+        "keeps is no key we know; did you mean 'keep'.*Nor is controler .line 5."),
+    "misspelt table": ("[gains]", "[gain]", "gain is no key we know; did you mean 'gains'"),
+    "duration with its unit": ("duration = 1.0", 'duration = "60 s"', "give a number in s"),
+    "duration below a tick": ("duration = 1.0", "duration = 0.01", "give a tick of 0.05 s"),
+    "seed that no float holds": ("seed = 3", "seed = 90071992547409930", "seed is 9.0072e.16; g"),
+    "gain as a list": ("{ grid = [1e-3, 2e-3] }", "[1.0, 2.0]", "give a number in N m s"),
+    "effect without a table": (
+        "[effects.gyro_bias]", "[effects]\ngyro_bias = 1e-3", r"make it a table: \[effects.gyro"),
+    "misspelt distribution": ("{ uniform = [5e-6", "{ unifrom = [5e-6", "has no distribution"),
+    "mean and deviation by name": (
+        "{ uniform = [5e-6, 2e-5] }", "{ normal = { mean = 1.0 } }", "give two values, mean and"),
+    "arms as one table": ("[gains]", '[arms]\nname = "a"\n[gains]', r"make it tables: \[\[arms"),
+    "gain of an arm, spread": (
+        "[gains]", '[[arms]]\nname = "a"\n[arms.gains]\nproportional = { grid = [1.0] }\n[gains]',
+        "arms.gains.proportional is .*give a number"),
+    "stream that is none": (
+        "[effects.gyro_bias]", "[effects.clock_lag.gyroo]\nlag = 0.1",
+        "'gyroo' is none of its streams[^;]*; remove it$"),
+    "degrees": ("hangs = true", "attitude = { uniform = [-10, 10] }",
+                "goes to -10 rad in roll; .*angles are in radians"),
+    "deviation in degrees": (
+        "hangs = true", "attitude = { normal = [0, 3.0] }", "to -3 rad in roll"),
+    "mass beyond its travel": ("hangs = true", "stage_position = 1.0", "1 m in .*its travel is -0"),
     "no TOML": ("seed = 3", "seed = ", "mend the TOML"),
 }  # fmt: skip
 
@@ -93,6 +119,14 @@ def test_the_line_of_the_mistake_is_named(spec_of):
     assert f"spec.toml:{line}: effects.stage_backlash.width" in str(refused.value)
 
 
+def test_a_normal_start_is_cut_off_where_the_machine_ends(spec_of):
+    spec = spec_of(("hangs = true", "attitude = { normal = [0, 0.1] }"))
+    roll, pitch, yaw = spec.initial.factors["attitude"]
+    stop = spec.arms[0].platform.stop_angle
+    assert roll.distribution.ends == pitch.distribution.ends == (-stop, stop)
+    assert yaw.distribution.ends == (-math.inf, math.inf)
+
+
 def test_an_effect_is_dispersed_as_its_own_metadata_say_unless_told(spec_of):
     words = {factor.name: factor.distribution.words() for factor in spec_of().factors}
     assert words["effects.gyro_bias.bias_x"] == "0 +- 0.001"
@@ -105,6 +139,6 @@ def test_command_line_refuses_a_broken_specification_and_writes_nothing(tmp_path
     path = tmp_path / "broken.toml"
     path.write_text(GOOD.replace("seed = 3", "sed = 3"), encoding="utf-8")
     assert main(["campaign", str(path), str(tmp_path / "out")]) == 1
-    assert "sed is no key we know; is it meant to be 'seed'?" in capsys.readouterr().err
+    assert "sed is no key we know; did you mean 'seed'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     assert main(["campaign", str(path)]) == 2

@@ -70,6 +70,8 @@ def test_the_tables_as_markdown_say_the_same_as_the_document(flown, capsys, tmp_
     }
     for one in document["comparisons"]:
         assert f"| {one['metric']} | masses <only> / mixed | 24 |" in table
+    bars = [len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines() if row[:1] == "|"]
+    assert set(bars) == {5, 6, 7}, "a size is written with bars, which must not end a cell"
     for one in document["worst"]:
         assert f"| {one['metric']} | {one['run']} | {one['arm']} |" in table
 

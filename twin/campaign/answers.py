@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,17 @@ class Sensitivity:
     """Whether it is no chance, among all that were asked."""
 
 
+class Blamed(NamedTuple):
+    """A factor far out on the side to which a metric gets worse."""
+
+    factor: str
+    value: float
+    below: float
+    """Share of the runs that have less."""
+    above: float
+    """And more."""
+
+
 @dataclass(frozen=True)
 class Worst:
     """A run that came out badly."""
@@ -59,8 +71,8 @@ class Worst:
     arm: str
     metric: str
     value: float
-    blamed: tuple[tuple[str, float, float], ...]
-    """Factors that may have done it: name, value, share of runs below it."""
+    blamed: tuple["Blamed", ...]
+    """Factors that may have done it."""
 
 
 @dataclass(frozen=True)
@@ -169,18 +181,17 @@ def _worst(results: Results, links: Sequence[Sensitivity]) -> tuple[Worst, ...]:
 
 def _blamed(
     results: Results, row: int, links: Sequence[Sensitivity], side: int
-) -> tuple[tuple[str, float, float], ...]:
-    """Factors far out on the side to which the metric gets worse, the strongest first."""
+) -> tuple[Blamed, ...]:
+    """The strongest first."""
     rows, causes = results.of(str(results.arm[row])), results.causes
-    scored: list[tuple[float, str, float, float]] = []
+    scored: list[tuple[float, Blamed]] = []
     for link in links:
         values = causes[link.factor][rows]
         value = causes[link.factor][row]
-        below = (np.count_nonzero(values < value) + 0.5 * np.count_nonzero(values == value)) / len(
-            values
-        )
-        push = side * link.correlation.value * float(ndtri(np.clip(below, 1e-6, 1.0 - 1e-6)))
+        below, above = float(np.mean(values < value)), float(np.mean(values > value))
+        middle = np.clip(0.5 + 0.5 * (below - above), 1e-6, 1.0 - 1e-6)
+        push = side * link.correlation.value * float(ndtri(middle))
         if push > 0.0:
-            scored.append((push, link.factor, float(value), float(below)))
+            scored.append((push, Blamed(link.factor, float(value), below, above)))
     scored.sort(reverse=True)
-    return tuple(entry[1:] for entry in scored[:BLAMED])
+    return tuple(blamed for _, blamed in scored[:BLAMED])

@@ -18,7 +18,12 @@ from twin.errors import CampaignError, UnknownName
 MOST = 10**9
 """Runs of a campaign."""
 
-NEEDED = ("platform", "controller", "runs", "duration", "seed")
+MOST_SEED = 2**53
+"""Above this a number of TOML is no longer the one that was written."""
+
+KEYS = ("platform", "controller", "estimator", "procedure", "reference", "target", "runs",
+        "duration", "steady", "seed", "sampling", "metrics", "shard", "gains", "effects",
+        "initial", "arms", "keep")  # fmt: skip
 
 
 def read_spec(path: Path) -> Spec:
@@ -28,18 +33,24 @@ def read_spec(path: Path) -> Spec:
         CampaignError: it cannot be flown as it stands; names file, line, key and remedy.
     """
     table = read_toml(path, CampaignError)
+    _refuse_unknown(table)
     procedure = cast(Procedure, table.text("procedure", "run", among=("run", "balance")))
     duration = table.number("duration", low=0.0, high=1e6, unit="s")
     if duration == 0.0:
         raise table.fail("duration", "is 0 s", "give a time above zero")
     steady = table.number("steady", 0.5 * duration, low=0.0, high=duration, unit="s")
     seed = _whole(table, "seed", low=0)
+    if seed > MOST_SEED:
+        raise table.fail("seed", f"is {seed:.5g}", f"give {MOST_SEED} at most")
     sampling = cast(Sampling, table.text("sampling", "random", among=SAMPLINGS))
     runs = _whole(table, "runs", low=1, high=MOST)
     usual = min(SHARD, max(LEAST[procedure], -(-runs // PARTS)))
     shard = _whole(table, "shard", usual, low=2, high=1 << 16)
     target = _target(table, procedure)
     arms = read_arms(table, procedure, target)
+    tick = max(arm.platform.tick for arm in arms)
+    if duration < tick:
+        raise table.fail("duration", f"is {duration:g} s", f"give a tick of {tick:g} s at least")
     gains = _gains(table, arms, procedure)
     initial = read_initial(table, arms)
     names = metric_names(arms[0].platform, procedure)
@@ -63,6 +74,16 @@ def read_spec(path: Path) -> Spec:
     table.close()
     _refuse_odd(table, spec)
     return spec
+
+
+def _refuse_unknown(table: Table) -> None:
+    """All keys that nobody knows, before one of them seems to be missing."""
+    unknown = [key for key in table.keys if key not in KEYS]
+    if unknown:
+        first, *others = unknown
+        hint = str(UnknownName("key", first, KEYS)).partition("(")[2].rstrip(")")
+        rest = ", ".join(f"{key} (line {table.line(key)})" for key in others)
+        raise table.fail(first, "is no key we know", hint + (f" Nor is {rest}" if rest else ""))
 
 
 def _whole(

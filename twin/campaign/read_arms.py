@@ -197,9 +197,11 @@ def _with_effects(
 
 
 def _about(table: Table, effect: DispersedEffect, said: str) -> CampaignError:
-    sentence, _, remedy = said.rpartition("; ")
+    sentence, told, remedy = said.rpartition("; ")
     inner = table.table("effects", required=False)
-    problem = inner.fail(effect.kind.name, f"cannot be: {sentence or said}", remedy or "remove it")
+    problem = inner.fail(
+        effect.kind.name, f"cannot be: {sentence or said}", remedy if told else "remove it"
+    )
     return cast(CampaignError, problem)
 
 

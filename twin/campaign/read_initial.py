@@ -1,8 +1,10 @@
 """How the runs of a campaign start, from its specification."""
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 
-from twin.campaign.distribution import Uniform
+from twin.campaign.distribution import Distribution, Normal, Uniform
 from twin.campaign.read_values import read_values
 from twin.campaign.spec import Arm, Factor, Initial
 from twin.config import Table
@@ -11,6 +13,12 @@ from twin.procedures.setup import REACH
 
 _XYZ = ("x", "y", "z")
 _ANGLES = ("roll", "pitch", "yaw")
+
+_ALLOWED = {
+    "attitude": "the tilt stop allows {} (angles are in radians)",
+    "stage_position": "its travel is {}",
+    "wheel_speed": "its speeds are {}",
+}
 
 Row = tuple[str, tuple[str, ...]]
 
@@ -53,6 +61,12 @@ def read_initial(table: Table, arms: Sequence[Arm]) -> Initial:
         if key not in own or (key == "center_of_mass_offset" and reach):
             continue
         spread = read_values(own, key, len(names), unit=unit)
+        bounds = _bounds(platform, key, hangs=hangs)
+        if bounds:
+            spread = tuple(
+                _held(own, key, name, one, ends, unit)
+                for name, one, ends in zip(names, spread, bounds, strict=True)
+            )
         factors[key] = tuple(
             Factor(f"initial.{key}" + (f".{name}" if name else ""), unit, one)
             for name, one in zip(names, spread, strict=True)
@@ -69,3 +83,39 @@ def read_initial(table: Table, arms: Sequence[Arm]) -> Initial:
         )
     own.close()
     return Initial(factors, hangs, reach)
+
+
+def _bounds(platform: Platform, key: str, *, hangs: bool) -> list[tuple[float, float]]:
+    """Between what each component of a start must lie, as far as the machine limits it."""
+    if key == "attitude" and platform.base.kind == "ball" and math.isfinite(platform.stop_angle):
+        # what hangs at the stop may begin at the other side's
+        most = min((2.0 if hangs else 1.0) * platform.stop_angle, math.pi)
+        every = (-math.inf, math.inf)
+        tilted = (-most, most)
+        if platform.pitch_stop is not None:
+            return [every, every, every]
+        return [tilted, tilted, every]
+    if key == "stage_position":
+        return [stage.travel for stage in platform.stages]
+    if key == "wheel_speed":
+        return [(-wheel.speed_limit, wheel.speed_limit) for wheel in platform.wheels]
+    return []
+
+
+def _held(
+    table: Table, key: str, name: str, one: Distribution, ends: tuple[float, float], unit: str
+) -> Distribution:
+    """The distribution, refused beyond the ends; a normal one is cut off there."""
+    low, high = ends
+    least, most = one.ends
+    if isinstance(one, Normal):
+        # what is cut off should be its tails
+        least, most = one.mean - one.deviation, one.mean + one.deviation
+    for value in (least, most):
+        if not low <= value <= high:
+            raise table.fail(
+                key,
+                f"goes to {value:.4g} {unit} in {name}",
+                _ALLOWED[key].format(f"{low:.4g} to {high:.4g} {unit}"),
+            )
+    return replace(one, low=low, high=high) if isinstance(one, Normal) else one

@@ -146,9 +146,10 @@ def _ends(folder: "Folder", spec: "Spec") -> dict[str, int]:
 def _foretold(told: "Forecast", spec: "Spec", workers: int) -> list[str]:
     arms = ", ".join(arm.name for arm in spec.arms)
     most = "at most " if told.at_most else "about "
+    ways = f"{told.points} combination{'s' * (told.points > 1)} ({arms})"
     lines = [
         f"{told.runs} runs of {spec.duration:g} s in {told.shards} shards: {told.samples} samples "
-        f"of {told.points} combinations ({arms}), {spec.sampling}, seed {spec.seed}",
+        f"of {ways}, {spec.sampling}, seed {spec.seed}",
         *(f"  {factor}" for factor in told.factors),
         f"{most}{told.seconds:.3g} s on {workers} processes of this machine; processes take a few "
         "seconds to come up",

@@ -64,7 +64,8 @@ class Replay:
         lines = [f"{end}: {told.came.reason}" if told.came.reason else end]
         lines += [f"  {name} {printed(v, units[name])}" for name, v in told.values.items()]
         lines += [
-            f"  {name} {printed(v, METRICS[name].unit)}" for name, v in told.came.metrics.items()
+            f"  {name} {printed(v, METRICS[name].unit) if v == v else 'none'}"
+            for name, v in told.came.metrics.items()
         ]
         if told.differs is None:
             lines.append("the campaign has not written this run yet")

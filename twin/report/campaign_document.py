@@ -72,12 +72,13 @@ def campaign_document(found: Answers) -> dict[str, Any]:
                 "unit": METRICS[one.metric].unit,
                 "blamed": [
                     {
-                        "factor": name,
-                        "value": value,
-                        "unit": units[name.strip("|")],
-                        "share_below": below,
+                        "factor": blamed.factor,
+                        "value": blamed.value,
+                        "unit": units[blamed.factor.strip("|")],
+                        "share_below": blamed.below,
+                        "share_above": blamed.above,
                     }
-                    for name, value, below in one.blamed
+                    for blamed in one.blamed
                 ],
             }
             for one in found.worst

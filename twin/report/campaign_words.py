@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from twin.campaign.answers import Answers, Spread
+from twin.campaign.answers import Answers, Blamed, Spread
 from twin.campaign.comparison import Comparison
 from twin.campaign.merit import METRICS
 from twin.campaign.statistics import Interval
@@ -119,10 +119,7 @@ def worst_table(found: Answers) -> Rows:
     units = {factor.name: factor.unit for factor in found.results.spec.factors}
     rows: list[list[str]] = []
     for one in found.worst:
-        why = [
-            f"{name} {_number(value, units[name.strip('|')])}, more than in {below:.0%} of the runs"
-            for name, value, below in one.blamed
-        ]
+        why = [_blamed(factor, units[factor.factor.strip("|")]) for factor in one.blamed]
         rows.append(
             [
                 one.metric,
@@ -155,7 +152,9 @@ def markdown(found: Answers) -> str:
 def _table(rows: Rows) -> list[str]:
     head, cells = rows
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    return [*lines, *("| " + " | ".join(row) + " |" for row in cells)]
+    # the size of a factor is written with bars, which would end a cell
+    bare = ([cell.replace("|", "\\|") for cell in row] for row in cells)
+    return [*lines, *("| " + " | ".join(row) + " |" for row in bare)]
 
 
 def _spread_row(one: Spread) -> list[str]:
@@ -168,6 +167,12 @@ def _spread_row(one: Spread) -> list[str]:
         f"{one.count}",
         *(_interval(value, factor) for value in (one.mean, one.median, one.high)),
     ]
+
+
+def _blamed(one: Blamed, unit: str) -> str:
+    more = one.below >= one.above
+    side, share = ("more", one.below) if more else ("less", one.above)
+    return f"{one.factor} {_number(one.value, unit)}, {side} than in {share:.0%} of the runs"
 
 
 def _interval(one: Interval, factor: float, sign: str = "") -> str:
