@@ -52,6 +52,14 @@ def test_what_it_raises_passes_through_and_it_is_tried_anew_when_mended(path):
     assert import_alone(path).Shear(lean=0.05).lean == 0.05
 
 
+def test_it_is_run_again_only_when_it_has_changed(path):
+    once = import_alone(path)
+    assert import_alone(path) is once
+    path.write_text(EFFECT.replace("lean towards", "bend from"), encoding="utf-8")
+    assert import_alone(path).Shear.__doc__ == "Two axes that bend from each other."
+    assert once.Shear.__doc__ == "Two axes that lean towards each other."
+
+
 def test_a_run_with_an_effect_of_ones_own_is_recorded(path, tmp_path):
     run = tmp_path / "run.rrd"
     given = ["--effects", str(path), "--duration", "3", "--rrd", str(run)]

@@ -16,6 +16,8 @@ from types import ModuleType
 
 __path__: list[str] = []
 """Modules stand below this one; whoever asks for one of them imports this first."""
+_ran: dict[str, bytes] = {}
+"""What stood in the file of each module when it was run."""
 
 
 class _ByPath(MetaPathFinder):
@@ -36,8 +38,15 @@ sys.meta_path.append(_ByPath())
 def import_alone(path: Path) -> ModuleType:
     """Run a file that ends in .py as a module of a private name, so that it clashes with nobody's.
 
-    What the file raises passes through, and its module is forgotten then.
+    It is run again only when it has changed: classes are hardly ever forgotten, and a campaign asks
+    for its law with every shard. What the file raises passes through, and its module is forgotten
+    then.
     """
     name = f"{__name__}.{os.fsencode(path.absolute()).hex()}"
+    content = path.read_bytes()
+    if name in sys.modules and _ran.get(name) == content:
+        return sys.modules[name]
     sys.modules.pop(name, None)
-    return importlib.import_module(name)
+    module = importlib.import_module(name)
+    _ran[name] = content
+    return module

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from contextlib import suppress
 from pathlib import Path
 
@@ -99,6 +100,22 @@ def test_one_process_owns_the_folder(file, tmp_path):
     folder = Folder(tmp_path)
     with folder.owned(), pytest.raises(CampaignError, match="flown by another process"):
         execute(read_spec(file), folder, workers=1, tell=silent)
+
+
+def test_memory_does_not_grow_with_the_number_of_runs(tmp_path):
+    peaks: list[int] = []
+    for runs in (24, 24, 96):  # the first flight imports what all of them keep
+        spec = tmp_path / f"{len(peaks)}.toml"
+        text = GOOD.replace("runs = 24", f"runs = {runs}").replace(
+            "duration = 1.0", "duration = 0.1"
+        )
+        spec.write_text(text, encoding="utf-8")
+        read = read_spec(spec)
+        tracemalloc.start()
+        execute(read, Folder(tmp_path / f"out{len(peaks)}"), workers=1, tell=silent)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[2] < 1.1 * peaks[1], f"{peaks} B: something is kept of each shard"
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="nobody lists processes there")
