@@ -9,6 +9,7 @@ from scipy import stats
 
 from tests.campaign.conftest import GOOD
 from twin.campaign.answers import Answers, answers
+from twin.campaign.conditions import conditions
 from twin.campaign.draw import draw
 from twin.campaign.read import read_spec
 from twin.campaign.results import Results, read_results
@@ -112,6 +113,28 @@ def test_the_worst_runs_are_named_with_what_is_unusual_about_them(found):
     assert blamed.value > 1.5e-5
     assert blamed.below > 0.8
     assert blamed.above < 0.2
+
+
+def test_a_comparison_that_depends_on_a_factor_is_told_part_by_part(made_up):
+    results = made_up()
+    width = results.factors[WIDTH]
+    # from half of the other's to three times it
+    share = np.interp(width, [width.min(), width.max()], [0.5, 3.0])
+    level = 1.0 + 0.05 * np.random.default_rng(5).normal(size=1200)
+    rate = np.where(results.arm == "b", share * level, 1.0)
+    parts = conditions(replace(results, metrics={"rate_rms": rate}))
+    assert [one.factor for one in parts] == [WIDTH] * 5
+    assert [one.pairs for one in parts] == [120] * 5
+    assert parts[0].high <= parts[1].low, "each part begins where the one before ends"
+    for one in parts:
+        middle = np.interp(0.5 * (one.low + one.high), [width.min(), width.max()], [0.5, 3.0])
+        assert one.ratio.low < middle + 0.01
+        assert one.ratio.high > middle - 0.01
+    assert parts[0].ratio.high < 1.0 < parts[1].ratio.low
+
+
+def test_a_comparison_that_depends_on_nothing_has_no_parts(found):
+    assert not found.conditions, "0.8 times as much, whatever the width"
 
 
 def test_arms_are_compared_on_the_machines_that_both_met(found):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from twin.campaign.comparison import Comparison, between_arms, between_campaigns
+from twin.campaign.conditions import Part, conditions
 from twin.campaign.indices import Index, sobol_indices
 from twin.campaign.merit import METRICS
 from twin.campaign.results import Results
@@ -90,6 +91,8 @@ class Answers:
     """Where the campaign has a Saltelli design."""
     worst: tuple[Worst, ...]
     comparisons: tuple[Comparison, ...]
+    conditions: tuple[Part, ...]
+    """On what they depend."""
 
 
 def answers(results: Results, against: Results | None = None) -> Answers:
@@ -130,6 +133,7 @@ def answers(results: Results, against: Results | None = None) -> Answers:
         indices=sobol_indices(results),
         worst=_worst(results, sensitivities),
         comparisons=comparisons,
+        conditions=conditions(results) if len(names) > 1 else (),
     )
 
 

@@ -42,23 +42,32 @@ def between_arms(results: Results) -> tuple[Comparison, ...]:
     count = len(results.spec.arms)
     for a, b in combinations(range(count), 2):
         one, other = (results.spec.arms[number].name for number in (a, b))
-        of_one, of_other = _free(results, one), _free(results, other)
-        # a run's partner flies the same sample at the same point of the grids
-        first = {run - a: row for run, row in zip(results.run[of_one], of_one, strict=True)}
-        second = {run - b: row for run, row in zip(results.run[of_other], of_other, strict=True)}
-        both = [key for key in first if key in second]
-        left = np.array([first[key] for key in both], dtype=np.intp)
-        right = np.array([second[key] for key in both], dtype=np.intp)
+        left, right = paired_rows(results, a, b)
         for metric, column in results.metrics.items():
             known = np.isfinite(column[left]) & np.isfinite(column[right])
             if np.count_nonzero(known) < 5:
                 continue
             x, y = column[left[known]], column[right[known]]
-            ratio = bootstrap((x, y), results.sample[left[known]], _ratio)
+            ratio = ratio_of_pairs(x, y, results.sample[left[known]])
             wins = float(np.mean(y < x) + 0.5 * np.mean(y == x))
             p = paired_difference(x, y)
             found.append(Comparison(one, other, metric, len(x), ratio, wins, p))
     return _corrected(found)
+
+
+def paired_rows(results: Results, a: int, b: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows of two arms, by number, that flew the same sample at the same point of the grids."""
+    of_one, of_other = (_free(results, results.spec.arms[number].name) for number in (a, b))
+    first = {run - a: row for run, row in zip(results.run[of_one], of_one, strict=True)}
+    second = {run - b: row for run, row in zip(results.run[of_other], of_other, strict=True)}
+    both = [key for key in first if key in second]
+    left = np.array([first[key] for key in both], dtype=np.intp)
+    return left, np.array([second[key] for key in both], dtype=np.intp)
+
+
+def ratio_of_pairs(one: Array, other: Array, sample: NDArray[np.int64]) -> Interval:
+    """Of the mean of the second set to that of the first, (n,) each, row by row of one sample."""
+    return bootstrap((one, other), sample, _ratio)
 
 
 def _free(results: Results, arm: str) -> NDArray[np.intp]:

@@ -63,6 +63,20 @@ def campaign_document(found: Answers) -> dict[str, Any]:
             }
             for one in found.comparisons
         ],
+        "conditions": [
+            {
+                "one": one.one,
+                "other": one.other,
+                "metric": one.metric,
+                "factor": one.factor,
+                "low": one.low,
+                "high": one.high,
+                "unit": units[one.factor.strip("|")],
+                "pairs": one.pairs,
+                "ratio_of_means": one.ratio.document(),
+            }
+            for one in found.conditions
+        ],
         "worst": [
             {
                 "run": one.run,

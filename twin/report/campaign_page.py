@@ -8,9 +8,11 @@ import numpy as np
 from twin.campaign.answers import Answers
 from twin.report.campaign_figures import gain_figure, sensitivity_figure, spread_figure
 from twin.report.campaign_words import (
+    CONDITIONS,
     INDICES,
     Rows,
     comparison_table,
+    condition_table,
     index_table,
     sensitivity_table,
     spread_table,
@@ -31,6 +33,9 @@ def write_campaign_page(path: Path, found: Answers) -> None:
     if found.comparisons:
         parts += ["<h2>Compared</h2>", bullets(verdicts(found))]
         parts.append(_table(comparison_table(found.comparisons)))
+    if found.conditions:
+        parts.append(f"<p>{escape(CONDITIONS)}</p>")
+        parts.append(_table(condition_table(found)))
     parts += [
         "<h2>Distributions</h2>",
         framed(spread_figure(found), "Share of the runs that stay below each value."),

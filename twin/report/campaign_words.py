@@ -17,6 +17,7 @@ LISTED = 30
 WORTH = 0.01
 """Share of the variance from which on an index is listed."""
 INDICES = "Shares of each metric's variance (Sobol indices), where they may be 1 % or more:"
+CONDITIONS = "How the ratio goes with the factor that it depends on most:"
 PROVEN = 0.05
 """Level of significance, of p-values that are corrected for their number."""
 
@@ -89,6 +90,30 @@ def comparison_table(comparisons: Sequence[Comparison]) -> Rows:
     return ("metric", "of", "pairs", "ratio of means (95 %)", "smaller in", "p, corrected"), rows
 
 
+def condition_table(found: Answers) -> Rows:
+    """Ratios of arms in the parts of a factor on which they depend."""
+    units = {factor.name: factor.unit for factor in found.results.spec.factors}
+    rows = [
+        [
+            one.metric,
+            f"{one.other} / {one.one}",
+            f"{one.factor} {_span(one.low, one.high, units[one.factor.strip('|')])}",
+            f"{one.pairs}",
+            _interval(one.ratio, 1.0),
+        ]
+        for one in found.conditions
+    ]
+    return ("metric", "of", "where", "pairs", "ratio of means (95 %)"), rows
+
+
+def _span(low: float, high: float, unit: str) -> str:
+    if low == high:
+        return _number(low, unit)
+    factor, name = fitting(max(abs(low), abs(high)), unit)
+    tail = "" if name == "1" else f" {name}"
+    return f"{low / factor:.3g} to {high / factor:.3g}{tail}"
+
+
 def sensitivity_table(found: Answers) -> Rows:
     """Those that are no chance, the strongest first."""
     links = [one for one in found.sensitivities if one.certain]
@@ -138,6 +163,8 @@ def markdown(found: Answers) -> str:
     if found.comparisons:
         parts += ["", "## Compared", "", *(f"- {line}" for line in verdicts(found))]
         parts += ["", *_table(comparison_table(found.comparisons))]
+    if found.conditions:
+        parts += ["", CONDITIONS, "", *_table(condition_table(found))]
     parts += ["", "## Distributions", "", *_table(spread_table(found))]
     head, rows = sensitivity_table(found)
     parts += ["", "## What they depend on", ""]
