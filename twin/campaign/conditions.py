@@ -48,7 +48,7 @@ def conditions(results: Results) -> tuple[Part, ...]:
     arms = range(len(results.spec.arms))
     for a, b in combinations(arms, 2):
         for metric in results.metrics:
-            left, right, x, y = _pairs(results, a, b, metric)
+            left, x, y = _pairs(results, a, b, metric)
             if len(x) < 5 * PARTS or min(x.min(), y.min()) <= 0.0:
                 continue
             for factor, values in causes.items():
@@ -68,7 +68,7 @@ def conditions(results: Results) -> tuple[Part, ...]:
 
 
 def _parts(results: Results, a: int, b: int, metric: str, factor: str) -> list[Part]:
-    left, _, x, y = _pairs(results, a, b, metric)
+    left, x, y = _pairs(results, a, b, metric)
     values = results.causes[factor][left]
     one, other = (results.spec.arms[number].name for number in (a, b))
     found: list[Part] = []
@@ -87,11 +87,9 @@ def _split(values: Array) -> list[NDArray[np.intp]]:
     return [part for part in np.array_split(np.argsort(values, kind="stable"), PARTS) if part.size]
 
 
-def _pairs(
-    results: Results, a: int, b: int, metric: str
-) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
+def _pairs(results: Results, a: int, b: int, metric: str) -> tuple[NDArray[np.intp], Array, Array]:
+    """Rows of the first arm, and the metric of both where both have it."""
     left, right = paired_rows(results, a, b)
     column = results.metrics[metric]
     known = np.isfinite(column[left]) & np.isfinite(column[right])
-    left, right = left[known], right[known]
-    return left, right, column[left], column[right]
+    return left[known], column[left[known]], column[right[known]]

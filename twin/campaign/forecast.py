@@ -28,7 +28,7 @@ class Forecast:
     factors: tuple[str, ...]
     """With their distributions, in words."""
     seconds: float
-    """On all workers together; of a balancing at most."""
+    """On all workers together; of a balancing at most, and without its identifications."""
     at_most: bool
     bytes: int
     """Of the metrics. Recordings come on top."""

@@ -155,6 +155,11 @@ def _foretold(told: "Forecast", spec: "Spec", workers: int) -> list[str]:
         "seconds to come up",
         f"about {told.bytes / 1e6:.3g} MB of metrics",
     ]
+    if told.at_most:
+        lines.append(
+            "and what its identifications take, which no short probe shows: some ten a run, "
+            "each of seconds"
+        )
     if spec.keep.runs or spec.keep.worst:
         lines.append(f"and up to {len(spec.keep.runs) + spec.keep.worst} recordings")
     return lines
