@@ -1,5 +1,6 @@
 """The campaigns that are shipped can be flown."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 
 from twin.campaign.draw import draw
 from twin.campaign.flight import flown
-from twin.campaign.read import read_spec
+from twin.campaign.read import KEYS, read_spec
 
 DOCS = Path(__file__).parents[2] / "docs"
 SHIPPED = sorted((DOCS / "campaigns").glob("*.toml"))
@@ -35,7 +36,14 @@ def test_each_pair_of_a_comparison_starts_on_one_machine(path):
 
 def test_the_page_tells_every_key():
     told = (DOCS / "campaigns.md").read_text(encoding="utf-8")
-    for key in ("platform", "controller", "estimator", "reference", "procedure", "target", "runs",
-                "duration", "steady", "seed", "sampling", "metrics", "shard", "gains", "effects",
-                "initial", "arms", "keep"):  # fmt: skip
+    for key in KEYS:
         assert f"`{key}`" in told or f"`[{key}]`" in told or f"`[[{key}]]`" in told, key
+
+
+def test_the_file_on_the_page_can_be_flown_as_it_stands(tmp_path):
+    told = (DOCS / "campaigns.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```toml\n(.*?)```", told, re.DOTALL)
+    path = tmp_path / "spec.toml"
+    path.write_text(text, encoding="utf-8")
+    spec = read_spec(path)
+    assert (spec.samples, spec.points) == (256, 2), "256 machines with each of two gains"
