@@ -175,10 +175,13 @@ def test_ctrl_c_takes_back_what_no_worker_has_begun(file, tmp_path):
         command = [sys.executable, "-m", "twin", "campaign", str(file), str(tmp_path / "out")]
         command += ["--cluster", processes.address]
         with connected(processes.address) as cluster:
+            # what was started beside a shell is deaf to Ctrl-C, and so is what that starts
+            before = signal.signal(signal.SIGINT, signal.default_int_handler)
             with subprocess.Popen(command, stderr=subprocess.PIPE) as campaign:
+                signal.signal(signal.SIGINT, before)
                 wait_until(lambda: tasks(cluster) > 0)
                 campaign.send_signal(signal.SIGINT)
-                _, said = campaign.communicate()
+                _, said = campaign.communicate(timeout=300.0)
             assert campaign.returncode == 130
             assert said == b"twin: interrupted\n"
             wait_until(lambda: tasks(cluster) == 0)
