@@ -224,7 +224,7 @@ def open_bench(
         PlatformError: no [hardware], or something wrong in it.
     """
     kind, _, where = plant.partition(":")
-    if kind == "pty":
+    if plant == "pty" or (kind == "pty" and where.endswith(".toml")):
         setup = read_hardware(machine, Path(where) if where else None)
         simulated = captured(machine) if held is Held.captured else machine
         emulation = EmulatedPlatform(
