@@ -56,7 +56,7 @@ class Clock(abc.ABC):
         """The phase that began at the last lap, or at the tick, has ended."""
         now = time.perf_counter()
         self._spent[phase] = now - self._mark
-        self.timing.seconds[phase] += now - self._mark
+        self.timing.seconds[phase] += self._spent[phase]
         self._mark = now
 
     def cycle(self) -> Array | None:

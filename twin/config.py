@@ -194,7 +194,7 @@ class Table:
             self._below.close()
         for key in self._data:
             if key not in self._asked:
-                hint = str(UnknownName("key", key, self._asked)).split("(", 1)[1].rstrip(")")
+                hint = UnknownName("key", key, self._asked).hint
                 raise self.fail(key, "is no key we know", f"{hint}, or remove it")
 
     def _get(self, key: str, default: Any) -> Any:

@@ -25,6 +25,8 @@ class UnknownName(TwinError, LookupError):
         super().__init__(f"no {kind} named {name!r} ({hint})")
         self.kind = kind
         self.name = name
+        self.hint = hint
+        """What was probably meant, else what is known."""
 
 
 class FileError(TwinError, ValueError):

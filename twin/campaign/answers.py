@@ -72,7 +72,7 @@ class Worst:
     arm: str
     metric: str
     value: float
-    blamed: tuple["Blamed", ...]
+    blamed: tuple[Blamed, ...]
     """Factors that may have done it."""
 
 

@@ -81,7 +81,7 @@ def _refuse_unknown(table: Table) -> None:
     unknown = [key for key in table.keys if key not in KEYS]
     if unknown:
         first, *others = unknown
-        hint = str(UnknownName("key", first, KEYS)).partition("(")[2].rstrip(")")
+        hint = UnknownName("key", first, KEYS).hint
         rest = ", ".join(f"{key} (line {table.line(key)})" for key in others)
         raise table.fail(first, "is no key we know", hint + (f" Nor is {rest}" if rest else ""))
 

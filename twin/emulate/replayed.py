@@ -55,15 +55,14 @@ def spied(path: Path) -> tuple[Said, ...]:
 class ReplayedDevice(EmulatedDevice):
     """Says again what a device said; what it is told now counts by its length alone."""
 
-    def __init__(self, said: Sequence[Said], *, baud: int, stop_bits: int = 1) -> None:
+    def __init__(self, said: Sequence[Said], *, baud: int) -> None:
         """Switch it on.
 
         Args:
             said: by both ends, in the order of time.
             baud: of the line.
-            stop_bits: likewise.
         """
-        self.baud, self.stop_bits = baud, stop_bits
+        self.baud = baud
         self._said = tuple(said)
         self.power_cycle(0.0)
 

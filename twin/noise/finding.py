@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from twin.noise.stream import StreamNoise, measure_noise
 from twin.platform import Platform
 from twin.recording import Recording
-from twin.signals import STREAMS
+from twin.signals import DERIVED, STREAMS
 from twin.units import printed
 
 Array = NDArray[np.float64]
@@ -59,8 +59,7 @@ def noise_findings(recording: Recording, platform: Platform | None) -> list[Nois
 
 def _measured(name: str) -> bool:
     """Whether a stream is a sensor's, not a command, a state of the software or of the truth."""
-    derived = ("command_", "wanted_", "truth_", "estimate_", "reference_", "loop_")
-    return name in STREAMS and not name.startswith(derived)
+    return name in STREAMS and not name.startswith(DERIVED)
 
 
 def _against_claims(

@@ -34,6 +34,7 @@ from twin.predict.tangent import carried_forces, carried_states
 from twin.predict.tanks import pressure
 from twin.predict.wander import random_walk, wander
 from twin.recording import Recording, Series
+from twin.signals import DERIVED
 
 Array = NDArray[np.float64]
 
@@ -158,9 +159,8 @@ class Body:
     def not_predicted(self) -> tuple[str, ...]:
         """Measured streams of the recording that have no part in the prediction."""
         taken = {output.stream for output in self.outputs} | set(self.inputs.used)
-        ours = ("truth_", "estimate_", "reference_", "wanted_", "command_", "loop_")
         return tuple(
-            name for name in self.recording if name not in taken and not name.startswith(ours)
+            name for name in self.recording if name not in taken and not name.startswith(DERIVED)
         )
 
     @property

@@ -244,12 +244,12 @@ def _couple(effect: CoupleEffect, body: Body) -> Array:
     machine, (here, plainly) = body.machine, plain_forces(body)
     pull, times = effect.pull(able(machine.platform, effect)), middles(body)
     force = pull(times) if callable(pull) else np.broadcast_to(pull, (len(times), 3))
-    hinge = machine.platform.base.kind == "hinge"
+    axis = hinge_axis(machine) if machine.platform.base.kind == "hinge" else None
     turned = here.position[:, machine.base_qpos]
-    attitude = rotation.from_rotation_vector(turned * hinge_axis(machine)) if hinge else turned
-    torque = np.cross(effect.apart(), rotation.rotate(rotation.conjugate(attitude), force))
+    attitude = turned if axis is None else rotation.from_rotation_vector(turned * axis)
+    torque = rotation.cross(effect.apart(), rotation.rotate(rotation.conjugate(attitude), force))
     needed = np.zeros_like(plainly)
-    needed[:, machine.base_dof] = torque @ hinge_axis(machine)[:, None] if hinge else torque
+    needed[:, machine.base_dof] = torque if axis is None else torque @ axis[:, None]
     return needed
 
 

@@ -13,12 +13,10 @@ from twin.noise import StreamNoise, measure_noise, noise_findings
 from twin.noise.clock import GAP
 from twin.platform import Platform
 from twin.recording import Recording, Series
+from twin.signals import DERIVED
 from twin.units import fitting, printed, three_digits
 
 Array = NDArray[np.float64]
-
-DERIVED = ("command_", "wanted_", "truth_", "estimate_", "reference_", "loop_")
-"""Streams that no sensor measured begin so: their scatter is no noise."""
 
 HELD = ("command_", "wanted_")
 """Streams whose value holds until the next row begin so."""
