@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.predict.flights import flown, predictor
 from twin.clock import SimulatedClock
 from twin.compare.misfit import misfits
 from twin.controller.load import load_controller
 from twin.errors import UsageError
 from twin.estimators.named import load_estimator
-from twin.flight import prepare
 from twin.identify.prediction_error import Fit, fit
 from twin.identify.start import base_of, first_biases
 from twin.loop import fly
@@ -28,27 +28,6 @@ from twin.reference import parse_reference
 from twin.stream.recorder import MemoryRecorder
 
 SEED = 20261121
-LAWS = {"tas2": "cmg_pd", "astros": "mass_pid", "whorl1": "quaternion_pd"}
-
-
-def flown(name: str, seed: int, duration: float = 20.0) -> Recording:
-    flight = prepare(
-        name,
-        controller=LAWS[name],
-        estimator="filter",
-        plant="sim",
-        reference="multisine:3",
-        duration=duration,
-        seed=seed,
-    )
-    recorder = MemoryRecorder(flight.platform, {"platform": name, "source": f"{name} {seed}"})
-    flight.fly(SimulatedClock(), [recorder])
-    return recorder.recording().without_truth()
-
-
-def predictor(log: Recording, name: str) -> Body:
-    platform = load_platform(name)
-    return body_of(compile_model(platform), log, motion_of(log, platform))
 
 
 @pytest.fixture(scope="module")

@@ -35,6 +35,8 @@ DECADES = (-14.0, 2.0)
 walk of the rate [rad^2/s^3]."""
 NEAR = 2.0
 """How far from its first value, in decades, the intensity is sought again."""
+ROUGH, SHARP = 0.5, 0.05
+"""To which it is found, in decades, where it may be none; and where it counts."""
 WORTHWHILE = 10.0
 """By how much a disturbance must lower twice the negative log-likelihood to be believed: by chance
 it does so once in a thousand logs."""
@@ -109,14 +111,17 @@ def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
         start: where to begin if that fit has not converged.
     """
     now = exact.innovations if exact.converged else problem.innovations(start)
-    first = most_likely(problem, now, DECADES)
-    if exact.converged and first.cost > now.cost - WORTHWHILE:
+    roughly = most_likely(problem, now, DECADES, ROUGH)
+    if exact.converged and roughly.cost > now.cost - 0.5 * WORTHWHILE:
         return exact
     size = float(np.max(problem.base.scale)) ** 2
+    decade = float(np.log10(roughly.intensity / size))
+    near = (max(decade - NEAR, DECADES[0]), min(decade + NEAR, DECADES[1]))
+    first = most_likely(problem, now, near)
+    if exact.converged and first.cost > now.cost - WORTHWHILE:
+        return exact
 
     def innovations(at: Unknowns) -> Innovations:
-        decade = float(np.log10(first.intensity / size))
-        near = (max(decade - NEAR, DECADES[0]), min(decade + NEAR, DECADES[1]))
         return most_likely(problem, problem.innovations(at), near)
 
     return _iterate(problem, first, innovations)
@@ -197,12 +202,21 @@ def _moved(
 
 
 def most_likely(
-    problem: Problem, exact: Innovations, decades: tuple[float, float] = DECADES
+    problem: Problem,
+    exact: Innovations,
+    decades: tuple[float, float] = DECADES,
+    within: float = SHARP,
 ) -> Innovations:
     """With the intensity of the torque at which the logs are most likely.
 
     Whatever the base and the biases are: what these take of the noise would pass for a torque that
     is not there (restricted likelihood; H. D. Patterson and R. Thompson, Biometrika 58, 1971).
+
+    Args:
+        problem: the logs.
+        exact: their prediction, as if nothing disturbed it.
+        decades: between which it is sought, per squared scale of the base.
+        within: how many decades it may be off.
     """
     size = float(np.max(problem.base.scale)) ** 2
 
@@ -218,6 +232,6 @@ def most_likely(
         lambda decade: restricted(with_decade(float(decade))),
         bounds=decades,
         method="bounded",
-        options={"xatol": 0.05},
+        options={"xatol": within},
     )
     return with_decade(float(best.x))

@@ -1,9 +1,9 @@
 """The body predictor: one log, cut into segments that are predicted side by side in batches.
 
 Each segment starts from a state of its own. What the prediction depends on (those states, the base,
-the sensors' biases) is differenced by rollouts, so nothing here knows a particular machine. That a
-segment ends where the next one starts is kept as an equation (multiple shooting), so the segments
-lose nothing against one long prediction, which an unstable machine would not allow.
+the sensors' biases) is linearised along the path. That a segment ends where the next one starts is
+kept as an equation (multiple shooting), so the segments lose nothing against one long prediction,
+which an unstable machine would not allow.
 """
 
 import copy
@@ -25,21 +25,18 @@ from twin.predict.linearised import Linearised
 from twin.predict.motion import Motion
 from twin.predict.outputs import Grid, outputs_of
 from twin.predict.push import Push
-from twin.predict.rollouts import Rollouts
+from twin.predict.rollouts import STEP, Rollouts
 from twin.predict.segments import command_step, grid_of
 from twin.predict.sensed import senses_of
 from twin.predict.shaking import shaking
 from twin.predict.states import States
-from twin.predict.tangent import carried_forces, carried_states
+from twin.predict.tangent import carried_forces
 from twin.predict.tanks import pressure
 from twin.predict.wander import random_walk, wander
 from twin.recording import Recording, Series
 from twin.signals import DERIVED
 
 Array = NDArray[np.float64]
-
-STEP = 1e-6
-"""Of finite differences of a state [SI]."""
 
 LESS = 0.005
 """Share by which a noise must be smaller than it was taken to be, for a fit to be done again."""
@@ -182,9 +179,8 @@ class Body:
             TwinError: no rigid body has such a base.
         """
         x = start.width
-        shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
         model = base.model(theta)
-        path = self.rollouts.paths(model, start.one().moved(shifts), push)
+        path, carried = self.rollouts.around(model, start, push)
         rows, ends = self.rows(path), self._ends(path, start)
         linear = Linearised(
             rows[0],
@@ -196,7 +192,7 @@ class Body:
             np.zeros((len(ends[0]), x, x)),
         )
         answer = self.rollouts.answer(model)
-        return Exact(linear, self._local(path, answer), path[:1], answer)
+        return Exact(linear, self._local(path[:1], carried, answer), path[:1], answer)
 
     def linearise(
         self,
@@ -261,10 +257,13 @@ class Body:
     def scatter(self, parts: list[Array]) -> Array:
         """Numbers of each output (v, m, k) to their rows (v, S, N)."""
         grid = self.grid
-        flat = np.zeros((len(parts[0]), grid.segments, grid.steps + 1, self._width))
+        # in memory as columns stand: what moves a path is one of many
+        flat = np.zeros((grid.segments, grid.steps + 1, self._width, len(parts[0])))
         for output, part in zip(self.outputs, parts, strict=True):
-            flat[:, output.segment[:, None], output.instant[:, None], output.slot] = part
-        return flat.reshape(len(flat), grid.segments, (grid.steps + 1) * self._width)
+            place = output.segment[:, None], output.instant[:, None], output.slot
+            flat[place] = np.moveaxis(part, 0, -1)
+        rows = flat.reshape(grid.segments, (grid.steps + 1) * self._width, -1)
+        return np.moveaxis(rows, -1, 0)
 
     def gather(self, rows: Array) -> list[Array]:
         """Numbers in rows (S, N) back to their outputs, each (m, k)."""
@@ -283,20 +282,15 @@ class Body:
             return np.zeros((self.grid.segments, (self.grid.steps + 1) * self._width, 0))
         return np.stack(columns, axis=-1)
 
-    def _local(self, path: States, answer: Array) -> Local:
-        """From paths whose first is nominal, each other with one number of its start shifted."""
-        grid = self.grid
-        # (S, K, x of the instant, x of the start)
-        reach = np.moveaxis(path[1:].less(path[:1]), 0, -1) / STEP
-        carried = carried_states(reach)
-        x = reach.shape[-1]
+    def _local(self, path: States, carried: Array, answer: Array) -> Local:
+        grid, x = self.grid, path.width
         measured = np.zeros((grid.segments, grid.steps + 1, self._width, x))
         for output in self.outputs:
             late = (output.place - output.instant) * grid.step
             if output.told is not None:
                 continue
             if output.sense is not None:
-                slope = output.sense.slope(path[:1])
+                slope = output.sense.slope(path)
                 seen = slope[output.segment, output.instant] / output.sigma[..., None]
                 at = (output.segment[:, None], output.instant[:, None], output.slot)
                 measured[(*at, slice(0, seen.shape[-1]))] = seen

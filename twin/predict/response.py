@@ -5,6 +5,8 @@ radian: what is free keeps its momentum p = M v, so its velocity changes by -M^-
 That is the torque of a gyro, h g x a, and where a motion is uncertain it is what counts.
 """
 
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,18 @@ Array = NDArray[np.float64]
 
 TURN = 1e-4
 """Of the central difference [rad]."""
+
+
+@dataclass(frozen=True)
+class Masses:
+    """Of the base and the wheels whose speeds are states, b numbers, at (S, K) states."""
+
+    free: Array
+    """(S, K, b, b)."""
+    gyro: Array
+    """(S, K, b, g) d momentum / d angle of each gimbal."""
+    base: Array
+    """(S, K, k, nv) momentum of the base by each joint's velocity."""
 
 
 class Response:
@@ -35,39 +49,63 @@ class Response:
         self._wheels = machine.wheel_dof if wheels else machine.wheel_dof[:0]
         self._free = np.flatnonzero(model.dof_armature < 1e-3 * PRESCRIBED_ARMATURE)
         f, g = len(self._free), len(machine.gimbal_dof)
+        bases = np.isin(self._free, np.arange(machine.base_dof.start, machine.base_dof.stop))
+        self._bases = np.flatnonzero(bases)
+        self._moved = np.concatenate([self._bases, np.searchsorted(self._free, self._wheels)])
         self._mass = np.empty((*position.shape[:2], f, f))
+        self._base = np.empty((*position.shape[:2], len(self._bases), model.nv))
         self._across = np.empty((*position.shape[:2], f, g))
         """How a gimbal's own turning drags the rest."""
         self._gyro = np.empty_like(self._across)
         """d p / d angle."""
+        self._turned = np.empty((*position.shape[:2], f, len(self._bases), g))
+        """d M / d angle, the base's columns."""
+        self._rate = velocity[..., machine.base_dof]
         data = mujoco.MjData(model)
         for at in np.ndindex(position.shape[:2]):
             whole = mass_matrix(model, data, position[at])
             self._mass[at] = whole[np.ix_(self._free, self._free)]
+            self._base[at] = whole[machine.base_dof]
             self._across[at] = whole[np.ix_(self._free, machine.gimbal_dof)]
             for column, place in enumerate(machine.gimbal_qpos):
                 turned = position[at].copy()
                 turned[place] += TURN
-                after = mass_matrix(model, data, turned)[self._free] @ velocity[at]
+                after = mass_matrix(model, data, turned)[self._free]
                 turned[place] -= 2.0 * TURN
-                before = mass_matrix(model, data, turned)[self._free] @ velocity[at]
-                self._gyro[at][:, column] = (after - before) / (2.0 * TURN)
+                change = (after - mass_matrix(model, data, turned)[self._free]) / (2.0 * TURN)
+                self._gyro[at][:, column] = change @ velocity[at]
+                self._turned[at][..., column] = change[:, machine.base_dof]
         self._home = self._at_home(model)
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing moves freely but what is in the state."""
+        return len(self._moved) == len(self._free)
+
+    def masses(self, model: mujoco.MjModel, rate: Array) -> Masses:
+        """Where the response was measured, but the base that of `model`, at its rates (S, K, k)."""
+        change = self._at_home(model) - self._home
+        both = np.ix_(self._moved, self._moved)
+        base = self._base.copy()
+        base[..., self._free] += change[self._bases]
+        free = self._mass[..., both[0], both[1]] + change[both]
+        gyro = self._gyro
+        if gyro.shape[-1]:
+            gyro = gyro + np.einsum("snfkg,snk->snfg", self._turned, rate - self._rate)
+        return Masses(free, gyro[:, :, self._moved], base)
 
     def of(self, model: mujoco.MjModel) -> Array:
         """(S, K, x, nv) change of the state by a unit impulse on each degree of freedom, a unit
         turn of each gimbal, the base being that of `model`."""
         machine = self._machine
         inverse = np.linalg.inv(self._mass + self._at_home(model) - self._home)
-        base, gimbals = machine.base_dof, machine.gimbal_dof
-        k, w, g = base.stop - base.start, len(self._wheels), len(gimbals)
+        gimbals = machine.gimbal_dof
+        k, w, g = len(self._bases), len(self._wheels), len(gimbals)
         answer = np.zeros((*inverse.shape[:2], 2 * k + w + g, model.nv))
-        bases = np.isin(self._free, np.arange(base.start, base.stop))
-        moved = np.concatenate([np.flatnonzero(bases), np.searchsorted(self._free, self._wheels)])
-        answer[:, :, k : 2 * k + w, self._free] = inverse[:, :, moved]
+        answer[:, :, k : 2 * k + w, self._free] = inverse[:, :, self._moved]
         if g:
-            answer[:, :, :k, gimbals] = -(inverse @ self._across)[:, :, bases]
-            answer[:, :, k : 2 * k + w, gimbals] = -(inverse @ self._gyro)[:, :, moved]
+            answer[:, :, :k, gimbals] = -(inverse @ self._across)[:, :, self._bases]
+            answer[:, :, k : 2 * k + w, gimbals] = -(inverse @ self._gyro)[:, :, self._moved]
             answer[:, :, 2 * k + w :, gimbals] = np.eye(g)
         return answer
 

@@ -17,11 +17,15 @@ from twin.predict.push import Push, torque_of
 from twin.predict.response import Response
 from twin.predict.segments import Segment
 from twin.predict.states import States
+from twin.predict.tangent import carried_states, reached
+from twin.predict.transitions import Course, is_gyrostat, transitions
 
 Array = NDArray[np.float64]
 
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL.value)
 _FORCE = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED.value)
+STEP = 1e-6
+"""Of finite differences of a state [SI]."""
 STOP_GUARD = np.radians(2.0)
 """A log that stays so far from the tilt stop is predicted without contacts, at half the cost."""
 
@@ -49,6 +53,8 @@ class Rollouts:
             self._position[:, machine.gimbal_qpos],
         )
         """(S, .) as smoothed."""
+        axes = np.array([coil.axis for coil in machine.platform.magnetorquers]).reshape(-1, 3)
+        self._dipole = self._control[..., machine.magnetorquer_actuator] @ axes
         self._response = Response(machine, *self._along(motion), inputs.wheels_predicted)
 
     def paths(self, model: mujoco.MjModel, start: States, push: Push | None = None) -> States:
@@ -64,6 +70,43 @@ class Rollouts:
         Raises:
             TwinError: the motion is unbounded.
         """
+        return self._paths(model, start, push)[0]
+
+    def around(
+        self, model: mujoco.MjModel, start: States, push: Push | None = None
+    ) -> tuple[States, Array]:
+        """The path from starts (S, .), its neighbours, and how one step carries them on.
+
+        Args:
+            model: as for `paths`.
+            start: of each segment.
+            push: added to the drive.
+
+        Returns:
+            States (1 + x, S, steps + 1, .), each but the first with one number of its start moved
+            by `STEP`, and changes (S, steps, x, x) of each by one of the state before it.
+
+        Raises:
+            TwinError: the motion is unbounded.
+        """
+        smooth = is_gyrostat(self.machine, model) and self._response.whole and not self._contacts
+        if not smooth or (push is not None and push.laws):
+            x = start.width
+            shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
+            paths = self.paths(model, start.one().moved(shifts), push)
+            return paths, carried_states(np.moveaxis(paths[1:].less(paths[:1]), 0, -1) / STEP)
+        path, position, velocity = self._paths(model, start.one(), push)
+        masses = self._response.masses(model, 0.5 * (path.rate[0, :, :-1] + path.rate[0, :, 1:]))
+        field = self.inputs.field_world
+        course = Course(path[0], position, velocity, self._dipole, field, self.grid.step)
+        carried = transitions(self.machine, model, masses, course)
+        beside = path.moved(STEP * np.moveaxis(reached(carried), -1, 0))
+        return States.joined([path, beside]), carried
+
+    def _paths(
+        self, model: mujoco.MjModel, start: States, push: Push | None
+    ) -> tuple[States, Array, Array]:
+        """As `paths`; and of all joints positions and velocities (v S, steps + 1, .)."""
         machine, grid = self.machine, self.grid
         self.prepare(model)
         variants = start.rate.shape[0]
@@ -90,12 +133,13 @@ class Rollouts:
             return values[..., columns].reshape(variants, grid.segments, grid.steps + 1, -1)
 
         wheels = machine.wheel_dof if self.inputs.wheels_predicted else slice(0, 0)
-        return States(
+        path = States(
             along(positions, machine.base_qpos),
             along(velocities, machine.base_dof),
             along(velocities, wheels),
             along(positions, machine.gimbal_qpos),
         )
+        return path, positions, velocities
 
     def onward(
         self,

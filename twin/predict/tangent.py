@@ -31,6 +31,20 @@ def carried_states(reach: Array) -> Array:
         ) from None
 
 
+def reached(carried: Array) -> Array:
+    """Changes (S, steps + 1, x, x) of the state at each instant by that at the first.
+
+    Args:
+        carried: (S, steps, x, x) change of the state from one instant to the next.
+    """
+    segments, steps, x, _ = carried.shape
+    reach = np.empty((segments, steps + 1, x, x))
+    reach[:, 0] = np.eye(x)
+    for k in range(steps):
+        reach[:, k + 1] = carried[:, k] @ reach[:, k]
+    return reach
+
+
 def carried_forces(carried: Array, answer: Array, forces: Array, step: float) -> Array:
     """Changes (S, steps + 1, x, a) of the state at each instant.
 

@@ -10,7 +10,7 @@ from twin.platform import Platform
 from twin.procedures.kit import ARRIVED, CLEAR, NEAR, Kit
 from twin.procedures.lab import Lab
 from twin.procedures.means import Reach, damper
-from twin.procedures.phases import Phase
+from twin.procedures.phases import Phase, among
 from twin.procedures.plan import Aim
 from twin.procedures.rounds import SHORTEST, TRIES, conclude
 from twin.procedures.state import Mask, Progress, put, renewed
@@ -163,7 +163,7 @@ class Balancing(Controller[Progress]):
         for run in np.flatnonzero(asked & (lasted >= THINKING)):
             self._answered(now, int(run), estimate, time)
         self._enter(now, (was == Phase.move) & there, Phase.settle, time)
-        late = np.isin(was, WAITING) & (now.phase == was) & (lasted > PATIENCE)
+        late = among(was, WAITING) & (now.phase == was) & (lasted > PATIENCE)
         for run in np.flatnonzero(late):
             self._stop(now, int(run), _unrest(now, int(run), estimate), estimate, time)
 

@@ -1,6 +1,10 @@
 """The phases of a balancing, as a person would tell them."""
 
 from enum import IntEnum
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 class Phase(IntEnum):
@@ -37,3 +41,13 @@ WORDS: dict[Phase, str] = {
 
 OVER = (Phase.done, Phase.stopped)
 """A run leaves these no more."""
+
+
+def among(now: NDArray[np.int64], phases: tuple[Phase, ...]) -> NDArray[np.bool_]:
+    """(n,) which of some runs' phases are of these; asked of every tick."""
+    return _is_one(phases)[now]
+
+
+@cache
+def _is_one(phases: tuple[Phase, ...]) -> NDArray[np.bool_]:
+    return np.isin(np.arange(len(Phase)), phases)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.procedures.kit import Kit
-from twin.procedures.phases import OVER, Phase
+from twin.procedures.phases import OVER, Phase, among
 from twin.signals import Command
 
 Array = NDArray[np.float64]
@@ -93,7 +93,7 @@ class Progress:
 
     def within(self, *phases: Phase) -> Mask:
         """(n,) the runs in one of these phases."""
-        return np.isin(self.phase, phases)
+        return among(self.phase, phases)
 
     def only(self, run: int) -> Mask:
         """(n,) that run alone."""
