@@ -236,7 +236,12 @@ class Output:
         part = (self.place - before)[:, None, None]
         seen = slice(first, first + len(self.noise))
         one, other = (change[self.segment, at, seen] for at in (before, before + 1))
-        return -(one + part * (other - one)) / self.sigma[..., None]
+        # in place: these are the largest arrays of a diagnosis
+        other -= one
+        other *= part
+        other += one
+        other /= -self.sigma[..., None]
+        return other
 
 
 def _cubic(rise: Array, slope: Array, end_slope: Array, part: Array) -> Array:
