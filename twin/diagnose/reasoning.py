@@ -93,7 +93,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
         if len(line.now.effects) > 1:
             # causes that stand in for a law may have hidden it
             line = _with_laws(Line(plain, search, every), than=line)
-    needed = _needed_only(line.now)
+    needed = _needed_only(line.now, line.search.limit)
     if needed is line.now:
         return line
     search = search_from(needed, line.asked)
@@ -309,11 +309,12 @@ def _unlikely(laws: Sequence[Law]) -> float:
     return NAMELESS + 2.0 * float(np.log(len(laws)))
 
 
-def _needed_only(now: Explanation) -> Explanation:
-    """Without causes and laws that the others have made needless."""
+def _needed_only(now: Explanation, limit: float) -> Explanation:
+    """Without causes and laws that the others have made needless, or that as fitted gain no more
+    than noise may: a column promises it, and a fault of a clock that jumps does not keep it."""
     while now.own:
         weighing = now.weighing(())
-        kept = Search(weighing, now.own).best()
+        kept = Search(weighing, now.own, limit).best()
         if len(kept) == len(now.own):
             break
         count = len(now.effects)

@@ -75,14 +75,25 @@ def critical(weighing: Weighing, asked: Sequence[int], level: float = FALSE_ALAR
 class Search:
     """Sets of causes, weighed."""
 
-    def __init__(self, weighing: Weighing, asked: Sequence[int]) -> None:
+    def __init__(
+        self, weighing: Weighing, asked: Sequence[int], limit: float | None = None
+    ) -> None:
+        """Among some.
+
+        Args:
+            weighing: of all.
+            asked: which of them.
+            limit: surprise that noise reaches in a false alarm, where more were asked before; else
+                it is that of these.
+        """
         self.weighing = weighing
         self.asked = tuple(index for index in asked if weighing.shown(index))
+        self._limit = limit
 
     @cached_property
     def limit(self) -> float:
         """Surprise that noise reaches in a false alarm."""
-        return critical(self.weighing, self.asked)
+        return critical(self.weighing, self.asked) if self._limit is None else self._limit
 
     def scores(self, chosen: tuple[int, ...] = ()) -> list[Score]:
         """Of all causes beside those chosen, the best first."""
