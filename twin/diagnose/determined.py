@@ -27,6 +27,9 @@ def determined(
 ) -> tuple[NDArray[np.bool_], ...]:
     """Which components logs show beside base and the components before them, amplitudes first.
 
+    Of amplitudes those come first that do most: where a thruster is turned already, a turn about
+    its own axis does a little, and all of it the others do too.
+
     Args:
         bodies: the logs.
         base: what is fitted of the machine.
@@ -53,7 +56,8 @@ def determined(
     first = kept
     for i, effect in enumerate(effects):
         least = KNOWN if isinstance(effect, BiasEffect) else BLURRED
-        order = np.argsort(~amplitudes(effect), kind="stable")
+        amplitude, does = amplitudes(effect), whole[first : first + len(every[i])]
+        order = np.lexsort((np.where(amplitude, -does, 0.0), ~amplitude))
         for j in order.tolist():
             column = columns[:, first + j]
             for _ in range(2):

@@ -1,0 +1,50 @@
+"""What a log can show of an effect is what its fit moves."""
+
+import numpy as np
+import pytest
+
+from twin.clock import SimulatedClock
+from twin.diagnose.determined import determined
+from twin.diagnose.diagnosis import plain_of
+from twin.effects.thrusters.thruster_misalignment import ThrusterMisalignment
+from twin.effects.wheels.wheel_misalignment import WheelMisalignment
+from twin.flight import prepare
+from twin.platform import load_platform
+from twin.predict.effect_columns import slopes_of
+from twin.recording import Recording
+from twin.stream.recorder import MemoryRecorder
+
+SEED = 20261123
+
+
+@pytest.mark.parametrize(
+    ("kind", "law"), [(ThrusterMisalignment, "thruster_pd"), (WheelMisalignment, "quaternion_pd")]
+)
+def test_a_part_turns_across_its_own_axis_however_it_is_turned_already(kind: type, law: str):
+    whorl1, rng = load_platform("whorl1"), np.random.default_rng(SEED)
+    plain = plain_of([moved(law)], whorl1)
+    thrusters = kind is ThrusterMisalignment
+    for part in whorl1.thrusters if thrusters else whorl1.wheels:
+        axis = np.abs(part.direction if thrusters else part.axis)
+        assert axis.max() == pytest.approx(1.0)
+        rotation = rng.uniform(-0.04, 0.04, 3) * (1.0 - axis)
+        effect = kind(target=part.name, rotation=tuple(rotation))
+        every = [slopes_of(effect, whorl1)]
+        (free,) = determined(plain.bodies, plain.base, (effect,), every, plain.at)
+        assert not free[np.argmax(axis)], (part.name, rotation, free)
+
+
+def moved(law: str) -> Recording:
+    """Half a minute of `whorl1`."""
+    flight = prepare(
+        "whorl1",
+        controller=law,
+        estimator="filter",
+        plant="sim",
+        reference="multisine:2",
+        duration=30.0,
+        seed=SEED,
+    )
+    recorder = MemoryRecorder(flight.platform, {"platform": "whorl1", "source": law})
+    flight.fly(SimulatedClock(), [recorder])
+    return recorder.recording().without_truth()
