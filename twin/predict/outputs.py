@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.model import Machine
 from twin.noise import noise_and_worth, noise_left, resolution_of
-from twin.platform import Platform, Sensor
+from twin.platform import Platform
+from twin.predict.claims import (
+    FEW,
+    claimed_bias,
+    claimed_delay,
+    claimed_noise,
+    counted_noise,
+    with_claim,
+)
 from twin.predict.profiles import Course
 from twin.predict.sensed import Sense
 from twin.predict.states import States
@@ -29,9 +37,6 @@ Shaking = Callable[[str, Array], Array | None]
 
 FEWEST = 4
 """Shorter streams are not predicted."""
-FEW = 100
-"""An estimate of noise that is worth fewer samples is taken together with what platform.toml
-states, as that many more: by chance it is half of the truth, or twice as much."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +95,8 @@ class Output:
     """Whether the noise is the log's own statement or estimated from its data."""
     worth: Array
     """(k,) the share of the samples that would tell as much of the noise as is known of it."""
+    claimed: Array
+    """(k,) noise that platform.toml states; 0: none."""
     bias: Array
     """(k,) 1 sigma of the sensor's constant error, as platform.toml states it; 0: none."""
     delay: float
@@ -207,6 +214,7 @@ class Output:
         if self.stated or not self.scatters:
             return self
         noise, worth = noise_left(self.time, self.value, left * self.noise)
+        noise, worth = with_claim(self.claimed, noise, worth, len(self.time))
         less = noise < self.noise
         return replace(
             self,
@@ -296,7 +304,7 @@ def outputs_of(
         slot = width + rank[:, None] * k + np.arange(k)
         stages = course if name == "stage_position" else None
         shaken = shaking(name, series.time)
-        counter = None if stages is None else _counted(machine.platform, len(series))
+        counter = None if stages is None else counted_noise(machine.platform, len(series))
         noise, stated, worth = counter or _noise(recording, machine.platform, name, k, shaken)
         found.append(
             Output(
@@ -306,8 +314,9 @@ def outputs_of(
                 noise,
                 stated,
                 worth,
-                _bias(machine.platform, name, k),
-                0.0 if name in senses else _delay(machine.platform, name),
+                claimed_noise(machine.platform, name, k),
+                claimed_bias(machine.platform, name, k),
+                0.0 if name in senses else claimed_delay(machine.platform, name),
                 series.time[inside],
                 series.value[inside],
                 segment,
@@ -336,7 +345,8 @@ def _noise(
             rounding = platform.sensors[name].resolution / np.sqrt(12.0)
             still = np.ptp(recording[name].value, axis=0) == 0.0
             noise = np.where(still, np.maximum(noise, rounding), noise)
-        return _with_statement(platform.sensors.get(name), noise, worth, len(series))
+        noise, worth = with_claim(claimed_noise(platform, name, k), noise, worth, len(series))
+        return noise, False, worth
     return np.broadcast_to(np.asarray(stated, dtype=np.float64), (k,)).copy(), True, np.full(k, inf)
 
 
@@ -345,50 +355,3 @@ def _quiet(series: Series, shaken: Array) -> Series:
     whole = shaken.max(axis=1)
     keep = whole <= np.sort(whole)[min(FEW, len(whole)) - 1]
     return replace(series, time=series.time[keep], value=series.value[keep])
-
-
-def _with_statement(
-    sensor: Sensor | None, noise: Array, worth: Array, count: int
-) -> tuple[Array, bool, Array]:
-    """An estimate from few samples, with what platform.toml states as so many more.
-
-    Args:
-        sensor: as platform.toml has it.
-        noise: (k,) as estimated, in the stream's unit.
-        worth: (k,) share of the samples that would tell as much of it.
-        count: of samples.
-    """
-    stated = np.zeros(1) if sensor is None else np.asarray(sensor.noise, dtype=np.float64)
-    enough = worth * count
-    few = (enough < FEW) & (stated > 0.0)
-    share = enough / (enough + FEW)
-    both = share * np.square(noise) + (1.0 - share) * np.square(stated)
-    # the residual's variance beside it is 2 / count (1 / worth - 1), as that of an estimate
-    worth_of_both = 1.0 / (2.0 - 2.0 * share + np.square(share) / worth)
-    return np.where(few, np.sqrt(both), noise), False, np.where(few, worth_of_both, worth)
-
-
-def _counted(platform: Platform, count: int) -> tuple[Array, bool, Array] | None:
-    """Of stages' counters, whose noise cannot be told from their moves: as platform.toml states it.
-
-    Rounding is off by half a step at most, and where a drive's own steps are rounded it is off by
-    the same at every stop: so many readings say no more of it than one.
-    """
-    sensor = platform.sensors["stage_position"]
-    noise = np.hypot(sensor.noise, 0.5 * sensor.resolution * np.sqrt(count))
-    return (noise, True, np.full(len(noise), inf)) if np.all(noise > 0.0) else None
-
-
-def _delay(platform: Platform, name: str) -> float:
-    """The group delay at rest of a Butterworth filter."""
-    sensor = platform.sensors.get(name)
-    if sensor is None or not np.isfinite(sensor.cutoff):
-        return 0.0
-    return float(1.0 / (2.0 * np.pi * sensor.cutoff * np.sin(0.5 * np.pi / sensor.order)))
-
-
-def _bias(platform: Platform, name: str, k: int) -> Array:
-    if name == "gas_pressure" and platform.gas is not None:
-        return np.full(k, platform.gas.pressure)  # nobody states how full the tanks were
-    sensor = platform.sensors.get(name)
-    return np.zeros(k) if sensor is None else np.broadcast_to(sensor.bias, (k,)).copy()
