@@ -11,7 +11,7 @@ import numpy as np
 from benches import LIBRARY, Bench, Yardstick, believed, flown, machine, yardstick
 
 from twin.contrast import difference
-from twin.effects import Effect, able, catalogue, with_effects
+from twin.effects import Effect, SeriesEffect, able, catalogue, with_effects
 from twin.effects.effect import targets
 from twin.effects.errors import EffectError
 from twin.errors import TwinError
@@ -148,13 +148,19 @@ def drawn(bench: Bench, label: str, evidence: float, rng: np.random.Generator) -
         values[size] = direction * np.sqrt(evidence) / shown
         if np.all(values >= low) and np.all(values <= high):
             found = _possible(bench, effect.with_values(values))
-            return found if amplitudes(found).all() else _resized(bench, found, evidence)
+            return found if _proportional(found) else _resized(bench, found, evidence)
     raise OutOfReach(f"not detectable here: {label} at {evidence:g} is beyond its bounds")
 
 
+def _proportional(effect: Effect) -> bool:
+    """Whether twice as much of an effect does twice as much: a heavy panel rings faster, and what a
+    stage's counter shows of its fault is known, but for a digit."""
+    of_stage = isinstance(effect, SeriesEffect) and effect.stream == "command_stage_position"
+    return bool(amplitudes(effect).all()) and not of_stage
+
+
 def _resized(bench: Bench, effect: Effect, evidence: float) -> Effect:
-    """Of the size that has that evidence where a large one does not do what a small one does more:
-    a heavy panel rings faster.
+    """Of the size that has that evidence in a run with it.
 
     Raises:
         OutOfReach: none near it has.
