@@ -65,9 +65,9 @@ class Body:
 
     def wheel_factor(self) -> float | None:
         """By what the wheel speeds must be multiplied to answer that of the likeliest bodies which
-        they answer best; None where they leave most of it unanswered."""
+        they answer best; None where they leave most of it unanswered, or only follow it."""
         bodies = self.of_motion
-        if self._wheels is None:
+        if self._wheels is None or self._wheels.momentum.follows_body:
             return None
         momentum = self._wheels.momentum
         found = [factor_of(momentum, self._exchange(body, RIGID)) for body in bodies[:LATE_WHEELS]]

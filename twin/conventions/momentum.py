@@ -28,6 +28,8 @@ BIAS_DOUBT = 3.0
 """The gyro's bias drifts: so many times its formal sigma is left to it."""
 RIGID = 0.02
 """For finding the unit of the wheels, J is held nearly as it is stated."""
+OWN = 2.0
+"""Mean square, in units of its noise, of a speed that is the wheels' own."""
 PRIORS = 9
 """Rows of what is known of the bias and of J."""
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -78,6 +80,15 @@ class Momentum:
     def speed(self, lag: float) -> Array:
         """(n, wheels) mean speed in each cell if it is late by `lag` [s]."""
         return self._wheels.over(self.grid.edges + lag)
+
+    @property
+    def follows_body(self) -> bool:
+        """Whether the wheels only lag behind the body that turns under them, as those do that
+        nothing drives: so does a body whose J is off, and they tell nothing of their unit."""
+        speed, rate = self.speed(0.0), self._gyro.over(self.grid.edges)
+        own = speed - rate @ np.linalg.lstsq(rate, speed, rcond=None)[0]
+        noise = self._wheels.cell_noise(self.grid.cell)
+        return float(np.mean(np.square(own))) < OWN * noise**2
 
     def exchange(
         self,

@@ -194,11 +194,17 @@ def plain_of(logs: Sequence[Recording], platform: Platform, *, follows: bool = T
     first = first_theta(plain, momentum_fit(pairs, plain))
     theta = np.concatenate([first, base.as_stated[len(first) :]])
     problem = Problem(bodies, base)
-    start = problem.start(theta, [first_biases(body) for body in bodies])
+    biases = [first_biases(body) for body in bodies]
+    start = problem.start(theta, biases)
     found = explain(bodies, base, (), start, follows=follows)
     if not isinstance(found.now, Innovations):
         return found
     if not found.converged:
+        # the momentum may be off by more than it says, and the machine as stated be nearer
+        start_as_stated = problem.start(base.as_stated, biases)
+        again = explain(bodies, base, (), start_as_stated, follows=follows)
+        found = min(found, again, key=lambda one: one.cost)
+    if not found.converged and isinstance(found.now, Innovations):
         # a motion that may stray from the model leads closer, however bad the start
         near = fit_disturbed(problem, Fit(found.now, converged=False), start)
         again = explain(bodies, base, (), near.at, follows=follows)

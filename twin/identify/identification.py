@@ -32,7 +32,7 @@ from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.base import BaseParameters
 from twin.predict.body import body_of
-from twin.predict.innovations import Problem
+from twin.predict.innovations import Problem, Unknowns
 from twin.predict.motion import motion_of
 from twin.predict.perturbation import Perturbation
 from twin.predict.ranges import within_range
@@ -277,16 +277,21 @@ def _fitted(
     scales: Sequence[Perturbation],
     theta: Array | None = None,
 ) -> tuple[Fit, tuple[Misfit, ...]]:
-    """Fit the base by prediction error from `theta`, else from what the momentum says."""
+    """Fit the base by prediction error from `theta`, else from what the momentum says; from the
+    machine as stated, where that start loses the motion."""
     logs = [log.recording for log in scaled]
     pairs = [(log, motion_of(log, base.machine.platform)) for log in logs]
+    thetas = [base.as_stated] if theta is None else [theta]
     if theta is None:
         first = first_theta(plain, momentum_fit(pairs, plain))
-        theta = np.concatenate([first, base.as_stated[len(first) :]])
+        thetas.insert(0, np.concatenate([first, base.as_stated[len(first) :]]))
     bodies = [body_of(base.machine, log, motion) for log, motion in pairs]
-    problem = Problem(bodies, base, scales)
-    start = problem.start(theta, [first_biases(body) for body in bodies])
-    found = fit(problem, start)
+    problem, biases = Problem(bodies, base, scales), [first_biases(body) for body in bodies]
+    tries: list[tuple[Fit, Unknowns]] = []
+    while thetas and not (tries and tries[-1][0].converged):
+        start = problem.start(thetas.pop(0), biases)
+        tries.append((fit(problem, start), start))
+    found, start = min(tries, key=lambda one: one[0].innovations.cost)
     misfit = _misfit(problem, found)
     # noise of coarse sensors hides a torque that the path does not
     if found.converged or not misfit[0].is_noise:

@@ -1,0 +1,38 @@
+"""Wheels that nothing drives lag behind the body and tell nothing of their unit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin.controller import load_controller
+from twin.conventions import check_conventions
+from twin.diagnose.diagnosis import plain_of
+from twin.plant.simulated import InitialState
+from twin.platform import load_platform
+from twin.reproduce.flown import flown
+
+FINE = 1e-4
+"""[rad/s, rad] of gyro and attitude."""
+
+
+@pytest.mark.parametrize("seed", [20261123, 20261124])
+def test_idle_wheels_are_not_accused_of_their_unit_where_inertia_is_off(seed: int):
+    rng = np.random.default_rng(seed)
+    shipped = load_platform("sads")
+    sensors = {
+        name: replace(one, noise=np.full_like(one.noise, FINE))
+        if name in ("gyro", "attitude")
+        else one
+        for name, one in shipped.sensors.items()
+    }
+    hanging = replace(shipped, sensors=sensors, center_of_mass_offset=np.array([0.0, 0.0, -0.4]))
+    start = InitialState(rate_body=np.radians(rng.uniform(-14.0, 14.0, 3) * [1.0, 0.3, 0.05]))
+    (log,) = flown(
+        hanging, load_controller("free_float"), 60.0, start=start, seed=seed, record=True
+    ).recordings
+    off = 1.0 + rng.uniform(0.03, 0.05) * rng.choice([-1.0, 1.0])
+    print(f"seed {seed}: inertia believed {off:.3f} times as large as it is")
+    believed = replace(hanging, inertia=off * hanging.inertia)
+    assert check_conventions(log.without_truth(), believed) == []
+    assert plain_of([log.without_truth()], believed).converged
