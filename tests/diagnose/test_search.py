@@ -114,8 +114,10 @@ def test_of_two_that_look_alike_both_are_told(rng):
 
 
 def test_a_vector_explains_no_more_than_its_numbers_are_worth():
-    assert price(60.0, 3) == pytest.approx(3.0 * (1.0 + np.log(20.0)))
-    assert price(0.5, 1) == 1.0
+    assert price(60.0, np.full(3, 0.1)) == pytest.approx(3.0 * (1.0 + np.log(20.0)))
+    assert price(0.5, np.ones(1)) == 1.0
+    hardly = np.array([1.0, 1e-6, 1e-6])
+    assert price(60.0, hardly) == pytest.approx(price(58.0, hardly[:1]) + 2.0, abs=1e-3)
 
 
 def test_what_noise_gains_beyond_a_set_is_chi_square_however_like_the_base_the_others_are(rng):

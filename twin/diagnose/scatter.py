@@ -71,7 +71,7 @@ def _cause(now: Explanation, effect: ScatterEffect, taken: Sequence[Effect]) -> 
     none = minimize(lambda a: cost(np.array([a[0], 0.0])), [quiet], method="Nelder-Mead")
     best = minimize(cost, [float(none.x[0]), 0.3], method="Nelder-Mead")
     gain = float(none.fun - best.fun)
-    evidence = gain - price(gain, 1)
+    evidence = gain - price(gain, np.ones(1))
     if evidence <= 0.0:
         return None
     size = abs(float(best.x[1]))

@@ -1,9 +1,10 @@
 """Which few causes explain the logs: forward, exchanged, dropped, as long as evidence pays.
 
 Evidence is -2 log L gained, less what the numbers set would have gained by chance or by their
-freedom: k (1 + log(gain / k)) for k numbers, the price of a normal prior whose width is the one
-that the data make likeliest (George and Foster 2000). The usual k log(samples) asks more of a
-vector than of a number however many samples say little, and gives weak vectors other names.
+freedom: k (1 + log(gain / k)) for k numbers that all show alike, the price of a normal prior whose
+width is the one that the data make likeliest (George and Foster 2000); a direction of a vector that
+hardly shows costs little more than what chance gains by it. The usual k log(samples) asks more of
+a vector than of a number however many samples say little, and gives weak vectors other names.
 """
 
 from collections.abc import Sequence
@@ -44,9 +45,21 @@ class Score:
     was taken from (at most; Bonferroni)."""
 
 
-def price(gain: float, numbers: int) -> float:
-    """What must be taken off a gain that was had by setting so many numbers."""
-    return numbers * (1.0 + float(np.log(max(gain / numbers, 1.0)))) if numbers else 0.0
+def price(gain: float, shows: Array) -> float:
+    """What must be taken off a gain that was had by setting some numbers.
+
+    -2 log of their likelihood under a prior of one width for all, that which most likely gains so
+    much, beside their best: sum of 1 + log(1 + shows width^2).
+
+    Args:
+        gain: fall of -2 log L.
+        shows: (k,) by how much each of them, or of as many directions of them, at strength 1
+            lowers it where it is true.
+    """
+    if not shows.size:
+        return 0.0
+    width_squared = max(gain - shows.size, 0.0) / float(np.sum(shows))
+    return shows.size + float(np.sum(np.log1p(shows * width_squared)))
 
 
 def critical(weighing: Weighing, asked: Sequence[int], level: float = FALSE_ALARM) -> float:
@@ -180,7 +193,7 @@ class Search:
 
     def _worth(self, index: int, gain: float) -> float:
         """What a gain must pay for."""
-        return price(gain, self.weighing.numbers(index)) + self.weighing.traces[index].unlikely
+        return price(gain, self.weighing.shows(index)) + self.weighing.traces[index].unlikely
 
 
 def _less(chosen: tuple[int, ...], index: int) -> tuple[int, ...]:
