@@ -167,7 +167,7 @@ def whiteness(correlation: Array, count: int) -> float:
 
     The squares of its partial autocorrelations add up to a chi-square far out, too (A. C. Monti,
     Biometrika 81, 1994). Those of the autocorrelations themselves (Ljung and Box, Biometrika 65,
-    1978) pass one chance in 10,000 twenty times as often as that, from a hundred samples.
+    1978) are far too often far out where samples are few.
 
     Args:
         correlation: (lags,) autocorrelation.

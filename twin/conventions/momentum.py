@@ -29,7 +29,7 @@ BIAS_DOUBT = 3.0
 RIGID = 0.02
 """For finding the unit of the wheels, J is held nearly as it is stated."""
 OWN = 2.0
-"""Mean square, in units of its noise, of a speed that is the wheels' own."""
+"""Mean square, in units of its noise, from which on a speed is the wheels' own."""
 PRIORS = 9
 """Rows of what is known of the bias and of J."""
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

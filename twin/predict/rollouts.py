@@ -18,7 +18,7 @@ from twin.predict.response import Response
 from twin.predict.segments import Segment
 from twin.predict.states import States
 from twin.predict.tangent import carried_states, reached
-from twin.predict.transitions import Course, is_gyrostat, transitions
+from twin.predict.transitions import Passage, is_gyrostat, transitions
 
 Array = NDArray[np.float64]
 
@@ -98,8 +98,8 @@ class Rollouts:
         path, position, velocity = self._paths(model, start.one(), push)
         masses = self._response.masses(model, 0.5 * (path.rate[0, :, :-1] + path.rate[0, :, 1:]))
         field = self.inputs.field_world
-        course = Course(path[0], position, velocity, self._dipole, field, self.grid.step)
-        carried = transitions(self.machine, model, masses, course)
+        passage = Passage(path[0], position, velocity, self._dipole, field, self.grid.step)
+        carried = transitions(self.machine, model, masses, passage)
         beside = path.moved(STEP * np.moveaxis(reached(carried), -1, 0))
         return States.joined([path, beside]), carried
 

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Course:
+class Passage:
     """A path, and how all joints went along it."""
 
     path: States
@@ -47,16 +47,16 @@ def is_gyrostat(machine: Machine, model: mujoco.MjModel) -> bool:
     return machine.platform.base.kind == "ball" and not rough
 
 
-def transitions(machine: Machine, model: mujoco.MjModel, masses: Masses, course: Course) -> Array:
+def transitions(machine: Machine, model: mujoco.MjModel, masses: Masses, passage: Passage) -> Array:
     """Changes (S, steps, x, x) of the state from one instant to the next by that at the first.
 
     Args:
         machine: as stated.
-        model: with the base that went this course.
+        model: with the base that went this passage.
         masses: along it.
-        course: at small steps.
+        passage: at small steps.
     """
-    path, velocity = course.path, course.velocity
+    path, velocity = passage.path, passage.velocity
     middle = path[:, :-1].moved(0.5 * path[:, 1:].less(path[:, :-1]))
     w = middle.wheel_speed.shape[-1]
     turn, base, moving, gimbals = slice(0, 3), slice(3, 6), slice(3, 6 + w), slice(6 + w, None)
@@ -73,25 +73,25 @@ def transitions(machine: Machine, model: mujoco.MjModel, masses: Masses, course:
     momentum = np.einsum("snki,sni->snk", masses.base, 0.5 * (velocity[:, :-1] + velocity[:, 1:]))
     slope[..., base, :] = _crossing(momentum) @ turning
     slope[..., base, base] -= _crossing(middle.rate)
-    slope[..., base, turn] += _restoring(machine, model, course, middle.position)
+    slope[..., base, turn] += _restoring(machine, model, passage, middle.position)
     dofs = [*range(model.nv)[machine.base_dof], *machine.wheel_dof[:w]]
     rates = np.concatenate([middle.rate, middle.wheel_speed], axis=-1)
     damping = model.dof_damping[dofs] + 2.0 * model.dof_dampingpoly[dofs, 0] * np.abs(rates)
     slope[..., moving, :] -= damping[..., None] * gains
-    return _in_velocities(masses, _exponential(course.step * slope), moving, gimbals)
+    return _in_velocities(masses, _exponential(passage.step * slope), moving, gimbals)
 
 
-def _restoring(machine: Machine, model: mujoco.MjModel, course: Course, attitude: Array) -> Array:
+def _restoring(machine: Machine, model: mujoco.MjModel, passage: Passage, attitude: Array) -> Array:
     """(S, steps, 3, 3) d torque on the base by its turn: of gravity, coils, the joint's spring."""
-    sliding, position = machine.sliding, course.position[..., machine.stage_qpos]
+    sliding, position = machine.sliding, passage.position[..., machine.stage_qpos]
     moment = mass_properties(model, machine.base_body).center_of_mass_offset
     travel = np.einsum("b,bsi->si", sliding.mass, sliding.travel)
     moment = moment + 0.5 * (position[:, :-1] + position[:, 1:]) @ travel
     gravity = -machine.platform.gravity * rotation.vertical_body(attitude)
     torque = _crossing(moment) @ _crossing(gravity)
-    if course.dipole.any():
-        field = rotation.rotate(rotation.conjugate(attitude), course.field)
-        torque += _crossing(course.dipole) @ _crossing(field)
+    if passage.dipole.any():
+        field = rotation.rotate(rotation.conjugate(attitude), passage.field)
+        torque += _crossing(passage.dipole) @ _crossing(field)
     stiffness = float(model.jnt_stiffness[model.dof_jntid[machine.base_dof.start]])
     return np.asarray(torque - stiffness * np.eye(3))
 
