@@ -62,6 +62,16 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
+def skew(v: Array) -> Array:
+    """(..., 3, 3) that give the cross product with (..., 3) from the left."""
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    out = np.zeros((*v.shape, 3))
+    out[..., 0, 1], out[..., 0, 2] = -z, y
+    out[..., 1, 0], out[..., 1, 2] = z, -x
+    out[..., 2, 0], out[..., 2, 1] = -y, x
+    return out
+
+
 def matrix(q: Array) -> Array:
     """R(q), shape (..., 3, 3)."""
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]

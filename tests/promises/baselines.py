@@ -28,7 +28,7 @@ def named_by_others(found: Diagnosis, truth: str, alike: Sequence[str]) -> dict[
     evidence: dict[str, float] = {}
     for index in shown:
         gain = max(weighing.weigh((index,)).gain, 0.0)
-        worth = gain - price(gain, weighing.shows(index))
+        worth = gain - price(gain, weighing.information(index))
         label = weighing.traces[index].label
         evidence[label] = max(worth, evidence.get(label, -np.inf))
     known = {label: evidence[label] for label in (truth, *alike) if label in evidence}

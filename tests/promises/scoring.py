@@ -61,7 +61,7 @@ def _behind(weighing: Weighing, own: int, truth: Effect) -> dict[str, float]:
 
 def _evidence(weighing: Weighing, index: int) -> float:
     gain = max(weighing.weigh((index,)).gain, 0.0)
-    return gain - price(gain, weighing.shows(index))
+    return gain - price(gain, weighing.information(index))
 
 
 def siblings(behind: dict[str, float]) -> list[str]:

@@ -45,21 +45,22 @@ class Score:
     was taken from (at most; Bonferroni)."""
 
 
-def price(gain: float, shows: Array) -> float:
+def price(gain: float, information: Array) -> float:
     """What must be taken off a gain that was had by setting some numbers.
 
     -2 log of their likelihood under a prior of one width for all, that which most likely gains so
-    much, beside their best: sum of 1 + log(1 + shows width^2).
+    much, beside their best: sum of 1 + log(1 + information width^2).
 
     Args:
         gain: fall of -2 log L.
-        shows: (k,) by how much each of them, or of as many directions of them, at strength 1
-            lowers it where it is true.
+        information: (k,) of them along as many directions, of a strength of 1: by how much one
+            that is true lowers it.
     """
-    if not shows.size:
+    count = information.size
+    if not count:
         return 0.0
-    width_squared = max(gain - shows.size, 0.0) / float(np.sum(shows))
-    return shows.size + float(np.sum(np.log1p(shows * width_squared)))
+    width_squared = max(gain - count, 0.0) / float(np.sum(information))
+    return count + float(np.sum(np.log1p(information * width_squared)))
 
 
 def critical(weighing: Weighing, asked: Sequence[int], level: float = FALSE_ALARM) -> float:
@@ -193,7 +194,7 @@ class Search:
 
     def _worth(self, index: int, gain: float) -> float:
         """What a gain must pay for."""
-        return price(gain, self.weighing.shows(index)) + self.weighing.traces[index].unlikely
+        return price(gain, self.weighing.information(index)) + self.weighing.traces[index].unlikely
 
 
 def _less(chosen: tuple[int, ...], index: int) -> tuple[int, ...]:

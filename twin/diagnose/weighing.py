@@ -91,7 +91,7 @@ class Weighing:
         self._like_base = np.where(felt, triangle[:p, p:-1], 0.0)
         self._residual = triangle[p:, -1]
         self._known: dict[frozenset[int], Weighed] = {}
-        self._shows: dict[int, Array] = {}
+        self._information: dict[int, Array] = {}
 
     def seen(self, index: int) -> Array:
         """(k,) share of each column of a cause that no change of the base could take; 0 of those
@@ -102,17 +102,17 @@ class Weighing:
         """Whether any of a cause is left beside the base."""
         return bool(np.any(self.seen(index) > 0.0))
 
-    def shows(self, index: int) -> Array:
-        """(k,) squared length of what a cause does at strength 1 along each direction that a fit
-        of it would set; of its shapes, which have no strength, as much as on average."""
-        if index not in self._shows:
+    def information(self, index: int) -> Array:
+        """(k,) of a cause along each direction that a fit of it would set: squared length of what
+        it does there at strength 1; of its shapes, which have no strength, as on average."""
+        if index not in self._information:
             own = self._own[index]
             columns = self._columns[:, own] * self.size[own]
             count = int(np.count_nonzero(self.seen(index)))
             shown = np.square(np.linalg.svd(columns, compute_uv=False))[:count]
             mean = float(shown.mean()) if count else 1.0
-            self._shows[index] = np.append(shown, np.full(self.traces[index].shapes, mean))
-        return self._shows[index]
+            self._information[index] = np.append(shown, np.full(self.traces[index].shapes, mean))
+        return self._information[index]
 
     def basis(self, index: int) -> Array:
         """(r, k) orthonormal directions of a cause."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from twin.model import Machine, Sliding, compile_model
 from twin.platform import Platform
-from twin.rotation import cross, from_rotation_vector, multiply, vertical_body
+from twin.rotation import cross, from_rotation_vector, multiply, skew, vertical_body
 
 Array = NDArray[np.float64]
 
@@ -203,14 +203,6 @@ def rate_of(parts: Parts, motion: Motion) -> Array:
     """w (n, 3) [rad/s]."""
     spun = np.einsum("niw,nw->ni", parts.axes, motion.spins)
     return np.einsum("nij,nj->ni", parts.inverse, motion.momentum - spun - parts.held)
-
-
-def skew(vectors: Array) -> Array:
-    """(n, 3, 3) that give the cross product with (n, 3) from the left."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.array(rows).transpose(2, 0, 1)
 
 
 def _spread(place: Array) -> Array:

@@ -14,7 +14,7 @@ from twin.estimators.estimator import (
     newest,
     shared,
 )
-from twin.estimators.gyrostat import Gyrostat, Motion, Parts, rate_of, skew
+from twin.estimators.gyrostat import Gyrostat, Motion, Parts, rate_of
 from twin.platform import Platform, Sensor
 from twin.rotation import (
     conjugate,
@@ -22,6 +22,7 @@ from twin.rotation import (
     from_rotation_vector,
     multiply,
     normalized,
+    skew,
     to_rotation_vector,
 )
 from twin.signals import Command, Estimate, Reading, Samples

@@ -15,9 +15,8 @@ from twin.estimators.estimator import (
     newest,
     shared,
 )
-from twin.estimators.gyrostat import skew
 from twin.platform import Platform
-from twin.rotation import cross, vertical_body
+from twin.rotation import cross, skew, vertical_body
 from twin.signals import Estimate, Reading, Samples
 
 Array = NDArray[np.float64]

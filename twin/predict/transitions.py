@@ -69,10 +69,10 @@ def transitions(machine: Machine, model: mujoco.MjModel, masses: Masses, passage
 
     slope = np.zeros((*middle.rate.shape[:2], path.width, path.width))
     slope[..., turn, :] = turning
-    slope[..., turn, turn] -= _crossing(middle.rate)
+    slope[..., turn, turn] -= rotation.skew(middle.rate)
     momentum = np.einsum("snki,sni->snk", masses.base, 0.5 * (velocity[:, :-1] + velocity[:, 1:]))
-    slope[..., base, :] = _crossing(momentum) @ turning
-    slope[..., base, base] -= _crossing(middle.rate)
+    slope[..., base, :] = rotation.skew(momentum) @ turning
+    slope[..., base, base] -= rotation.skew(middle.rate)
     slope[..., base, turn] += _restoring(machine, model, passage, middle.position)
     dofs = [*range(model.nv)[machine.base_dof], *machine.wheel_dof[:w]]
     rates = np.concatenate([middle.rate, middle.wheel_speed], axis=-1)
@@ -88,10 +88,10 @@ def _restoring(machine: Machine, model: mujoco.MjModel, passage: Passage, attitu
     travel = np.einsum("b,bsi->si", sliding.mass, sliding.travel)
     moment = moment + 0.5 * (position[:, :-1] + position[:, 1:]) @ travel
     gravity = -machine.platform.gravity * rotation.vertical_body(attitude)
-    torque = _crossing(moment) @ _crossing(gravity)
+    torque = rotation.skew(moment) @ rotation.skew(gravity)
     if passage.dipole.any():
         field = rotation.rotate(rotation.conjugate(attitude), passage.field)
-        torque += _crossing(passage.dipole) @ _crossing(field)
+        torque += rotation.skew(passage.dipole) @ rotation.skew(field)
     stiffness = float(model.jnt_stiffness[model.dof_jntid[machine.base_dof.start]])
     return np.asarray(torque - stiffness * np.eye(3))
 
@@ -118,12 +118,3 @@ def _exponential(slope: Array) -> Array:
     for order in (3.0, 2.0, 1.0):
         series = one + slope @ series / order
     return series
-
-
-def _crossing(v: Array) -> Array:
-    """(..., 3, 3) that maps u to v x u."""
-    crossing = np.zeros((*v.shape, 3))
-    crossing[..., 0, 1], crossing[..., 0, 2] = -v[..., 2], v[..., 1]
-    crossing[..., 1, 0], crossing[..., 1, 2] = v[..., 2], -v[..., 0]
-    crossing[..., 2, 0], crossing[..., 2, 1] = -v[..., 1], v[..., 0]
-    return crossing
