@@ -3,16 +3,13 @@
 import numpy as np
 import pytest
 
-from twin.clock import SimulatedClock
+from tests.predict.flights import flown
 from twin.diagnose.determined import determined
 from twin.diagnose.diagnosis import plain_of
 from twin.effects.thrusters.thruster_misalignment import ThrusterMisalignment
 from twin.effects.wheels.wheel_misalignment import WheelMisalignment
-from twin.flight import prepare
 from twin.platform import load_platform
 from twin.predict.effect_columns import slopes_of
-from twin.recording import Recording
-from twin.stream.recorder import MemoryRecorder
 
 SEED = 20261123
 
@@ -22,7 +19,7 @@ SEED = 20261123
 )
 def test_a_part_turns_across_its_own_axis_however_it_is_turned_already(kind: type, law: str):
     whorl1, rng = load_platform("whorl1"), np.random.default_rng(SEED)
-    plain = plain_of([moved(law)], whorl1)
+    plain = plain_of([flown("whorl1", SEED, 30.0, law)], whorl1)
     thrusters = kind is ThrusterMisalignment
     for part in whorl1.thrusters if thrusters else whorl1.wheels:
         axis = np.abs(part.direction if thrusters else part.axis)
@@ -32,19 +29,3 @@ def test_a_part_turns_across_its_own_axis_however_it_is_turned_already(kind: typ
         every = [slopes_of(effect, whorl1)]
         (free,) = determined(plain.bodies, plain.base, (effect,), every, plain.at)
         assert not free[np.argmax(axis)], (part.name, rotation, free)
-
-
-def moved(law: str) -> Recording:
-    """Half a minute of `whorl1`."""
-    flight = prepare(
-        "whorl1",
-        controller=law,
-        estimator="filter",
-        plant="sim",
-        reference="multisine:2",
-        duration=30.0,
-        seed=SEED,
-    )
-    recorder = MemoryRecorder(flight.platform, {"platform": "whorl1", "source": law})
-    flight.fly(SimulatedClock(), [recorder])
-    return recorder.recording().without_truth()

@@ -18,11 +18,11 @@ LAWS = {
 }
 
 
-def flown(name: str, seed: int, duration: float = 20.0) -> Recording:
-    """A simulated flight of a platform as it is, on a multisine."""
+def flown(name: str, seed: int, duration: float = 20.0, law: str = "") -> Recording:
+    """A simulated flight of a platform as it is, on a multisine, by its own law or another."""
     flight = prepare(
         name,
-        controller=LAWS[name],
+        controller=law or LAWS[name],
         estimator="filter",
         plant="sim",
         reference="multisine:3",
