@@ -95,21 +95,23 @@ class Flight:
             from twin.service.first_use import armed  # its drivers take a while to import
 
             clock = armed(self.bench, self._wanted(), tell)
-        return fly(
-            self.plant,
-            self.estimator,
-            self.controller,
-            self.reference,
-            clock,
-            duration=self.duration,
-            observers=observers,
-        )
+        try:
+            return fly(
+                self.plant,
+                self.estimator,
+                self.controller,
+                self.reference,
+                clock,
+                duration=self.duration,
+                observers=observers,
+            )
+        finally:
+            self.controller.close()
 
     def _wanted(self) -> Command:
         """What the law commands at its beginning."""
-        platform, n = self.platform, self.plant.n
-        estimate, state = self.estimator.init(platform, n), self.controller.init(platform, n)
-        return self.controller.update(state, estimate, self.reference.at(0.0), 0.0)[0]
+        estimate = self.estimator.init(self.platform, self.plant.n)
+        return self.controller.first_command(self.platform, estimate, self.reference.at(0.0))
 
 
 def prepare(
@@ -126,12 +128,14 @@ def prepare(
     effects: Sequence[Effect] = (),
     held: "Held | None" = None,
     lockstep: bool = False,
+    tell: Callable[[str], None] = lambda line: None,
 ) -> Flight:
     """Find everything by its name and put it together.
 
     Args:
         platform: a shipped name, or a folder; `:variant` may follow.
-        controller: a shipped name, or a file.
+        controller: a shipped name, a file, or the address of a law in another program
+            (`twin.controller.remote`), which is waited for.
         estimator: a name of `twin.estimators`; None for the machine's usual one.
         plant: `sim`, `replay:LOG`, or one that `twin.bench.open_bench` knows.
         reference: see `twin.reference.parse_reference`; None: what the law is usually given.
@@ -142,6 +146,7 @@ def prepare(
         effects: what a simulated machine has beyond what its platform states.
         held: arm a machine on its bench, and whether it floats; None: nothing leaves.
         lockstep: of an emulation; see `twin.bench.open_bench`.
+        tell: takes a sentence where something is waited for.
 
     Raises:
         UnknownName: a name that is not known.
@@ -150,7 +155,6 @@ def prepare(
         EffectError: an effect that the platform cannot have.
     """
     machine = with_effects(load_platform(platform), effects)
-    law = load_controller(controller, gains)
     start = initial or InitialState()
     kind, _, rest = plant.partition(":")
     length = 60.0 if duration is None else duration
@@ -179,6 +183,7 @@ def prepare(
         raise UnknownName("plant", plant, PLANTS)
     if length <= 0.0:
         raise UsageError(f"duration is {length:g} s; give a time above zero")
+    law = _law(controller, gains, machine, simulated=bench is None or lockstep, tell=tell)
     return Flight(
         plant=body,
         estimator=load_estimator(estimator or usual_estimator(machine)),
@@ -188,6 +193,23 @@ def prepare(
         initial=start,
         bench=bench,
     )
+
+
+def _law(
+    name: str,
+    gains: Mapping[str, float] | None,
+    machine: Platform,
+    *,
+    simulated: bool,
+    tell: Callable[[str], None],
+) -> AnyController:
+    if "://" not in name:
+        return load_controller(name, gains)
+    if gains:
+        raise UsageError(f"the gains of {name} are its own; drop --gains")
+    from twin.controller.remote import RemoteLaw  # brings our link with it
+
+    return RemoteLaw(machine, name, lockstep=simulated, tell=tell)
 
 
 def _triple(values: np.ndarray) -> str:

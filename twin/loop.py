@@ -31,7 +31,7 @@ class Ended(Enum):
     degraded = "degraded"
     """The whole duration, but some runs of the batch were stopped."""
     safe_stop = "safe_stop"
-    """Asked to stop (Ctrl-C), or the machine was brought to its safe state."""
+    """Asked to stop (Ctrl-C), its law was lost, or the machine was brought to its safe state."""
     failed = "failed"
     """No run is left."""
 
@@ -102,6 +102,10 @@ def fly(
             if len(plant.stopped) == n:
                 ended = Ended.failed
                 reason = next(iter(plant.stopped.values()))
+                break
+            reason = controller.lost(state)
+            if reason:
+                ended = Ended.safe_stop
                 break
             finished = controller.finished(state)
             if finished is not None and all(finished[run] or run in plant.stopped for run in runs):

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.emulate.far_end import FarEnd
 from twin.plant.devices.link import (
     Arm,
     Channel,
@@ -25,6 +24,7 @@ from twin.plant.devices.link import (
     packed,
 )
 from twin.plant.devices.link.c_header import c_header
+from twin.plant.devices.link.far_end import FarEnd
 
 SCHEMA = Schema(
     (

@@ -1,4 +1,4 @@
-/* The channels of this far end, made by generate.py: do not edit. */
+/* The channels of a far end, made by a program: do not edit. */
 #ifndef SCHEMA_H
 #define SCHEMA_H
 

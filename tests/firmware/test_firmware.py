@@ -13,7 +13,6 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from twin.emulate.far_end import FarEnd
 from twin.plant.devices.link import (
     LONGEST_PAYLOAD,
     Arm,
@@ -30,6 +29,7 @@ from twin.plant.devices.link import (
 )
 from twin.plant.devices.link.c_header import c_header
 from twin.plant.devices.link.cobs import stuff, unstuff
+from twin.plant.devices.link.far_end import FarEnd
 
 FIRMWARE = Path(__file__).parents[2] / "docs" / "firmware"
 CC = shutil.which("cc")

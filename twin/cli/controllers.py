@@ -3,18 +3,26 @@
 import dataclasses
 import inspect
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
+
+import tyro
 
 
 @dataclass(frozen=True)
 class Controllers:
     """The control laws that are shipped: what each does, and its gains."""
 
+    header: Annotated[str | None, tyro.conf.arg(metavar="PLATFORM")] = None
+    """Print instead the channels that a law in another program has of this machine, as a C header
+    (docs/link.md)."""
     json: bool = False
     """Print one JSON document instead of text."""
 
     def run(self) -> int:
         """Print them; the exit code."""
+        if self.header is not None:
+            print(_header(self.header), end="")
+            return 0
         from twin.cli.output import print_json
         from twin.library import controller_names
 
@@ -24,6 +32,15 @@ class Controllers:
         else:
             print("\n\n".join(_text(law) for law in laws))
         return 0
+
+
+def _header(name: str) -> str:
+    from twin.controller.remote import LONGEST_VALID_MS, schema_of
+    from twin.plant.devices.link.c_header import c_header
+    from twin.platform import load_platform
+
+    platform = load_platform(name)
+    return c_header(schema_of(platform), platform.name, LONGEST_VALID_MS)
 
 
 def _facts(name: str) -> dict[str, Any]:

@@ -35,7 +35,8 @@ class Run:
     platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
     """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
     controller: Annotated[str, _arg("LAW")] = "free_float"
-    """A shipped law (see `twin controllers`) or the file of one's own."""
+    """A shipped law (see `twin controllers`), the file of one's own, or tcp://HOST:PORT, where a
+    law in another program is waited for (docs/link.md)."""
     gains: Annotated[tuple[str, ...], _arg("NAME=VALUE ...")] = ()
     """Gains that differ from the law's own."""
     estimator: Annotated[str | None, _arg("NAME")] = None
@@ -114,6 +115,7 @@ class Run:
                 effects=effects,
                 lockstep=self.lockstep,
                 held=None if self.arm is None else Held(self.arm),
+                tell=tell,
             )
             warnings = flight.warnings()
             self._announce(flight, warnings)

@@ -37,6 +37,19 @@ class Controller(abc.ABC, Generic[State]):
     ) -> tuple[Command, State]:
         """Command to hold until the next tick, and the state after it."""
 
+    def first_command(self, platform: Platform, estimate: Estimate, target: Target) -> Command:
+        """What it says at time 0: asked before anything moves, for which actuators it uses."""
+        state = self.init(platform, len(estimate.valid))
+        return self.update(state, estimate, target, 0.0)[0]
+
+    def close(self) -> None:
+        """The run is over."""
+        return
+
+    def lost(self, state: State) -> str:
+        """Why it cannot go on, a sentence; empty while it can."""
+        return ""
+
     def finished(self, state: State) -> NDArray[np.bool_] | None:
         """(n,) the runs that need no more ticks; None for a law, which has no end of its own."""
         return None

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from twin.emulate.actuators import EmulatedStages, EmulatedWheels
 from twin.emulate.emulated import EmulatedDevice
-from twin.emulate.far_end import FarEnd
 from twin.emulate.machine import Share
 from twin.errors import UnknownName
 from twin.plant.devices.link import Schema
+from twin.plant.devices.link.far_end import FarEnd
 
 Array = NDArray[np.float64]
 

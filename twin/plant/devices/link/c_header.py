@@ -25,7 +25,7 @@ def c_header(schema: Schema, name: str, longest_valid_ms: int) -> str:
     ]
     return "\n".join(
         (
-            "/* The channels of this far end, made by generate.py: do not edit. */",
+            "/* The channels of a far end, made by a program: do not edit. */",
             "#ifndef SCHEMA_H",
             "#define SCHEMA_H",
             "",

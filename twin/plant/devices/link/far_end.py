@@ -1,4 +1,4 @@
-"""The far end of our link, emulated: what docs/link.md says a firmware must do, and no more.
+"""The far end of our link: what docs/link.md says a firmware must do, and no more.
 
 No input or output: bytes and the far end's own clock come in, bytes go out. The C99 firmware in
 docs/firmware is held against it, byte for byte.
@@ -7,21 +7,11 @@ docs/firmware is held against it, byte for byte.
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.plant.devices.link import (
-    Arm,
-    Event,
-    Flag,
-    Frame,
-    Hello,
-    MessageType,
-    Parser,
-    SampleRows,
-    Schema,
-    SetPoint,
-    State,
-    TimeSync,
-    packed,
-)
+from twin.plant.devices.link.frame import Frame, packed
+from twin.plant.devices.link.messages import Flag, MessageType, State
+from twin.plant.devices.link.parser import Parser
+from twin.plant.devices.link.payloads import Arm, Event, Hello, SampleRows, SetPoint, TimeSync
+from twin.plant.devices.link.schema import Schema
 
 Array = NDArray[np.float64]
 
@@ -43,6 +33,10 @@ class FarEnd:
         self.parser = Parser(schema, "host")
         self.setpoint: dict[int, Array] = {}
         """Of channels that have a set-point in force, SI."""
+        self.heard: dict[int, int] = {}
+        """Of the same channels: the last frame of ours that the host had heard as it said so."""
+        self.last_event: Event | None = None
+        """The latest that it told."""
         self._hello = Hello(schema.hash, longest_valid_ms, name).packed()
         self._longest = longest_valid_ms
         self._until: dict[int, int] = {}
@@ -72,6 +66,11 @@ class FarEnd:
         out, self._out = b"".join(self._out), []
         return out
 
+    @property
+    def last_sequence(self) -> int:
+        """Of the last frame that was made."""
+        return (self._sequence - 1) & 0xFFFF
+
     def sample(self, channel: int, time_us: int, value: Array, now_us: int) -> None:
         """Send values (columns,) of a measured channel that were true at `time_us`."""
         rows = SampleRows(channel, (time_us % _CLOCK,), value[None])
@@ -79,7 +78,8 @@ class FarEnd:
 
     def event(self, code: str, value: float, now_us: int) -> None:
         """Tell the host something."""
-        self._send(MessageType.event, Event(code, value).packed(), now_us)
+        self.last_event = Event(code, value)
+        self._send(MessageType.event, self.last_event.packed(), now_us)
 
     def skip(self, frames: int) -> None:
         """Lose the next frames: their numbers are never sent."""
@@ -148,6 +148,7 @@ class FarEnd:
             self._until.pop(ALL_CHANNELS, None)
             self._until[wish.channel] = now_us + _MS * wish.valid_for_ms
             self.setpoint[wish.channel] = wish.value
+            self.heard[wish.channel] = frame.last_received
             self.flags |= Flag.live
 
     def _make_safe(self) -> None:
@@ -156,6 +157,7 @@ class FarEnd:
         self.flags &= ~Flag.live
         self._until.clear()
         self.setpoint.clear()
+        self.heard.clear()
 
     def _send(self, kind: MessageType, payload: bytes, now_us: int) -> None:
         heard = self.parser.last_sequence or 0

@@ -1,0 +1,269 @@
+"""A control law in another program (Simulink, C, flight software), over TCP.
+
+The twin stands for the machine: it is the far end of our own link (docs/link.md). Each tick it
+sends what the estimator says and where the body should point, as samples; the program answers
+with set-points, as it would answer a board. Their time-to-live counts in the loop's own time.
+"""
+
+import contextlib
+import socket
+import time
+from collections.abc import Callable
+from urllib.parse import urlsplit
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.controller.controller import Controller
+from twin.errors import ControllerError, UsageError
+from twin.plant.devices.link import Channel, Schema, State, told
+from twin.plant.devices.link.far_end import ALL_CHANNELS, FarEnd
+from twin.platform import Platform
+from twin.signals import STREAMS, Command, Estimate, Target
+
+Array = NDArray[np.float64]
+
+SCHEME = "tcp://"
+
+LONGEST_VALID_MS = 500
+"""For which a set-point is taken."""
+
+COMES = 60.0
+"""A program has so long to connect, greet and arm [s]."""
+
+ANSWERS = 10.0
+"""And so long for each answer where time is simulated [s]: it may be stepped by hand."""
+
+QUIET = 0.02
+"""Set-points that come together follow each other closer than this [s]."""
+
+_HALF = 2**15
+_FULL = 2**16
+
+
+class RemoteLaw(Controller[str]):
+    """The law at the other end of a connection, for one run.
+
+    The state is why it cannot go on, a sentence; empty while it can.
+    """
+
+    def __init__(
+        self, platform: Platform, address: str, *, lockstep: bool, tell: Callable[[str], None]
+    ) -> None:
+        """Listen there until a program has connected, greeted and armed.
+
+        Args:
+            platform: whose channels it gets.
+            address: `tcp://HOST:PORT`; port 0: one that is free.
+            lockstep: time is simulated, and stands still until the law has answered. Otherwise it
+                has half a tick; what it said last stays in force for as long as it said.
+            tell: takes a sentence that says where it is waited for, and with which channels.
+
+        Raises:
+            UsageError: no such address, or it cannot be listened at.
+            ControllerError: nobody came, or whoever came speaks of other channels.
+        """
+        self.schema = schema_of(platform)
+        self._lockstep = lockstep
+        self._patience = ANSWERS if lockstep else 0.5 * platform.tick
+        self._complete = False
+        self._far = FarEnd(self.schema, platform.name, LONGEST_VALID_MS, 0)
+        with _listening(address) as server:
+            host, port = server.getsockname()[:2]
+            self._name = f"the law at {SCHEME}{host}:{port}"
+            tell(f"waiting for {self._name}\n{_listed(self.schema)}")
+            try:
+                self._line = server.accept()[0]
+            except TimeoutError:
+                raise ControllerError(
+                    f"{self._name} has not come within {COMES:g} s; start it, or say where it is "
+                    "expected"
+                ) from None
+        self._line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        try:
+            self._await_arming()
+        except BaseException:
+            self._line.close()
+            raise
+
+    def init(self, platform: Platform, n: int) -> str:
+        """Nothing is lost yet."""
+        if n != 1:
+            raise ControllerError(f"{self._name} flies one run at a time, not {n}")
+        return ""
+
+    def update(
+        self, state: str, estimate: Estimate, target: Target, time: float
+    ) -> tuple[Command, str]:
+        """Ask, and what is in force then; nobody is asked before the machine has been seen."""
+        now_us = round(time * 1e6)
+        if state or not estimate.valid.all():
+            return {}, state
+        self._far.advance(now_us)
+        values = _values(estimate, target)
+        for number, channel in enumerate(self.schema.channels):
+            if not channel.commanded:
+                self._far.sample(number, now_us, values[channel.stream], now_us)
+        try:
+            state = self._ask(now_us)
+        except OSError:
+            state = f"{self._name} is gone"
+        in_force = {} if state else self._far.setpoint
+        return {
+            self.schema.channels[number].stream: value[None] for number, value in in_force.items()
+        }, state
+
+    def first_command(self, platform: Platform, estimate: Estimate, target: Target) -> Command:
+        """It may command whatever the machine has; it is not asked."""
+        return {name: np.zeros((1, width)) for name, width in platform.commands.items()}
+
+    def lost(self, state: str) -> str:
+        """Its connection, its time-to-live, or its patience."""
+        return state
+
+    def close(self) -> None:
+        """Tell it that the run is over."""
+        self._far.event("SAFE", 0.0, 0)
+        with contextlib.suppress(OSError):
+            self._line.sendall(self._far.take())
+        self._line.close()
+
+    def _ask(self, now_us: int) -> str:
+        """Send what waits, and hear until it has answered; why it cannot go on, or nothing."""
+        asked = self._far.last_sequence
+        self._line.sendall(self._far.take())
+        end = time.monotonic() + self._patience
+        while self._far.state is State.armed and not self._answered(asked):
+            if not self._hear(now_us, end - time.monotonic()):
+                if self._lockstep:
+                    return f"{self._name} did not answer within {self._patience:g} s"
+                break
+        if self._lockstep and not self._complete:
+            # which channels it commands, its first answer tells
+            while self._hear(now_us, QUIET):
+                pass
+            self._complete = True
+        return "" if self._far.state is State.armed else self._why_safe()
+
+    def _answered(self, asked: int) -> bool:
+        """Every channel in force was set anew by somebody who had heard that frame."""
+        heard = self._far.heard.values()
+        return bool(heard) and all((one - asked) % _FULL < _HALF for one in heard)
+
+    def _hear(self, now_us: int, patience: float) -> bool:
+        """Take what comes, and reply; False: nothing came in time.
+
+        Raises:
+            OSError: the connection is closed.
+        """
+        self._line.settimeout(max(patience, 1e-4))
+        try:
+            data = self._line.recv(65536)
+        except TimeoutError:
+            return False
+        if not data:
+            raise ConnectionError
+        self._far.receive(data, now_us)
+        self._line.sendall(self._far.take())
+        return True
+
+    def _await_arming(self) -> None:
+        end = time.monotonic() + COMES
+        problem = f"has not greeted and armed within {COMES:g} s"
+        try:
+            self._line.sendall(self._far.take())
+            while self._far.state is not State.armed:
+                if not self._hear(0, end - time.monotonic()):
+                    break
+                event = self._far.last_event
+                if event is not None and event.code == "SCHEMA":
+                    problem = "speaks of other channels"
+                    break
+        except OSError:
+            problem = "went before it had greeted and armed"
+        if self._far.state is not State.armed:
+            raise ControllerError(
+                f"{self._name} {problem}: it says HELLO, then ARM, both with the schema hash "
+                f"0x{self.schema.hash:08X} of these channels (docs/link.md)"
+            )
+
+    def _why_safe(self) -> str:
+        event = self._far.last_event
+        if event is None or event.code not in ("EXPIRED", "SAFE"):
+            return f"{self._name} greeted anew in the middle of the run"
+        if event.code == "SAFE":
+            return f"{self._name} asked for a stop"
+        if event.value == ALL_CHANNELS:
+            return f"{self._name} armed, and said nothing"
+        stream = self.schema.channels[round(event.value)].stream
+        return f"{self._name} let its {stream} run out: {told('EXPIRED', event.value)}"
+
+
+def schema_of(platform: Platform) -> Schema:
+    """The channels that a law outside of this process sees and sets."""
+    widths = {
+        "estimate_attitude": 4,
+        "estimate_rate": 3,
+        "wheel_speed": len(platform.wheels),
+        "gimbal_angle": len(platform.gimbals),
+        "stage_position": len(platform.stages),
+        "joint_angle": int(platform.base.kind == "hinge"),
+        "joint_rate": int(platform.base.kind == "hinge"),
+        "reference_attitude": 4,
+        "reference_rate": 3,
+    }
+    measured = (Channel(name, STREAMS[name].unit, width) for name, width in widths.items() if width)
+    commanded = (
+        Channel(
+            name,
+            STREAMS[name].unit,
+            width,
+            safe="hold" if name == "command_stage_position" else "zero",
+        )
+        for name, width in platform.commands.items()
+    )
+    return Schema((*measured, *commanded))
+
+
+def _values(estimate: Estimate, target: Target) -> dict[str, Array]:
+    return {
+        "estimate_attitude": estimate.attitude[0],
+        "estimate_rate": estimate.rate_body[0],
+        "wheel_speed": estimate.wheel_speed[0],
+        "gimbal_angle": estimate.gimbal_angle.reshape(-1),
+        "stage_position": estimate.stage_position[0],
+        "joint_angle": estimate.joint_angle[0],
+        "joint_rate": estimate.joint_rate[0],
+        "reference_attitude": np.atleast_2d(target.attitude)[0],
+        "reference_rate": np.atleast_2d(target.rate_body)[0],
+    }
+
+
+def _listed(schema: Schema) -> str:
+    rows = [
+        f"  channel {number}: {channel.stream}, {channel.columns} [{channel.unit}]"
+        for number, channel in enumerate(schema.channels)
+    ]
+    return "\n".join([*rows, f"  schema hash 0x{schema.hash:08X}"])
+
+
+def _listening(address: str) -> socket.socket:
+    try:
+        parts = urlsplit(address)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host = port = None
+    if not address.startswith(SCHEME) or not host or port is None:
+        raise UsageError(
+            f"controller {address!r}: a law in another program is {SCHEME}HOST:PORT, as in "
+            f"{SCHEME}127.0.0.1:5001"
+        )
+    try:
+        server = socket.create_server((host, port))
+    except OSError as problem:
+        raise UsageError(
+            f"cannot listen at {address} ({problem.strerror}); name an address of this computer "
+            "and a port that is free"
+        ) from problem
+    server.settimeout(COMES)
+    return server
