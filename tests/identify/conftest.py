@@ -9,6 +9,7 @@ import pytest
 from twin.clock import SimulatedClock
 from twin.contrast import Excitation
 from twin.controller import load_controller
+from twin.effects import parse_effects, with_effects
 from twin.estimators import load_estimator
 from twin.estimators.passthrough import Passthrough
 from twin.loop import fly
@@ -87,9 +88,13 @@ def as_flown(stated: Platform, true: Platform, recorder: MemoryRecorder, runs: i
     )
 
 
-def fly_machine(stated: Platform, runs: int, seed: int, duration: float) -> Campaign:
-    """Fly a machine open loop, all that it has at work, all runs as one batch."""
+def fly_machine(
+    stated: Platform, runs: int, seed: int, duration: float, effects: str = ""
+) -> Campaign:
+    """Fly a machine open loop, all that it has at work, all runs as one batch; effects as
+    `twin run --effects` takes them, which the machine as stated lacks."""
     true = nearby_base(stated, np.random.default_rng(seed))
+    true = with_effects(true, parse_effects(effects)) if effects else true
     speeds = [0.05 * wheel.speed_limit + wheel.home for wheel in stated.wheels]
     start = InitialState(rate_body=np.array([0.004, -0.002, 0.05]), wheel_speed=np.array(speeds))
     plant = SimulatedPlant(true, runs=range(runs), seed=seed, initial=start)

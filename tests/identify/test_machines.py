@@ -37,6 +37,33 @@ def test_a_machine_gives_away_its_base(name: str, excited: Callable[..., Any]):
     distance = float(error @ np.linalg.solve(found.covariance[:9, :9], error))
     left = found.misfit[0]
     print(f"{name}, seed {SEED}: squared distance {distance:.1f}, 9 is due; {left}")
+    assert not found.not_used
+    assert left.is_noise, "the machine moves otherwise than predicted"
+    assert distance < chi2.ppf(0.999, 9), "found, but not where its intervals say"
+    assert (found.half_widths[:9] < 0.1 * found.base.scale[:9]).all(), "its intervals say nothing"
+
+
+FAULTS = {
+    "gimbal_friction": (0.01, 0.04),  # N m
+    "gimbal_backlash": (5e-4, 4e-3),  # rad
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_gimbals_that_do_not_do_as_told_do_not_lead_the_base_astray(
+    fault: str, excited: Callable[..., Any]
+):
+    low, high = FAULTS[fault]
+    seed = SEED + 1 + list(FAULTS).index(fault)
+    size = np.random.default_rng(seed).uniform(low, high)
+    stated = replace(load_platform("tas2"), tilt_limit=np.pi, pitch_stop=None, effects=())
+    flown = excited(stated, 1, seed, SECONDS, f"{fault}={size}")
+    found = identify(flown.logs, stated)
+    error = found.theta[:9] - flown.truth
+    distance = float(error @ np.linalg.solve(found.covariance[:9, :9], error))
+    left = found.misfit[0]
+    print(f"{fault} {size:.3g}, seed {seed}: squared distance {distance:.1f}, 9 is due; {left}")
+    assert "did not go where command_gimbal_rate says" in found.not_used[0]
     assert left.is_noise, "the machine moves otherwise than predicted"
     assert distance < chi2.ppf(0.999, 9), "found, but not where its intervals say"
     assert (found.half_widths[:9] < 0.1 * found.base.scale[:9]).all(), "its intervals say nothing"

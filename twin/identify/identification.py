@@ -15,6 +15,7 @@ from twin.identify.excitation import (
     not_excited,
     scale_unknown,
 )
+from twin.identify.gimbals import as_measured
 from twin.identify.methods import PAPERS, Logs, Settings
 from twin.identify.momentum import momentum_fit
 from twin.identify.physical import nearest_body
@@ -186,10 +187,11 @@ def ground_of(recordings: Sequence[Recording], platform: Platform) -> Ground:
     """Of some logs of a machine, as for `identify`."""
     if not recordings:
         raise UsageError("no log is given")
-    checked = [within_range(recording.without_truth(), platform) for recording in recordings]
-    scaled = scaled_together([log for log, _ in checked], platform)
-    logs = [log.recording for log in scaled]
     machine = compile_model(platform)
+    checked = [within_range(recording.without_truth(), platform) for recording in recordings]
+    turned = [as_measured(recording, machine) for recording, _ in checked]
+    scaled = scaled_together([log for log, _ in turned], platform)
+    logs = [log.recording for log in scaled]
     base, full = base_of(machine, logs)
     return Ground(
         scaled,
@@ -197,7 +199,7 @@ def ground_of(recordings: Sequence[Recording], platform: Platform) -> Ground:
         Logs(logs, base),
         full,
         tuple(common_scale(machine, logs)),
-        tuple(sentence for _, said in checked for sentence in said),
+        tuple(sentence for _, said in (*checked, *turned) for sentence in said),
     )
 
 

@@ -332,6 +332,11 @@ def outputs_of(
     return tuple(found), width
 
 
+def noise_of(recording: Recording, platform: Platform, stream: str) -> Array:
+    """(k,) 1 sigma of a reading: as the log states it, else as its samples and the platform say."""
+    return _noise(recording, platform, stream, recording[stream].value.shape[1], None)[0]
+
+
 def _noise(
     recording: Recording, platform: Platform, name: str, k: int, shaken: Array | None
 ) -> tuple[Array, bool, Array]:

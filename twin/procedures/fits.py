@@ -17,6 +17,9 @@ from twin.recording import Recording
 
 Array = NDArray[np.float64]
 
+SAME = 1e-6
+"""Relative difference of what two fits leave: they are the same, wherever they began."""
+
 
 @dataclass(frozen=True)
 class Found:
@@ -41,7 +44,7 @@ def found_in(recordings: Sequence[Recording], platform: Platform, guesses: Array
         recordings: of one run.
         platform: the machine as stated.
         guesses: (k, 3) m r to begin from [kg m]; the next one where the last led to more than
-            noise. The likeliest fit counts.
+            noise, until two lead to the same. The likeliest fit counts.
     """
     best: Identification | None = None
     failure = ""
@@ -54,9 +57,10 @@ def found_in(recordings: Sequence[Recording], platform: Platform, guesses: Array
         if one.fit is None or not one.fit.converged:
             failure = "the fit of J and m r did not settle"
             continue
-        if best is None or one.misfit[0].chi2_per_sample < best.misfit[0].chi2_per_sample:
-            best = one
-        if one.misfit[0].is_noise:
+        left = one.misfit[0].chi2_per_sample
+        least = np.inf if best is None else best.misfit[0].chi2_per_sample
+        best = one if left < least else best
+        if one.misfit[0].is_noise or np.isclose(left, least, rtol=SAME):
             break
     if best is None:
         return _failed(failure)
