@@ -18,6 +18,7 @@ from twin.platform import Platform, load_platform
 from twin.predict.base import ENTRIES
 from twin.recording import Recording
 from twin.reference import Hold, parse_reference
+from twin.rotation import from_euler_zyx
 from twin.stream.recorder import MemoryRecorder
 
 
@@ -112,6 +113,32 @@ def fly_machine(
     return as_flown(stated, true, recorder, runs)
 
 
+def swing(stated: Platform, seed: int, duration: float) -> Campaign:
+    """Let a machine swing from a few degrees aside, its CM 70 um below the CR, nothing else at
+    work; J is up to 10 % off."""
+    rng = np.random.default_rng(seed)
+    inertia = stated.inertia.copy()
+    inertia[np.diag_indices(3)] *= 1.0 + rng.uniform(-0.1, 0.1, 3)
+    below = np.array([0.0, 0.0, -7e-5]) * stated.mass
+    offset = below + rng.normal(0.0, 1e-7, 3) * stated.mass
+    true = replace(stated, inertia=inertia, center_of_mass_offset=offset)
+    roll, pitch = np.radians(rng.uniform(2.0, 3.0, 2) * rng.choice([-1.0, 1.0], 2))
+    start = InitialState(attitude=from_euler_zyx(0.0, pitch, roll))
+    plant = SimulatedPlant(true, runs=range(1), seed=seed, initial=start)
+    recorder = MemoryRecorder(plant.platform, {"platform": stated.name, "source": f"seed {seed}"})
+    fly(
+        plant,
+        Passthrough(),
+        load_controller("free_float"),
+        Hold(),
+        SimulatedClock(),
+        duration=duration,
+        observers=[recorder],
+    )
+    assert not plant.stopped
+    return as_flown(stated, true, recorder, 1)
+
+
 def nearby_base(stated: Platform, rng: np.random.Generator) -> Platform:
     """Principal moments 3 % off, products by up to 1 % of a mean one, m r by some um and 10 %."""
     inertia = stated.inertia.copy()
@@ -135,6 +162,12 @@ def flown() -> Callable[..., Campaign]:
 def excited() -> Callable[..., Campaign]:
     """Logs of any machine on demand."""
     return fly_machine
+
+
+@pytest.fixture(scope="session")
+def swung() -> Callable[..., Campaign]:
+    """Swings on demand."""
+    return swing
 
 
 @pytest.fixture(scope="session")

@@ -67,3 +67,18 @@ def test_gimbals_that_do_not_do_as_told_do_not_lead_the_base_astray(
     assert left.is_noise, "the machine moves otherwise than predicted"
     assert distance < chi2.ppf(0.999, 9), "found, but not where its intervals say"
     assert (found.half_widths[:9] < 0.1 * found.base.scale[:9]).all(), "its intervals say nothing"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_a_swing_is_found_from_far_off(seed: int, swung: Callable[..., Any]):
+    """Neither the momentum nor the machine as stated begins near enough for so sharp sensors."""
+    flown = swung(load_platform("astros"), seed, 40.0)
+    found = identify(flown.logs, flown.stated)
+    error = found.theta[:9] - flown.truth
+    distance = float(error @ np.linalg.solve(found.covariance[:9, :9], error))
+    left = found.misfit[0]
+    print(f"seed {seed}: squared distance {distance:.1f}, 9 is due; {left}")
+    assert left.is_noise
+    assert found.disturbance == 0.0
+    assert distance < chi2.ppf(0.999, 9)

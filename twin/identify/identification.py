@@ -280,13 +280,15 @@ def _fitted(
     theta: Array | None = None,
 ) -> tuple[Fit, tuple[Misfit, ...]]:
     """Fit the base by prediction error from `theta`, else from what the momentum says; from the
-    machine as stated, where that start loses the motion."""
+    machine as stated, where that start loses the motion; and where that does, too, from where a
+    motion leads that may stray from the model."""
     logs = [log.recording for log in scaled]
     pairs = [(log, motion_of(log, base.machine.platform)) for log in logs]
     thetas = [base.as_stated] if theta is None else [theta]
     if theta is None:
         first = first_theta(plain, momentum_fit(pairs, plain))
-        thetas.insert(0, np.concatenate([first, base.as_stated[len(first) :]]))
+        told = np.concatenate([first, base.as_stated[len(first) :]])
+        thetas = thetas if np.array_equal(told, base.as_stated) else [told, *thetas]
     bodies = [body_of(base.machine, log, motion) for log, motion in pairs]
     problem, biases = Problem(bodies, base, scales), [first_biases(body) for body in bodies]
     tries: list[tuple[Fit, Unknowns]] = []
@@ -294,11 +296,17 @@ def _fitted(
         start = problem.start(thetas.pop(0), biases)
         tries.append((fit(problem, start), start))
     found, start = min(tries, key=lambda one: one[0].innovations.cost)
+    strayed = None
+    if not found.converged and not _misfit(problem, found)[0].is_noise:
+        strayed = fit_disturbed(problem, found, start)
+        again = fit(problem, strayed.at) if strayed.converged else found
+        found = again if again.converged else found
     misfit = _misfit(problem, found)
     # noise of coarse sensors hides a torque that the path does not
-    if found.converged or not misfit[0].is_noise:
-        found = fit_disturbed(problem, found, start)
-    return found, misfit
+    disturbed = fit_disturbed(problem, found, start) if found.converged else (strayed or found)
+    if strayed is not None and strayed.innovations.cost < disturbed.innovations.cost:
+        disturbed = strayed
+    return disturbed, misfit
 
 
 def _refuse_guesses(

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 THINNEST = 1e-6
 """Of the mean eigenvalue of tr(J) / 2 - J: where the projection starts, inside the possible."""
+ROUNDING = 1e-12
+"""Of a covariance, as correlations: parts that are smaller are not known."""
 NEGLIGIBLE = 1e-3
 """Standard deviations that an estimate is moved without a word."""
 NOT_NOISE = 3.0
@@ -75,7 +77,7 @@ def nearest_body(base: BaseParameters, theta: Array, covariance: Array) -> Neare
         return Nearest(theta, 0.0)
     lower = np.linalg.cholesky((axes * np.maximum(size, floor)) @ axes.T)
     inside = np.tril_indices(3, -1)
-    metric = np.linalg.cholesky(np.linalg.inv(covariance)).T
+    metric = _metric(covariance)
     count = len(base.joints)
 
     def change(x: Array) -> Array:
@@ -92,6 +94,14 @@ def nearest_body(base: BaseParameters, theta: Array, covariance: Array) -> Neare
     if distance < NEGLIGIBLE:
         return Nearest(theta, 0.0)
     return Nearest(theta + change(np.asarray(best.x)), distance)
+
+
+def _metric(covariance: Array) -> Array:
+    """M with M^T M = covariance^-1; of what a fit that did not settle left, too, where rounding
+    may have spoilt a covariance of which little is known."""
+    size = np.sqrt(np.abs(np.diag(covariance)))
+    share, axes = np.linalg.eigh(covariance / np.outer(size, size))
+    return (axes / np.sqrt(np.maximum(share, ROUNDING * share[-1]))).T / size
 
 
 def _second_moment(inertia: Array) -> Array:
