@@ -6,7 +6,7 @@ import socket
 import subprocess
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -54,7 +54,8 @@ class Program:
         threading.Thread(target=self._run, args=(self.line, self.near), daemon=True).start()
 
     def _run(self, line: socket.socket, near: NearEnd) -> None:
-        with line:
+        # the twin may close while something of ours is on its way
+        with line, suppress(ConnectionResetError):
             line.sendall(near.greet(0.0))
             line.sendall(near.arm(self.valid_for_ms, 0.0))
             rate = np.zeros(3)

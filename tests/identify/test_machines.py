@@ -70,7 +70,7 @@ def test_gimbals_that_do_not_do_as_told_do_not_lead_the_base_astray(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 3, 4])
+@pytest.mark.parametrize("seed", [1, 4])
 def test_a_swing_is_found_from_far_off(seed: int, swung: Callable[..., Any]):
     """Neither the momentum nor the machine as stated begins near enough for so sharp sensors."""
     flown = swung(load_platform("astros"), seed, 40.0)

@@ -26,7 +26,8 @@ ROUNDS = 6
 WEAK = 0.03
 """Share of another's evidence that may be no more than the error of its linearised column."""
 DOUBTFUL = 0.01
-"""Chance below which laws without a name are tried; and always where one cause did not do."""
+"""Chance below which laws without a name are tried; and always where there is a cause: of an error
+of a sensor that stands in for another one, what is left may look like noise."""
 LED = 4
 """Causes that are fitted alone where a model without any loses the motion, of those that promise
 most by either reckoning."""
@@ -87,7 +88,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
         every = (*every, *ringing(asked, lines, plain.bodies))
         line = _simplest(line.now, search_from(line.now, every), every, say)
     say("what is left")
-    if line.now.follows and (len(line.now.effects) > 1 or line.left.chance < DOUBTFUL):
+    if line.now.follows and (line.now.effects or line.left.chance < DOUBTFUL):
         say("laws without a name")
         line = _with_laws(line)
         if len(line.now.effects) > 1:
