@@ -183,10 +183,11 @@ def prepare(
         raise UnknownName("plant", plant, PLANTS)
     if length <= 0.0:
         raise UsageError(f"duration is {length:g} s; give a time above zero")
+    observer = load_estimator(estimator or usual_estimator(machine))
     law = _law(controller, gains, machine, simulated=bench is None or lockstep, tell=tell)
     return Flight(
         plant=body,
-        estimator=load_estimator(estimator or usual_estimator(machine)),
+        estimator=observer,
         controller=law,
         reference=parse_reference(reference or law.reference),
         duration=length,

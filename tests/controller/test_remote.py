@@ -5,8 +5,8 @@ import shutil
 import socket
 import subprocess
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,19 +39,17 @@ class Program:
     valid_for_ms: int = 200
     at: int = -1
     """Tick of its deed."""
-    deed: Callable[["Program"], bytes] | None = None
+    deed: Callable[[NearEnd], bytes] | None = None
     """What it says instead of an answer; b"" for nothing at all."""
     gain: float = 8.0
     ticks: int = 0
-    line: socket.socket | None = None
-    near: NearEnd | None = None
 
     def fly(self, told: str) -> None:
         """Connect to where that sentence says that it is waited for."""
         port = int(re.findall(r"tcp://127.0.0.1:(\d+)", told)[0])
-        self.near = NearEnd(remote.schema_of(load_platform("sads")), "twin")
-        self.line = socket.create_connection(("127.0.0.1", port))
-        threading.Thread(target=self._run, args=(self.line, self.near), daemon=True).start()
+        near = NearEnd(remote.schema_of(load_platform("sads")), "twin")
+        line = socket.create_connection(("127.0.0.1", port))
+        threading.Thread(target=self._run, args=(line, near), daemon=True).start()
 
     def _run(self, line: socket.socket, near: NearEnd) -> None:
         # the twin may close while something of ours is on its way
@@ -72,7 +70,7 @@ class Program:
     def _answer(self, near: NearEnd, rate: Array) -> bytes | None:
         self.ticks += 1
         if self.ticks == self.at and self.deed is not None:
-            return self.deed(self) or None
+            return self.deed(near) or None
         torque = {"command_wheel_torque": self.gain * rate}
         return near.setpoints(torque, self.valid_for_ms, 0.0)
 
@@ -95,8 +93,7 @@ def flown(program: Program, duration: float = 5.0) -> Outcome:
         return flight.fly(SimulatedClock())
 
 
-@contextmanager
-def compiled_law(folder: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[Path]:
+def compiled_law(folder: Path, capsys: pytest.CaptureFixture[str]) -> Path:
     assert Controllers(header="sads").run() == 0
     (folder / "channels.h").write_text(capsys.readouterr().out)
     out = folder / "law"
@@ -104,7 +101,7 @@ def compiled_law(folder: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[P
     strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion"]
     include = ["-I", str(FIRMWARE), "-I", str(folder)]
     subprocess.run([str(CC), *strict, *include, "-o", str(out), *sources, "-lm"], check=True)
-    yield out
+    return out
 
 
 @pytest.mark.skipif(CC is None, reason="no C compiler `cc` on this machine")
@@ -131,9 +128,9 @@ def test_the_law_in_c_flies_as_the_same_law_in_python(
         processes.append(subprocess.Popen([law, "127.0.0.1", port]))
 
     processes: list[subprocess.Popen[bytes]] = []
-    with compiled_law(tmp_path, capsys) as law:
-        outside = rms("tcp://127.0.0.1:0", start)
-        assert processes[0].wait(10) == 0
+    law = compiled_law(tmp_path, capsys)
+    outside = rms("tcp://127.0.0.1:0", start)
+    assert processes[0].wait(10) == 0
     # numbers cross as float32
     assert outside == pytest.approx(rms("quaternion_pd"), rel=1e-6)
 
@@ -150,11 +147,11 @@ def test_time_stands_still_until_it_has_answered_so_a_run_repeats():
     assert first.ticks == second.ticks > 30
 
 
-DEEDS: dict[str, tuple[Callable[[Program], bytes], str]] = {
-    "goes": (lambda program: b"", "is gone"),
-    "stops": (lambda program: program.near.safe_stop(0.0), "asked for a stop"),  # type: ignore[union-attr]
-    "disarms": (lambda program: program.near.disarm(0.0), "asked for a stop"),  # type: ignore[union-attr]
-    "greets": (lambda program: program.near.greet(0.0), "greeted anew"),  # type: ignore[union-attr]
+DEEDS: dict[str, tuple[Callable[[NearEnd], bytes], str]] = {
+    "goes": (lambda near: b"", "is gone"),
+    "stops": (lambda near: near.safe_stop(0.0), "asked for a stop"),
+    "disarms": (lambda near: near.disarm(0.0), "asked for a stop"),
+    "greets": (lambda near: near.greet(0.0), "greeted anew"),
 }
 
 
@@ -169,7 +166,7 @@ def test_a_law_that_fails_ends_the_run_safely_with_a_sentence(deed: str):
 
 def test_a_law_that_falls_silent_is_not_waited_for_in_vain(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(remote, "ANSWERS", 0.2)
-    outcome = flown(Program(at=20, deed=lambda program: b"\0"))
+    outcome = flown(Program(at=20, deed=lambda near: b"\0"))
     assert outcome.ended is Ended.safe_stop
     assert "did not answer within 0.2 s" in outcome.reason
 
@@ -188,7 +185,7 @@ def test_a_number_that_is_not_finite_is_not_taken(monkeypatch: pytest.MonkeyPatc
 
 def test_beside_the_wall_clock_what_it_said_last_holds_for_as_long_as_it_said():
     platform = load_platform("sads")
-    program = Program(at=2, deed=lambda program: b"\0")
+    program = Program(at=2, deed=lambda near: b"\0")
     law = remote.RemoteLaw(platform, "tcp://127.0.0.1:0", lockstep=False, tell=program.fly)
     estimate = blank(platform, 1)
     estimate.valid[:] = True

@@ -8,7 +8,7 @@ import pytest
 
 from twin.clock import SimulatedClock
 from twin.contrast import Excitation
-from twin.controller import load_controller
+from twin.controller import AnyController, load_controller
 from twin.effects import parse_effects, with_effects
 from twin.estimators import load_estimator
 from twin.estimators.passthrough import Passthrough
@@ -98,19 +98,7 @@ def fly_machine(
     true = with_effects(true, parse_effects(effects)) if effects else true
     speeds = [0.05 * wheel.speed_limit + wheel.home for wheel in stated.wheels]
     start = InitialState(rate_body=np.array([0.004, -0.002, 0.05]), wheel_speed=np.array(speeds))
-    plant = SimulatedPlant(true, runs=range(runs), seed=seed, initial=start)
-    recorder = MemoryRecorder(plant.platform, {"platform": stated.name, "source": f"seed {seed}"})
-    fly(
-        plant,
-        Passthrough(),
-        Excitation(),
-        Hold(),
-        SimulatedClock(),
-        duration=duration,
-        observers=[recorder],
-    )
-    assert not plant.stopped
-    return as_flown(stated, true, recorder, runs)
+    return open_loop(stated, true, Excitation(), start, runs, seed, duration)
 
 
 def swing(stated: Platform, seed: int, duration: float) -> Campaign:
@@ -124,19 +112,32 @@ def swing(stated: Platform, seed: int, duration: float) -> Campaign:
     true = replace(stated, inertia=inertia, center_of_mass_offset=offset)
     roll, pitch = np.radians(rng.uniform(2.0, 3.0, 2) * rng.choice([-1.0, 1.0], 2))
     start = InitialState(attitude=from_euler_zyx(0.0, pitch, roll))
-    plant = SimulatedPlant(true, runs=range(1), seed=seed, initial=start)
+    return open_loop(stated, true, load_controller("free_float"), start, 1, seed, duration)
+
+
+def open_loop(
+    stated: Platform,
+    true: Platform,
+    law: AnyController,
+    start: InitialState,
+    runs: int,
+    seed: int,
+    duration: float,
+) -> Campaign:
+    """Fly a law that looks at nothing."""
+    plant = SimulatedPlant(true, runs=range(runs), seed=seed, initial=start)
     recorder = MemoryRecorder(plant.platform, {"platform": stated.name, "source": f"seed {seed}"})
     fly(
         plant,
         Passthrough(),
-        load_controller("free_float"),
+        law,
         Hold(),
         SimulatedClock(),
         duration=duration,
         observers=[recorder],
     )
     assert not plant.stopped
-    return as_flown(stated, true, recorder, 1)
+    return as_flown(stated, true, recorder, runs)
 
 
 def nearby_base(stated: Platform, rng: np.random.Generator) -> Platform:

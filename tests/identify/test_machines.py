@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from twin.identify import identify
+from twin.identify import Identification, identify
 from twin.platform import load_platform
 
 SEED = 20261121
@@ -24,6 +24,12 @@ MACHINES = {
 SLOW = ("astros:mode_c",)
 
 
+def squared_distance(found: Identification, truth: np.ndarray) -> float:
+    """Of J and m r from the truth (9,), in the metric of their covariance."""
+    error = found.theta[:9] - truth
+    return float(error @ np.linalg.solve(found.covariance[:9, :9], error))
+
+
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in MACHINES],
@@ -33,8 +39,7 @@ def test_a_machine_gives_away_its_base(name: str, excited: Callable[..., Any]):
     stated = replace(load_platform(name), tilt_limit=np.pi, pitch_stop=None, effects=())
     flown = excited(stated, 1, SEED, SECONDS)
     found = identify(flown.logs, stated)
-    error = found.theta[:9] - flown.truth
-    distance = float(error @ np.linalg.solve(found.covariance[:9, :9], error))
+    distance = squared_distance(found, flown.truth)
     left = found.misfit[0]
     print(f"{name}, seed {SEED}: squared distance {distance:.1f}, 9 is due; {left}")
     assert not found.not_used
@@ -59,8 +64,7 @@ def test_gimbals_that_do_not_do_as_told_do_not_lead_the_base_astray(
     stated = replace(load_platform("tas2"), tilt_limit=np.pi, pitch_stop=None, effects=())
     flown = excited(stated, 1, seed, SECONDS, f"{fault}={size}")
     found = identify(flown.logs, stated)
-    error = found.theta[:9] - flown.truth
-    distance = float(error @ np.linalg.solve(found.covariance[:9, :9], error))
+    distance = squared_distance(found, flown.truth)
     left = found.misfit[0]
     print(f"{fault} {size:.3g}, seed {seed}: squared distance {distance:.1f}, 9 is due; {left}")
     assert "did not go where command_gimbal_rate says" in found.not_used[0]
@@ -75,8 +79,7 @@ def test_a_swing_is_found_from_far_off(seed: int, swung: Callable[..., Any]):
     """Neither the momentum nor the machine as stated begins near enough for so sharp sensors."""
     flown = swung(load_platform("astros"), seed, 40.0)
     found = identify(flown.logs, flown.stated)
-    error = found.theta[:9] - flown.truth
-    distance = float(error @ np.linalg.solve(found.covariance[:9, :9], error))
+    distance = squared_distance(found, flown.truth)
     left = found.misfit[0]
     print(f"seed {seed}: squared distance {distance:.1f}, 9 is due; {left}")
     assert left.is_noise
