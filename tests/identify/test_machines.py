@@ -10,6 +10,7 @@ from scipy.stats import chi2
 
 from twin.identify import Identification, identify
 from twin.platform import load_platform
+from twin.recording import Recording
 
 SEED = 20261121
 SECONDS = 30.0
@@ -71,6 +72,37 @@ def test_gimbals_that_do_not_do_as_told_do_not_lead_the_base_astray(
     assert left.is_noise, "the machine moves otherwise than predicted"
     assert distance < chi2.ppf(0.999, 9), "found, but not where its intervals say"
     assert (found.half_widths[:9] < 0.1 * found.base.scale[:9]).all(), "its intervals say nothing"
+
+
+def test_stages_that_come_late_do_not_lead_the_base_astray(excited: Callable[..., Any]):
+    """As over a line that they share: each told in its turn, and seen a few times in a move."""
+    seed = SEED + 3
+    rng = np.random.default_rng(seed)
+    late = rng.uniform(0.05, 0.2, 3)
+    stated = replace(load_platform("astros"), tilt_limit=np.pi, pitch_stop=None, effects=())
+    flown = excited(stated, 1, seed, SECONDS)
+    found = identify([_seen_late(flown.logs[0], late, rng)], stated)
+    distance = squared_distance(found, flown.truth)
+    left = found.misfit[0]
+    print(f"{late} s, seed {seed}: squared distance {distance:.1f}, 9 is due; {left}")
+    assert left.is_noise, "the machine moves otherwise than predicted"
+    assert found.disturbance == 0.0
+    assert distance < chi2.ppf(0.999, 9), "found, but not where its intervals say"
+    assert (found.half_widths[:9] < 0.1 * found.base.scale[:9]).all(), "its intervals say nothing"
+
+
+def _seen_late(log: Recording, late: np.ndarray, rng: np.random.Generator) -> Recording:
+    """As if each stage had been told so much earlier [s]; of five readings one is lost, and the
+    others are stamped a few milliseconds off."""
+    told, seen = log["command_stage_position"], log["stage_position"]
+    ahead = np.stack([told.held_at(told.time + s)[:, i] for i, s in enumerate(late)], axis=1)
+    read = np.sort(rng.choice(len(seen), 4 * len(seen) // 5, replace=False))
+    stamps = seen.time[read] + rng.normal(0.0, 0.003, len(read))
+    streams = {
+        "command_stage_position": replace(told, value=ahead),
+        "stage_position": replace(seen, time=stamps, value=seen.value[read]),
+    }
+    return replace(log, streams={**log.streams, **streams})
 
 
 @pytest.mark.slow

@@ -83,3 +83,50 @@ def test_with_its_play_a_mass_is_where_that_takes_it(machine, truth):
 def test_with_a_play_that_is_not_there_it_is_where_it_was_counted(machine, truth):
     wrong = replace(PLAY, width=3.0 * PLAY.width)
     assert off(inputs(machine, truth).with_stages(wrong), truth) < 5.0 * DIGIT
+
+
+def moved(machine: Machine, seed: int) -> tuple[Inputs, Series]:
+    """A mass that is sent there and back, half a millimetre and later than it was told, and where
+    it was: read now and then, the readings' stamps as they come."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 20.0, machine.platform.tick)
+    sent = np.zeros((len(time), 3))
+    sent[:, 1] = 5e-4 * (np.floor(time / 4.0) % 2.0)
+    late = round(rng.uniform(0.05, 0.3) / machine.platform.tick)
+    command = Series(time, sent, ("s1", "s2", "s3"), "m")
+    later = replace(command, value=np.concatenate([sent[:1].repeat(late, axis=0), sent[:-late]]))
+    truth = profile(machine, TOLD, later)[0]
+    stamps = np.cumsum(rng.uniform(0.03, 0.09, 340))
+    stamps = stamps[stamps < 20.0]
+    seen = DIGIT * np.round(truth.interpolated_at(stamps) / DIGIT)
+    read = Series(stamps, seen, command.columns, "m")
+    return Inputs(machine, Recording({TOLD: command, "stage_position": read})), truth
+
+
+def at_rest(time: np.ndarray) -> np.ndarray:
+    """Long after a move, and a reading before the next."""
+    return (time % 4.0 > 2.0) & (time % 4.0 < 3.8)
+
+
+def test_a_mass_that_rests_after_a_move_is_where_uneven_readings_have_it(machine):
+    found, truth = moved(machine, 5)
+    place = found.joint_states(truth.time)[0][:, machine.stage_qpos]
+    resting = at_rest(truth.time)
+    assert np.abs(place - truth.value)[resting].max() < DIGIT
+
+
+def test_where_a_late_mass_was_is_doubted_while_it_moves_and_not_while_it_rests(machine):
+    found, truth = moved(machine, 6)
+    doubt = found.stage_doubt.held_at(truth.time)
+    resting = at_rest(truth.time)
+    place = found.joint_states(truth.time)[0][:, machine.stage_qpos]
+    astray = np.abs(place - truth.value)
+    assert not doubt[resting].any()
+    assert not doubt[:, [0, 2]].any()
+    # a reading lasts 0.06 s
+    assert np.sqrt(np.mean(doubt / 0.06)) > np.sqrt(np.mean(np.square(astray)))
+
+
+def test_of_a_mass_that_went_as_it_was_told_nothing_is_doubted(machine):
+    there = profile(machine, TOLD, command(machine))[0]
+    assert inputs(machine, there).stage_doubt is None

@@ -32,6 +32,7 @@ from twin.predict.shaking import shaking
 from twin.predict.states import States
 from twin.predict.tangent import carried_forces
 from twin.predict.tanks import pressure
+from twin.predict.unread import pushed
 from twin.predict.wander import random_walk, wander
 from twin.recording import Recording, Series
 from twin.signals import DERIVED
@@ -84,7 +85,7 @@ class Body:
             senses,
             self.inputs.stage_course,
             told,
-            partial(shaking, self.inputs),
+            partial(shaking, self.inputs, senses),
         )
         if not self.outputs:
             raise UsageError(
@@ -301,10 +302,15 @@ class Body:
                 if output.stream in ("attitude", "joint_angle"):
                     k = path.rate.shape[-1]
                     measured[(*at, k + column)] = late / sigma
-        wandered = wander(
+        noise, drift = wander(
             answer[..., self._wanderers], self.rollouts.unexplained, self._wander, grid.step
         )
-        return Local(measured, carried, self._pushed, grid.step, *wandered)
+        doubt = self.inputs.stage_doubt
+        if doubt is not None and self.machine.platform.base.kind == "ball":
+            push = pushed(self.machine, doubt, self.begins, path.position[0, :, :-1])
+            turned = answer[..., self.machine.base_dof]
+            noise = noise + turned @ (grid.step * push) @ turned.swapaxes(-1, -2)
+        return Local(measured, carried, self._pushed, grid.step, noise, drift)
 
     def _walks(self) -> tuple[Array, Array]:
         """Intensities of what nobody recorded: (wheels,) of torques on them [(N m)^2 s], (gimbals,)

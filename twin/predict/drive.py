@@ -9,8 +9,6 @@ from typing import Any, cast
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import CubicSpline
 
 from twin import rotation
 from twin.drives import apply_field
@@ -19,11 +17,13 @@ from twin.errors import UsageError
 from twin.model import Machine
 from twin.plant.gas import thruster_arms
 from twin.plant.limits import Limits
-from twin.platform import Platform, Sensor
+from twin.platform import Platform
 from twin.predict.drive_faults import less_drive_faults
 from twin.predict.motion import Motion, smoothed_series
 from twin.predict.profiles import Course, profile
 from twin.predict.segments import Segment
+from twin.predict.travelled import travelled
+from twin.predict.unread import between_readings
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
@@ -82,6 +82,8 @@ class Inputs:
         """(3,) the field that the coils feel [T]."""
         self.stage_course: Course | None = None
         """Of stages that were told to move, and seen."""
+        self.stage_doubt: Series | None = None
+        """(m, stages) of where they were after each reading, if not on that course [m^2 s]."""
         self._stage = self._stages(recording)
         width = len(platform.gimbals)
         self._gimbal_told = self._stream(recording, "command_gimbal_rate", width)
@@ -225,7 +227,9 @@ class Inputs:
         told = self._stream(recording, "command_stage_position", width)
         self.stage_seen = seen
         if seen is not None and (told is None or not np.ptp(told.value, axis=0).any()):
-            return _travelled(seen, self.machine.platform.sensors.get("stage_position"))
+            step = self.machine.platform.step
+            time = np.arange(seen.time[0], seen.time[-1] + step, step)
+            return travelled(seen, self.machine.platform.sensors.get("stage_position"), time)
         if told is None:
             return None
         first = None if seen is None else seen.interpolated_at(told.time[:1])[0]
@@ -246,7 +250,8 @@ class Inputs:
         assert self.stage_course is not None
         assert self.stage_seen is not None
         same, there = copy(self), self.stage_course.otherwise(effect)
-        same._stage = self._followed(*there, self.stage_seen) if counted else there
+        same.stage_doubt = None
+        same._stage = same._followed(*there, self.stage_seen) if counted else there
         return same
 
     def counted_with(self, effect: Effect) -> bool:
@@ -262,8 +267,12 @@ class Inputs:
         if self._rounded(error):
             return place, rate
         sensor = self.machine.platform.sensors.get("stage_position")
-        left, left_rate = (s.interpolated_at(place.time) for s in _travelled(error, sensor))
-        return replace(place, value=place.value + left), replace(rate, value=rate.value + left_rate)
+        self.stage_doubt = between_readings(error, 0.0 if sensor is None else sensor.resolution)
+        left, left_rate = travelled(error, sensor, place.time)
+        return (
+            replace(place, value=place.value + left.value),
+            replace(rate, value=rate.value + left_rate.value),
+        )
 
     def _error(self, place: Series, seen: Series) -> Series:
         return replace(seen, value=seen.value - place.interpolated_at(seen.time))
@@ -356,24 +365,6 @@ def _refuse_what_is_not_predicted(platform: Platform) -> None:
             f"{platform.name} {why}, which cannot be predicted from a log yet; use a log (or a "
             "variant) of a body that turns in its bearing"
         )
-
-
-def _travelled(series: Series, sensor: Sensor | None) -> tuple[Series, Series]:
-    """A position, smoothed where that takes no more than noise away, and its rate.
-
-    A mass that stays 1 um off after a move turns a table, so the position is what the rate's
-    trapezoids add up to: where the mass rests, that of the data, since what trapezoids leave of a
-    spline is a change of its second derivative (Euler and Maclaurin).
-    """
-    smooth = smoothed_series(series)[0]
-    lost = np.sqrt(np.mean(np.square(series.value - smooth.interpolated_at(series.time)), axis=0))
-    # A counter's noise cannot be told from its moves: that of a command is none.
-    noise = 0.0 if sensor is None else np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0))
-    place = smooth if np.all(lost <= 3.0 * noise) else series
-    slope = CubicSpline(place.time, place.value, bc_type="natural")(place.time, 1)
-    travel = cumulative_trapezoid(slope, place.time, axis=0, initial=0.0)
-    rate = Series(place.time, slope, place.columns, f"{place.unit}/s")
-    return replace(place, value=place.value[0] + travel), rate
 
 
 def held_mean(series: Series, edges: Array) -> Array:

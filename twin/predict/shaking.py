@@ -1,10 +1,15 @@
-"""How much more a sensor scatters while something moves, as a platform states it."""
+"""How much more a sensor scatters while something moves: as a platform states it, and where stages
+move as nobody knows."""
+
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.effects import ScatterEffect
 from twin.predict.drive import Inputs
+from twin.predict.sensed import Sense
+from twin.predict.unread import felt
 
 Array = NDArray[np.float64]
 
@@ -16,10 +21,13 @@ def added_variance(effect: ScatterEffect, inputs: Inputs, time: Array) -> Array:
     return np.square(effect.sigma(cause[None], inputs.machine.platform))[0]
 
 
-def shaking(inputs: Inputs, stream: str, time: Array) -> Array | None:
-    """(m, 1) or (m, k) variance of all that the machine states; None where nothing shakes it."""
+def shaking(inputs: Inputs, senses: Mapping[str, Sense], stream: str, time: Array) -> Array | None:
+    """(m, 1) or (m, k) variance of it all; None where nothing shakes a stream."""
     every = [effect for effect in inputs.machine.effects if isinstance(effect, ScatterEffect)]
-    own = [effect for effect in every if effect.acts_on == stream]
-    if not own:
-        return None
-    return np.asarray(sum(added_variance(effect, inputs, time) for effect in own))
+    parts = [added_variance(effect, inputs, time) for effect in every if effect.acts_on == stream]
+    sense, doubt = senses.get(stream), inputs.stage_doubt
+    if sense is not None and sense.feels_turning and doubt is not None:
+        pull = felt(inputs.machine, doubt, sense.site, time)
+        tilted = pull[:, 1::-1] / sense.gravity**2
+        parts.append(pull if stream == "accelerometer" else tilted)
+    return np.asarray(sum(parts)) if parts else None
