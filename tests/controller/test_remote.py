@@ -4,6 +4,7 @@ import re
 import shutil
 import socket
 import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -23,8 +24,10 @@ from twin.flight import Flight, prepare
 from twin.loop import Ended, Outcome
 from twin.metrics import Metrics
 from twin.plant.devices.link.near_end import NearEnd
+from twin.plant.guard.guarded import Held
 from twin.platform import load_platform
 from twin.signals import Target
+from twin.stream.recorder import MemoryRecorder
 
 Array = NDArray[np.float64]
 FIRMWARE = Path(__file__).parents[2] / "docs" / "firmware"
@@ -34,7 +37,10 @@ LEVEL = Target(np.array([1.0, 0.0, 0.0, 0.0]))
 
 @dataclass
 class Program:
-    """A law of wheels in a thread of its own: damps, and at some tick does something else."""
+    """A law in a thread of its own: damps, and at some tick does something else."""
+
+    platform: str = "sads"
+    drives: str = "command_wheel_torque"
 
     valid_for_ms: int = 200
     at: int = -1
@@ -47,7 +53,7 @@ class Program:
     def fly(self, told: str) -> None:
         """Connect to where that sentence says that it is waited for."""
         port = int(re.findall(r"tcp://127.0.0.1:(\d+)", told)[0])
-        near = NearEnd(remote.schema_of(load_platform("sads")), "twin")
+        near = NearEnd(remote.schema_of(load_platform(self.platform)), "twin")
         line = socket.create_connection(("127.0.0.1", port))
         threading.Thread(target=self._run, args=(line, near), daemon=True).start()
 
@@ -71,8 +77,7 @@ class Program:
         self.ticks += 1
         if self.ticks == self.at and self.deed is not None:
             return self.deed(near) or None
-        torque = {"command_wheel_torque": self.gain * rate}
-        return near.setpoints(torque, self.valid_for_ms, 0.0)
+        return near.setpoints({self.drives: self.gain * rate}, self.valid_for_ms, 0.0)
 
 
 def flight_of(program: Program, duration: float = 5.0) -> Flight:
@@ -177,10 +182,10 @@ def test_a_set_point_that_is_over_before_the_next_tick_ends_the_run():
     assert "let its command_wheel_torque run out" in outcome.reason
 
 
-def test_a_number_that_is_not_finite_is_not_taken(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(remote, "ANSWERS", 0.2)
+def test_a_number_that_is_not_finite_ends_the_run_with_its_channel():
     outcome = flown(Program(gain=np.nan))
     assert outcome.ended is Ended.safe_stop
+    assert "set a command_wheel_torque that no board takes: a number that is not" in outcome.reason
 
 
 def test_beside_the_wall_clock_what_it_said_last_holds_for_as_long_as_it_said():
@@ -200,6 +205,41 @@ def test_beside_the_wall_clock_what_it_said_last_holds_for_as_long_as_it_said():
     assert command == {}
     assert "run out" in law.lost(state)
     law.close()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+@pytest.mark.parametrize(
+    "lockstep",
+    [
+        pytest.param(True, id="in lockstep"),
+        pytest.param(False, id="by the wall's clock", marks=pytest.mark.slow),
+    ],
+)
+def test_it_flies_a_machine_over_its_line(lockstep: bool):
+    program = Program("cubesat", "command_dipole", valid_for_ms=500, gain=10.0)
+    flight = prepare(
+        "cubesat",
+        controller="tcp://127.0.0.1:0",
+        estimator=None,
+        plant="pty",
+        reference=None,
+        duration=3.0,
+        held=Held.floating,
+        lockstep=lockstep,
+        tell=program.fly,
+    )
+    assert flight.bench is not None
+    recorder = MemoryRecorder(flight.platform, {})
+    with flight.plant:
+        outcome = flight.fly(flight.bench.begin(), [recorder])
+    assert outcome.ended is Ended.done, outcome.reason
+    log = recorder.recording()
+    told = log["command_dipole"].value
+    rate = log["estimate_rate"].value
+    assert np.ptp(told, axis=0).min() > 0.0
+    # the answer to one tick is in force in it, or in the next where the clock does not wait
+    share = [np.corrcoef(rate[:-1].ravel(), told[i : len(told) - 1 + i].ravel()) for i in (0, 1)]
+    assert max(both[0, 1] for both in share) > 0.9
 
 
 def test_nobody_who_comes_is_told_where_he_was_waited_for(monkeypatch: pytest.MonkeyPatch):

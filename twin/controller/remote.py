@@ -134,6 +134,8 @@ class RemoteLaw(Controller[str]):
         self._line.sendall(self._far.take())
         end = time.monotonic() + self._patience
         while self._far.state is State.armed and not self._answered(asked):
+            if self._refused():
+                return self._refused()
             if not self._hear(now_us, end - time.monotonic()):
                 if self._lockstep:
                     return f"{self._name} did not answer within {self._patience:g} s"
@@ -143,7 +145,18 @@ class RemoteLaw(Controller[str]):
             while self._hear(now_us, QUIET):
                 pass
             self._complete = True
-        return "" if self._far.state is State.armed else self._why_safe()
+        return self._refused() if self._far.state is State.armed else self._why_safe()
+
+    def _refused(self) -> str:
+        """What is wrong with a set-point that it sent, or nothing."""
+        event = self._far.last_event
+        if event is None or event.code != "VALUE":
+            return ""
+        stream = self.schema.channels[round(event.value)].stream
+        return (
+            f"{self._name} set a {stream} that no board takes: a number that is not finite, or a "
+            f"time-to-live that is not within 1 to {LONGEST_VALID_MS} ms"
+        )
 
     def _answered(self, asked: int) -> bool:
         """Every channel in force was set anew by somebody who had heard that frame."""
