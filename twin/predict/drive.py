@@ -259,12 +259,12 @@ class Inputs:
         assert self.stage_course is not None
         assert self.stage_seen is not None
         place, _ = self.stage_course.otherwise(effect)
-        return self._rounded(self._error(place, self.stage_seen))
+        return not self._error(place, self.stage_seen).value.any()
 
     def _followed(self, place: Series, rate: Series, seen: Series) -> tuple[Series, Series]:
         """Position and rate, moved to where the stages were measured."""
         error = self._error(place, seen)
-        if self._rounded(error):
+        if not error.value.any():
             return place, rate
         sensor = self.machine.platform.sensors.get("stage_position")
         self.stage_doubt = between_readings(error, 0.0 if sensor is None else sensor.resolution)
@@ -275,11 +275,11 @@ class Inputs:
         )
 
     def _error(self, place: Series, seen: Series) -> Series:
-        return replace(seen, value=seen.value - place.interpolated_at(seen.time))
-
-    def _rounded(self, error: Series) -> bool:
+        """Readings beside a place, none where they may be rounded from it: that knows it better."""
+        error = seen.value - place.interpolated_at(seen.time)
         sensor = self.machine.platform.sensors.get("stage_position")
-        return sensor is not None and bool(np.all(np.abs(error.value) <= sensor.resolution))
+        digit = 0.0 if sensor is None else sensor.resolution
+        return replace(seen, value=np.where(np.abs(error) <= digit, 0.0, error))
 
     def _gimbals(self) -> tuple[Series, Series] | None:
         """Angle and rate: as told, moved to where they were measured; else as measured.

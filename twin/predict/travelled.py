@@ -1,10 +1,7 @@
 """Where a mass was that was only seen, and how fast: a rate that adds up to where it rested."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from twin.platform import Sensor
@@ -17,9 +14,9 @@ Array = NDArray[np.float64]
 def travelled(series: Series, sensor: Sensor | None, time: Array) -> tuple[Series, Series]:
     """A position, smoothed where that takes no more than noise away, and its rate.
 
-    A mass that stays 1 um off after a move turns a table, so the position is what the rate's
-    trapezoids add up to: where the mass rests, that of the data, since what trapezoids of equal
-    length leave of a spline is a change of its second derivative (Euler and Maclaurin).
+    A mass that stays 1 um off after a move turns a table, so the rate's trapezoids add up to the
+    position: both are had from a spline half a step before and half a step after, of which the sums
+    leave no more than the ends.
 
     Args:
         series: readings, their stamps as they come.
@@ -31,10 +28,12 @@ def travelled(series: Series, sensor: Sensor | None, time: Array) -> tuple[Serie
     # A counter's noise cannot be told from its moves: that of a command is none.
     noise = 0.0 if sensor is None else np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0))
     place = smooth if np.all(lost <= 3.0 * noise) else series
-    slope = CubicSpline(place.time, place.value, bc_type="natural")(time, 1)
-    slope[(time < place.time[0]) | (time > place.time[-1])] = 0.0
-    travel = cumulative_trapezoid(slope, time, axis=0, initial=0.0)
-    rate = Series(time, slope, place.columns, f"{place.unit}/s")
-    # the readings may begin within a move
-    away = place.value - Series(time, travel, place.columns, place.unit).interpolated_at(place.time)
-    return replace(place, time=time, value=travel + np.median(away, axis=0)), rate
+    spline = CubicSpline(place.time, place.value, bc_type="natural")
+    step = float(time[1] - time[0])
+    edges = np.append(time - 0.5 * step, time[-1] + 0.5 * step)
+    there = spline(np.clip(edges, place.time[0], place.time[-1]))
+    value, rate = 0.5 * (there[1:] + there[:-1]), np.diff(there, axis=0) / step
+    return (
+        Series(time, value, place.columns, place.unit),
+        Series(time, rate, place.columns, f"{place.unit}/s"),
+    )
