@@ -132,6 +132,11 @@ class Bench(Plant):
         """Somebody has said so."""
         return self._held is not None
 
+    @property
+    def in_lockstep(self) -> bool:
+        """Whether its time stands still between the ticks."""
+        return isinstance(self._host, LockstepTime)
+
     def begin_anew(self) -> Clock:
         """Count time from 0 again, armed as it is; the clock whose first tick is the next one."""
         return self._clock(self._host.now() + self.platform.tick)

@@ -1,14 +1,20 @@
 """What a law will command is tried first: the right way goes on, any other is refused by name."""
 
 import sys
+import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from twin.bench import open_bench
 from twin.errors import SafetyError
 from twin.plant.guard.guarded import Held, Phase
 from twin.plant.hardware_setup import HardwareSetup, read_hardware
+from twin.platform import Platform
+from twin.service import first_use
+from twin.service.evidence import Evidence, body_evidence
 from twin.service.first_use import armed
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
@@ -99,3 +105,19 @@ def test_a_captured_machine_says_what_it_cannot_tell(table):
     with table(Held.captured) as bench:
         armed(bench, [COILS], told.append)
     assert all("while it is captured nothing shows what it does" in line for line in told)
+
+
+@pytest.mark.slow
+def test_set_points_do_not_run_out_while_a_push_is_judged(
+    cubesat: Platform, monkeypatch: pytest.MonkeyPatch
+):
+    def judged(*seen: Any) -> Evidence | None:
+        time.sleep(0.6)  # a set-point is valid for 0.25 s
+        return body_evidence(*seen)
+
+    monkeypatch.setattr(first_use, "body_evidence", judged)
+    told: list[str] = []
+    with open_bench(cubesat, "pty", held=Held.floating) as bench:
+        armed(bench, [COILS], told.append)
+        assert bench.guard.phase is Phase.armed
+    assert len(told) == 3

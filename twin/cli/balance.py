@@ -137,6 +137,7 @@ class Balance:
                 recorder = stack.enter_context(FileRecorder(self.rrd))
                 recorder.start(machine, provenance(machine, seed=self.seed, command=sys.argv))
                 observers.append(recorder)
+            estimator = load_estimator(usual_estimator(machine))
             # last, for a machine on its bench moves from now on
             stack.enter_context(plant)
             if isinstance(plant, Bench):
@@ -147,7 +148,7 @@ class Balance:
             clock = armed(plant, commands, tell) if isinstance(plant, Bench) else SimulatedClock()
             outcome = fly(
                 plant,
-                load_estimator(usual_estimator(machine)),
+                estimator,
                 procedure,
                 Hold(),
                 clock,

@@ -6,6 +6,7 @@ be told (a captured table shows no turn, a mass that runs up and down hardly one
 """
 
 from collections.abc import Callable, Collection
+from functools import partial
 from typing import NoReturn
 
 import numpy as np
@@ -124,7 +125,7 @@ class _Trial:
                 command = {key: value.copy() for key, value in self._rest.items()}
                 command[stream][0, column] += part * size
                 self._hold(command, lasts, (stream, column))
-            found = self._found(begun)
+            found = self._session.meanwhile(partial(self._found, begun), self._rest)
             if all(each.share.seen or each.share.deviation > _HOPELESS for each in found):
                 break
         for each in found:
@@ -148,10 +149,10 @@ class _Trial:
         readings = self._session.readings
         return self._free and lever(self._platform, readings, times, stream, column) is not None
 
-    def _found(self, begun: float) -> list[Evidence]:
+    def _found(self, begun: float, session: Session) -> list[Evidence]:
         """All that tells of the last of those that have pushed."""
-        body = body_evidence(self._session, self._pushed, begun) if self._free else None
-        own = own_evidence(self._session, *self._pushed[-1])
+        body = body_evidence(session, self._pushed, begun) if self._free else None
+        own = own_evidence(session, *self._pushed[-1])
         return [each for each in (body, own) if each is not None]
 
     def _hold(self, command: Command, seconds: float, pushed: Actuator) -> None:

@@ -1,5 +1,10 @@
 """An armed machine, tick by tick, for moves that follow no control law."""
 
+import copy
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,6 +13,7 @@ from twin.errors import SafetyError
 from twin.signals import Command, Reading
 
 Array = NDArray[np.float64]
+_Found = TypeVar("_Found")
 
 LONGEST = 3600.0
 """Of all moves together [s]."""
@@ -54,6 +60,22 @@ class Session:
         """Go on under that command for so long [s]; raises as `step`."""
         for _ in range(round(seconds / self.tick)):
             self.step(command)
+
+    def meanwhile(self, work: Callable[["Session"], _Found], command: Command) -> _Found:
+        """What some work finds in all that was read so far; raises as `step`.
+
+        The session goes on under that command, for set-points run out sooner than the work may be
+        done; in lockstep time stands still.
+        """
+        if self.bench.in_lockstep:
+            return work(self)
+        so_far = copy.copy(self)
+        so_far.readings, so_far.applied = self.readings.copy(), self.applied.copy()
+        with ThreadPoolExecutor(1) as thread:
+            found = thread.submit(work, so_far)
+            while not found.done():
+                self.step(command)
+        return found.result()
 
     @property
     def places(self) -> Array:
