@@ -28,6 +28,11 @@ from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
 
+RESTED = 0.5
+"""A mass whose drive has not moved it for so long has come to rest, and been read there [s]."""
+STILL = 1e-9
+"""To which it has not [m]."""
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -259,13 +264,18 @@ class Inputs:
         assert self.stage_course is not None
         assert self.stage_seen is not None
         place, _ = self.stage_course.otherwise(effect)
-        return not self._error(place, self.stage_seen).value.any()
+        return bool(self._rounded(self._error(place, self.stage_seen)).all())
 
     def _followed(self, place: Series, rate: Series, seen: Series) -> tuple[Series, Series]:
         """Position and rate, moved to where the stages were measured."""
         error = self._error(place, seen)
-        if not error.value.any():
+        rounded = self._rounded(error)
+        if rounded.all():
             return place, rate
+        # where it rests as told that is known better than it is counted
+        moved = place.interpolated_at(seen.time) - place.interpolated_at(seen.time - RESTED)
+        rested = np.abs(moved) < STILL
+        error = replace(error, value=np.where(rested & rounded, 0.0, error.value))
         sensor = self.machine.platform.sensors.get("stage_position")
         self.stage_doubt = between_readings(error, 0.0 if sensor is None else sensor.resolution)
         left, left_rate = travelled(error, sensor, place.time)
@@ -275,11 +285,12 @@ class Inputs:
         )
 
     def _error(self, place: Series, seen: Series) -> Series:
-        """Readings beside a place, none where they may be rounded from it: that knows it better."""
-        error = seen.value - place.interpolated_at(seen.time)
+        return replace(seen, value=seen.value - place.interpolated_at(seen.time))
+
+    def _rounded(self, error: Series) -> NDArray[np.bool_]:
+        """(m, stages) which readings may be rounded from where they should be."""
         sensor = self.machine.platform.sensors.get("stage_position")
-        digit = 0.0 if sensor is None else sensor.resolution
-        return replace(seen, value=np.where(np.abs(error) <= digit, 0.0, error))
+        return np.abs(error.value) <= (-1.0 if sensor is None else sensor.resolution)
 
     def _gimbals(self) -> tuple[Series, Series] | None:
         """Angle and rate: as told, moved to where they were measured; else as measured.
