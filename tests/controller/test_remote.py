@@ -80,14 +80,18 @@ class Program:
         return near.setpoints({self.drives: self.gain * rate}, self.valid_for_ms, 0.0)
 
 
-def flight_of(program: Program, duration: float = 5.0) -> Flight:
+def flight_of(
+    program: Program, duration: float = 5.0, plant: str = "sim", held: Held | None = None
+) -> Flight:
     return prepare(
-        "sads",
+        program.platform,
         controller="tcp://127.0.0.1:0",
         estimator=None,
-        plant="sim",
+        plant=plant,
         reference=None,
         duration=duration,
+        held=held,
+        lockstep=plant == "pty",
         tell=program.fly,
     )
 
@@ -210,21 +214,11 @@ def test_beside_the_wall_clock_what_it_said_last_holds_for_as_long_as_it_said():
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 def test_it_flies_a_machine_over_its_line():
     program = Program("cubesat", "command_dipole", valid_for_ms=500, gain=10.0)
-    flight = prepare(
-        "cubesat",
-        controller="tcp://127.0.0.1:0",
-        estimator=None,
-        plant="pty",
-        reference=None,
-        duration=3.0,
-        held=Held.floating,
-        lockstep=True,
-        tell=program.fly,
-    )
-    assert flight.bench is not None
+    flight = flight_of(program, 3.0, "pty", Held.floating)
     recorder = MemoryRecorder(flight.platform, {})
     with flight.plant:
-        outcome = flight.fly(flight.bench.begin(), [recorder])
+        # which the bench replaces by its own
+        outcome = flight.fly(SimulatedClock(), [recorder])
     assert outcome.ended is Ended.done, outcome.reason
     log = recorder.recording()
     told = log["command_dipole"].value

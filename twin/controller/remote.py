@@ -133,9 +133,7 @@ class RemoteLaw(Controller[str]):
         asked = self._far.last_sequence
         self._line.sendall(self._far.take())
         end = time.monotonic() + self._patience
-        while self._far.state is State.armed and not self._answered(asked):
-            if self._refused():
-                return self._refused()
+        while self._far.state is State.armed and not (self._answered(asked) or self._refused()):
             if not self._hear(now_us, end - time.monotonic()):
                 if self._lockstep:
                     return f"{self._name} did not answer within {self._patience:g} s"

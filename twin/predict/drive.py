@@ -17,7 +17,7 @@ from twin.errors import UsageError
 from twin.model import Machine
 from twin.plant.gas import thruster_arms
 from twin.plant.limits import Limits
-from twin.platform import Platform
+from twin.platform import Platform, Sensor
 from twin.predict.drive_faults import less_drive_faults
 from twin.predict.motion import Motion, smoothed_series
 from twin.predict.profiles import Course, profile
@@ -234,7 +234,7 @@ class Inputs:
         if seen is not None and (told is None or not np.ptp(told.value, axis=0).any()):
             step = self.machine.platform.step
             time = np.arange(seen.time[0], seen.time[-1] + step, step)
-            return travelled(seen, self.machine.platform.sensors.get("stage_position"), time)
+            return travelled(seen, self._counter, time)
         if told is None:
             return None
         first = None if seen is None else seen.interpolated_at(told.time[:1])[0]
@@ -276,9 +276,9 @@ class Inputs:
         moved = place.interpolated_at(seen.time) - place.interpolated_at(seen.time - RESTED)
         rested = np.abs(moved) < STILL
         error = replace(error, value=np.where(rested & rounded, 0.0, error.value))
-        sensor = self.machine.platform.sensors.get("stage_position")
-        self.stage_doubt = between_readings(error, 0.0 if sensor is None else sensor.resolution)
-        left, left_rate = travelled(error, sensor, place.time)
+        digit = 0.0 if self._counter is None else self._counter.resolution
+        self.stage_doubt = between_readings(error, digit)
+        left, left_rate = travelled(error, self._counter, place.time)
         return (
             replace(place, value=place.value + left.value),
             replace(rate, value=rate.value + left_rate.value),
@@ -289,8 +289,13 @@ class Inputs:
 
     def _rounded(self, error: Series) -> NDArray[np.bool_]:
         """(m, stages) which readings may be rounded from where they should be."""
-        sensor = self.machine.platform.sensors.get("stage_position")
-        return np.abs(error.value) <= (-1.0 if sensor is None else sensor.resolution)
+        if self._counter is None:
+            return np.zeros(error.value.shape, bool)
+        return np.abs(error.value) <= self._counter.resolution
+
+    @property
+    def _counter(self) -> Sensor | None:
+        return self.machine.platform.sensors.get("stage_position")
 
     def _gimbals(self) -> tuple[Series, Series] | None:
         """Angle and rate: as told, moved to where they were measured; else as measured.

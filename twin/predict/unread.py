@@ -24,7 +24,7 @@ def between_readings(error: Series, rounding: float) -> Series:
 
     Args:
         error: readings (m, stages) beside the course that the stages were told to take [m].
-        rounding: of a reading [m]; what strays no farther is known.
+        rounding: of a reading [m]; what strays no farther than twice that is known.
 
     Returns:
         (m, stages) [m^2 s].
