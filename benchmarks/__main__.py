@@ -14,6 +14,7 @@ SUBJECTS = {
     "diagnose": "the causes of what a model gets wrong, from a log of five minutes",
     "vendor": "bytes a second through the parsers of vendors' devices",
     "fuzz": "ten million random and mutated bytes into each parser",
+    "guided": "ten million bytes that look for new paths through each parser",
     "session": "what a tick costs on the bench, and how late it comes",
     "link": "bytes a second through the parser of our own serial link",
     "machines": "steps a second of every machine",

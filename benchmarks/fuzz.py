@@ -60,6 +60,9 @@ class Fuzzed(ABC):
     def feed(self, data: bytes) -> None:
         """A piece of the line; counts what passes."""
 
+    def quiet(self) -> None:  # noqa: B027  (most parsers need not know)
+        """The line falls silent for a while."""
+
     @abstractmethod
     def hears(self, number: int) -> bool:
         """Whether a good message after what has come is heard."""
@@ -128,6 +131,9 @@ class Xbus(Fuzzed):
             self.passed += message.identifier != 0x36 or message.data != self.data(number)
         self.most = max(self.most, len(self.parser._buffer))
         self.refused = self.counters.bad_checksums
+
+    def quiet(self) -> None:
+        self.parser.idle()
 
     def hears(self, number: int) -> bool:
         # a false length waits for its bytes until the line is quiet, as it is between packets
