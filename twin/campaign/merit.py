@@ -59,6 +59,9 @@ METRICS: dict[str, Metric] = {
     "residual_torque_low": Metric("N m", "lower end of its 95 % interval", "balance", worse=0),
     "residual_torque_high": Metric("N m", "upper end of its 95 % interval", "balance"),
     "residual_torque_observed": Metric("N m", "torque seen in the free float", "balance"),
+    "residual_chi2": Metric(
+        "1", "chi2 per sample of the logs under the statement: 1 if only noise is left", "balance"
+    ),
 }
 """By name. `At the end`: in the last part of the run that the specification calls steady."""
 
@@ -178,6 +181,7 @@ def _balanced(notes: Notes) -> dict[str, Array]:
         rows["residual_torque_observed"].append(
             np.nan if stated is None else stated.residual_torque_observed
         )
+        rows["residual_chi2"].append(np.nan if stated is None else stated.misfit.chi2_per_sample)
     return {name: np.array(values) for name, values in rows.items()}
 
 

@@ -253,7 +253,7 @@ class Balance:
         stated = {} if told.statement is None else told.statement.document()
         unknown = dict.fromkeys(
             ("residual_torque", "residual_torque_in_plane", "residual_torque_observed",
-             "center_of_mass_offset", "stage_position")
+             "center_of_mass_offset", "stage_position", "chi2_per_sample")
         )  # fmt: skip
         over = told.phase in (Phase.done, Phase.stopped)
         return {

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import TwinError
-from twin.identify import Identification, identify
+from twin.identify import Identification, Misfit, identify
 from twin.platform import Platform
 from twin.recording import Recording
 
@@ -33,6 +33,8 @@ class Found:
     """Half a 95 % interval is this many standard deviations."""
     inertia: Array
     """(3, 3) at stage position 0 [kg m^2]."""
+    misfit: Misfit
+    """Of all streams of the logs together."""
     failure: str = ""
     """A sentence; empty when all is well."""
 
@@ -68,11 +70,12 @@ def found_in(recordings: Sequence[Recording], platform: Platform, guesses: Array
     entries = best.base.entries(best.theta)
     xx, yy, zz, xy, xz, yz = entries[:6]
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return Found(entries[6:], spread[6:, 6:], best.quantile, inertia)
+    return Found(entries[6:], spread[6:, 6:], best.quantile, inertia, best.misfit[0])
 
 
 def _failed(sentence: str) -> Found:
-    return Found(np.zeros(3), np.eye(3), 1.96, np.eye(3), sentence)
+    nothing = Misfit("", np.nan, np.nan, np.nan)
+    return Found(np.zeros(3), np.eye(3), 1.96, np.eye(3), nothing, sentence)
 
 
 class Fits:

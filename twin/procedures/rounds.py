@@ -74,7 +74,7 @@ def conclude(
         platform, (_, floated) = kit.platform, lab.logs[run]
         observed = observed_torque(floated, platform, found.inertia)
         lab.notes.runs[run].statement = state(
-            platform, moment, found.covariance, found.quantile, observed, positions
+            platform, moment, found.covariance, found.quantile, observed, positions, found.misfit
         )
     if reached:
         return Next(Phase.done if now.phase[run] == Phase.judge else Phase.verify)

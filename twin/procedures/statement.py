@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from twin.controller.exchange import exchange_of
+from twin.identify import Misfit
 from twin.platform import Platform
 from twin.procedures.plan import length
 from twin.recording import Recording
@@ -53,6 +54,8 @@ class Statement:
     """95th percentile of |J dw/dt + w x H + dh/dt| while it floated free [N m]."""
     stage_position: Array
     """(stages,) where the masses stand [m]."""
+    misfit: Misfit
+    """What the model leaves of the logs; more than noise, and the intervals do not know why."""
 
     def document(self) -> Mapping[str, Any]:
         """For `--json`."""
@@ -66,6 +69,10 @@ class Statement:
                 "unit": "kg m",
             },
             "stage_position": self.stage_position.tolist(),
+            "chi2_per_sample": {
+                "value": self.misfit.chi2_per_sample,
+                "band": [self.misfit.low, self.misfit.high],
+            },
         }
 
 
@@ -76,6 +83,7 @@ def state(
     quantile: float,
     observed: float,
     stage_position: Array,
+    misfit: Misfit,
 ) -> Statement:
     """The statement on an identified m r (3,) with its covariance (3, 3)."""
     half = quantile * np.sqrt(np.diag(covariance))
@@ -85,7 +93,7 @@ def state(
     g = platform.gravity
     whole = Interval(*(g * s for s in length(moment, covariance, quantile)))
     plane = Interval(*(g * s for s in length(moment[:2], covariance[:2, :2], quantile)))
-    return Statement((x, y, z), whole, plane, observed, stage_position)
+    return Statement((x, y, z), whole, plane, observed, stage_position, misfit)
 
 
 def observed_torque(recording: Recording, platform: Platform, inertia: Array) -> float:

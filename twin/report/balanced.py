@@ -19,7 +19,7 @@ def balanced(statement: Statement, platform: Platform, target: float) -> list[st
         f"{stage.name} {position * 1e3:.4g} mm"
         for stage, position in zip(platform.stages, statement.stage_position, strict=True)
     )
-    return [
+    lines = [
         "left, with 95 % intervals:",
         f"  CM from CR ({offset}) um of {platform.mass:g} kg",
         f"  gravity torque at the worst attitude {_torque(whole)}, which {verdict} the target of "
@@ -29,6 +29,15 @@ def balanced(statement: Statement, platform: Platform, target: float) -> list[st
         f"{printed(statement.residual_torque_observed, 'N m')}, drag and gyro noise included",
         f"  masses at {stands}",
     ]
+    misfit = statement.misfit
+    if not misfit.is_noise:
+        lines.append(
+            f"  The model misses more than noise of this (chi2 per sample "
+            f"{misfit.chi2_per_sample:.3f}, a true one keeps {misfit.low:.3f} to "
+            f"{misfit.high:.3f}): the intervals hold only if what it lacks is a random torque. "
+            "`twin diagnose` names causes."
+        )
+    return lines
 
 
 def _torque(interval: Interval) -> str:

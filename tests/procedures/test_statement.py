@@ -1,0 +1,63 @@
+"""What a balancing states knows whether its own logs agree with the model."""
+
+import re
+import secrets
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.cli.main import main
+from twin.platform import load_platform
+from twin.procedures.fits import found_in
+from twin.procedures.statement import Statement, state
+from twin.recording import open_log
+from twin.report.balanced import balanced
+
+CUBESAT = load_platform("cubesat")
+DRAFT = 3e-5, 1e-4
+"""Of a fan that swings, 0.3 m above the bearing [N]."""
+
+
+def stated(folder: Path, seed: int, *hidden: str) -> Statement:
+    """On a table that swings for a minute."""
+    log = folder / "swing.rrd"
+    words = [
+        "run",
+        "cubesat",
+        "--controller",
+        "free_float",
+        "--duration",
+        "60",
+        "--seed",
+        str(seed),
+    ]
+    assert main([*words, "--attitude", "4", "3", "40", *hidden, "--rrd", str(log)]) == 0
+    found = found_in([open_log(log)], CUBESAT, CUBESAT.center_of_mass_offset[None])
+    assert not found.failure
+    return state(
+        CUBESAT, found.moment, found.covariance, found.quantile, 0.0, np.zeros(3), found.misfit
+    )
+
+
+@pytest.fixture
+def seed() -> int:
+    drawn = secrets.randbits(31)
+    print("seed", drawn)
+    return drawn
+
+
+def test_a_statement_on_a_machine_that_is_as_stated_has_no_doubt(tmp_path, seed):
+    statement = stated(tmp_path, seed)
+    low, high = statement.document()["chi2_per_sample"]["band"]
+    assert low < 1.0 < high
+    # beyond its band one time in forty; half a band's width further never
+    assert statement.misfit.chi2_per_sample < high + 0.5 * (high - low)
+
+
+def test_a_statement_doubts_itself_where_something_hidden_moves_the_machine(tmp_path, seed):
+    force = np.random.default_rng(seed).uniform(*DRAFT)
+    draft = f"room_draft=0.1/0/0.3/{force}/{force}/0/0.3/1"
+    statement = stated(tmp_path, seed, "--effects", draft)
+    told = balanced(statement, CUBESAT, 4.3e-5)[-1]
+    assert re.search(r"misses more than noise .*chi2 per sample .*twin diagnose", told), told
