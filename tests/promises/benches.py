@@ -15,7 +15,7 @@ from twin.diagnose.candidates import Candidate, candidate, candidates_of
 from twin.diagnose.excitation import Angles, Excitation
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.weighing import Weighing
-from twin.effects import Effect, able, catalogue, with_effects
+from twin.effects import Effect, Order, SeriesEffect, able, catalogue, with_effects
 from twin.errors import PlatformError, UsageError
 from twin.model import compile_model
 from twin.platform import Platform, Sensor, load_platform
@@ -179,7 +179,11 @@ class Yardstick:
         log = flown(self.bench, (effect,), seed=0)
         if log is None:
             raise UsageError(f"{self.bench.words} ends at a stop or a limit with {effect.words()}")
-        weighing = diagnosis.plain_of([log], platform).weighing([candidate(effect, platform)])
+        found = diagnosis.plain_of([log], platform)
+        if isinstance(effect, SeriesEffect) and effect.order is Order.delay:
+            # what it gains as it is: along a slope it would do more than it can
+            return found.cost - found.instead((effect,)).cost
+        weighing = found.weighing([candidate(effect, platform)])
         signature = weighing.signature(0, effect.values[size])
         return float(signature @ signature)
 

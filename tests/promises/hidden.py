@@ -11,7 +11,7 @@ import numpy as np
 from benches import LIBRARY, Bench, Yardstick, believed, flown, machine, yardstick
 
 from twin.contrast import difference
-from twin.effects import Effect, SeriesEffect, able, catalogue, with_effects
+from twin.effects import Effect, Order, SeriesEffect, able, catalogue, with_effects
 from twin.effects.effect import targets
 from twin.effects.errors import EffectError
 from twin.errors import TwinError
@@ -153,10 +153,12 @@ def drawn(bench: Bench, label: str, evidence: float, rng: np.random.Generator) -
 
 
 def _proportional(effect: Effect) -> bool:
-    """Whether twice as much of an effect does twice as much: a heavy panel rings faster, and what a
-    stage's counter shows of its fault is known, but for a digit."""
-    of_stage = isinstance(effect, SeriesEffect) and effect.stream == "command_stage_position"
-    return bool(amplitudes(effect).all()) and not of_stage
+    """Whether twice as much of an effect does twice as much: a heavy panel rings faster, what a
+    stage's counter shows of its fault is known, but for a digit, and a stream that is later than
+    its signal is long is no more wrong for being later still."""
+    series = isinstance(effect, SeriesEffect)
+    bent = series and (effect.order is Order.delay or effect.stream == "command_stage_position")
+    return bool(amplitudes(effect).all()) and not bent
 
 
 def _resized(bench: Bench, effect: Effect, evidence: float) -> Effect:
@@ -175,8 +177,10 @@ def _resized(bench: Bench, effect: Effect, evidence: float) -> Effect:
             return effect
         values = effect.values
         values[size] *= np.sqrt(evidence / shown)
-        low, high = effect.bounds()
-        effect = _possible(bench, effect.with_values(np.clip(values, low, high)))
+        values = np.clip(values, *effect.bounds())
+        if np.array_equal(values, effect.values):
+            break
+        effect = _possible(bench, effect.with_values(values))
     raise OutOfReach(f"not detectable here: no {effect.label} has evidence {evidence:g}")
 
 
