@@ -112,7 +112,7 @@ def test_a_lags_column_does_not_see_what_a_law_commands_afterwards(
     later = replace(path, rate=path.rate.copy())
     later.rate[:, :, instant + 1 :] += 1.0
     before, after = (
-        body.gather(lag.sensor_columns(one, np.zeros(1))[..., 0])[1] for one in (path, later)
+        body.gather(lag.sensor_columns(one, np.zeros(1))[0])[1] for one in (path, later)
     )
     (rate,) = (output for output in body.outputs if output.stream == "joint_rate")
     seen = (rate.place <= instant) & (rate.place > 0)

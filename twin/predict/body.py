@@ -258,13 +258,10 @@ class Body:
     def scatter(self, parts: list[Array]) -> Array:
         """Numbers of each output (v, m, k) to their rows (v, S, N)."""
         grid = self.grid
-        # in memory as columns stand: what moves a path is one of many
-        flat = np.zeros((grid.segments, grid.steps + 1, self._width, len(parts[0])))
+        cells = np.zeros((len(parts[0]), grid.segments, grid.steps + 1, self._width))
         for output, part in zip(self.outputs, parts, strict=True):
-            place = output.segment[:, None], output.instant[:, None], output.slot
-            flat[place] = np.moveaxis(part, 0, -1)
-        rows = flat.reshape(grid.segments, (grid.steps + 1) * self._width, -1)
-        return np.moveaxis(rows, -1, 0)
+            cells[:, output.segment[:, None], output.instant[:, None], output.slot] = part
+        return cells.reshape(len(cells), grid.segments, (grid.steps + 1) * self._width)
 
     def gather(self, rows: Array) -> list[Array]:
         """Numbers in rows (S, N) back to their outputs, each (m, k)."""

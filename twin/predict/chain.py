@@ -143,16 +143,22 @@ def _triangle(linear: Linearised, segment: int) -> Array:
     LAPACK called in place: as `np.linalg.qr`, which copies the rows twice, and there are many.
     """
     x = linear.state.shape[2]
-    parts = linear.state[segment], linear.residual[segment, :, None], linear.shared[segment]
-    # a segment has far more rows than samples
-    held = np.any([part.any(axis=-1) for part in parts], axis=0)
-    n, k = int(held.sum()), x + 1 + linear.shared.shape[-1]
+    parts = linear.state[segment].T, linear.residual[segment][None], linear.shared[segment].T
+    # a segment has far more rows than samples, and not all that is shared does anything in it
+    held = np.flatnonzero(np.any([part.any(axis=0) for part in parts], axis=0))
+    acting = np.flatnonzero(parts[-1].any(axis=1))
+    kept = np.concatenate([np.arange(x + 1), x + 1 + acting])
+    n, k = len(held), len(kept)
     columns = np.zeros((max(n, k), k), order="F")
-    for part, first in zip(parts, (0, x, x + 1), strict=True):
-        columns[:n, first : first + part.shape[-1]] = part[held]
+    columns.T[:x, :n] = parts[0][:, held]
+    columns.T[x, :n] = parts[1][0, held]
+    columns.T[x + 1 :, :n] = parts[2][np.ix_(acting, held)]
     work = int(dgeqrf_lwork(*columns.shape)[0])
     factored = dgeqrf(columns, lwork=work, overwrite_a=True)[0]
-    return np.triu(factored[: columns.shape[1]])
+    width = x + 1 + linear.shared.shape[-1]
+    triangle = np.zeros((width, width))
+    triangle[:k, kept] = np.triu(factored[:k])
+    return triangle
 
 
 def _regular(triangle: Array) -> Array:

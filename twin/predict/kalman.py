@@ -49,7 +49,8 @@ def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linear
     """
     segments, instants, width, x = local.measured.shape
     stack = np.concatenate([linear.state, linear.residual[..., None], linear.shared], axis=-1)
-    stack = stack.reshape(segments, instants, width, -1)
+    # all of an instant together, as the filter goes through them
+    stack = np.ascontiguousarray(stack).reshape(segments, instants, width, -1)
     force = local.pushed * (intensity * local.step)
     noise = force @ local.pushed.transpose(0, 2, 1)
     mean = np.zeros((segments, x, stack.shape[-1]))

@@ -16,6 +16,9 @@ class Linearised:
     other rows are zero. The start of a segment is that of the one before it carried on:
 
         x_{s+1} = jump + transition x_s + jump_shared u + noise of covariance `spread`
+
+    Columns stand one after the other in memory: they are the largest arrays of a diagnosis, and
+    are formed, joined and factored column by column.
     """
 
     residual: Array
@@ -44,8 +47,8 @@ class Linearised:
             jumps = np.zeros((*self.jump_shared.shape[:2], columns.shape[-1]))
         return replace(
             self,
-            shared=np.concatenate([self.shared, columns], axis=-1),
-            jump_shared=np.concatenate([self.jump_shared, jumps], axis=-1),
+            shared=joined(self.shared, columns),
+            jump_shared=joined(self.jump_shared, jumps),
         )
 
     def with_first(self, columns: Array, jumps: Array) -> "Linearised":
@@ -53,6 +56,18 @@ class Linearised:
         count = columns.shape[-1]
         return replace(
             self,
-            shared=np.concatenate([columns, self.shared[..., count:]], axis=-1),
-            jump_shared=np.concatenate([jumps, self.jump_shared[..., count:]], axis=-1),
+            shared=joined(columns, self.shared[..., count:]),
+            jump_shared=joined(jumps, self.jump_shared[..., count:]),
         )
+
+
+def joined(*columns: Array) -> Array:
+    """Columns (S, N, .) side by side, one after the other in memory."""
+    return np.moveaxis(np.concatenate([np.moveaxis(one, -1, 0) for one in columns]), 0, -1)
+
+
+def among(columns: Array, places: NDArray[np.bool_]) -> Array:
+    """Columns (S, N, .) at these places (c,) of as many, which are zero elsewhere."""
+    every = np.zeros((len(places), *columns.shape[:2]))
+    every[places] = np.moveaxis(columns, -1, 0)
+    return np.moveaxis(every, 0, -1)

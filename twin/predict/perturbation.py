@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from twin.effects.on_body import TorqueLaw
 from twin.predict.body import Body, Exact
+from twin.predict.linearised import among, joined
 from twin.predict.outputs import Output
 from twin.predict.push import Push, forces_along
 from twin.predict.states import States
@@ -100,8 +101,8 @@ class Added:
             parts.append(output.residual(path, step, late) - shown / output.sigma)
         return self.body.scatter(parts)[0]
 
-    def sensor_columns(self, path: States, strengths: Array) -> Array:
-        """(S, N, a) d residual / d strength by the sensors' faults."""
+    def sensor_columns(self, path: States, strengths: Array) -> dict[int, Array]:
+        """(S, N) d residual / d strength of each sensor's fault, by its place."""
         body, step = self.body, self.body.grid.step
         faults = [i for i, one in enumerate(self.perturbations) if one.stream]
         parts = [np.zeros((len(faults), *o.slot.shape)) for o in body.outputs]
@@ -119,15 +120,14 @@ class Added:
                     past = output.residual(path, step, late + soon)[0]
                     there = output.residual(path, step, late)[0]
                     own[:] = (past - there) / soon * one.late(output)[:, None]
-        found = body.scatter(parts)
-        columns = np.zeros((*found.shape[1:], len(self.perturbations)))
-        columns[..., faults] = np.moveaxis(found, 0, -1)
-        return columns
+        return dict(zip(faults, body.scatter(parts), strict=True))
 
     def columns(self, exact: Exact, strengths: Array) -> tuple[Array, Array]:
         """d residual (S, N, a), d segment's end (S - 1, x, a) / d strength."""
         columns, jumps = self.force_columns(exact, strengths)
-        return columns + self.sensor_columns(exact.path, strengths), jumps
+        for i, own in self.sensor_columns(exact.path, strengths).items():
+            columns[..., i] += own
+        return columns, jumps
 
     def force_columns(self, exact: Exact, strengths: Array) -> tuple[Array, Array]:
         """What the forces do, as `Body.force_columns`; those that are zero do nothing."""
@@ -140,8 +140,7 @@ class Added:
                 forces[..., i] += forces_along(one.laws, body.machine, exact.path, body.begins)
         acting = np.any(forces, axis=(0, 1, 2))
         found = body.force_columns(exact, forces[..., acting])
-        columns, jumps = (np.zeros((*one.shape[:2], len(acting))) for one in found)
-        columns[..., acting], jumps[..., acting] = found
+        columns, jumps = (among(one, acting) for one in found)
         for i in large:
             answers = body.columns_of(exact, self._answers(exact, i)[..., None])
             columns[..., i] += answers[0][..., 0]
@@ -195,9 +194,12 @@ def with_formed(exact: Sequence[Exact], every: Sequence[Formed]) -> tuple[Exact,
     return tuple(
         replace(
             one,
-            linear=one.linear.with_columns(
-                np.stack([logs[i][0] for logs in every], axis=-1),
-                np.stack([logs[i][1] for logs in every], axis=-1),
+            linear=replace(
+                one.linear,
+                shared=joined(one.linear.shared, *(logs[i][0][..., None] for logs in every)),
+                jump_shared=joined(
+                    one.linear.jump_shared, *(logs[i][1][..., None] for logs in every)
+                ),
             ),
         )
         for i, one in enumerate(exact)
