@@ -91,7 +91,7 @@ def rival(platform):
 @pytest.fixture(scope="module")
 def found(platform, tied, rival):
     (effect,), one = tied.effects, np.ones(1)
-    cause = Cause(effect, one > 0.0, one, 20.0, 20.0, 0.5, (Tie(RIVAL, 1.0),))
+    cause = Cause(effect, one > 0.0, one, one, 20.0, 20.0, 0.5, (Tie(RIVAL, 1.0),))
     return next_experiment(platform, tied, [cause], [rival], lambda _: None)
 
 
@@ -132,7 +132,7 @@ def test_no_ties_need_no_experiment(platform, tied):
 
 def test_a_law_without_a_name_foretells_nothing(platform, tied, rival):
     (effect,), one = tied.effects, np.ones(1)
-    cause = Cause(effect, one > 0.0, one, 20.0, 20.0, 0.5, (Tie(RIVAL, 1.0),))
+    cause = Cause(effect, one > 0.0, one, one, 20.0, 20.0, 0.5, (Tie(RIVAL, 1.0),))
     nameless = replace(tied, laws=("a law",))
     assert next_experiment(platform, nameless, [cause], [rival], lambda _: None) is None
 

@@ -11,6 +11,7 @@ from twin.diagnose.candidates import Candidate
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.law import Law
 from twin.diagnose.search import EVEN, TIED, Search
+from twin.diagnose.told import told
 from twin.effects import Effect
 from twin.identify.prediction_error import NORMAL
 from twin.predict.effect_columns import amplitudes
@@ -40,7 +41,10 @@ class Cause:
     free: NDArray[np.bool_]
     """(p,) which components were fitted; the others cannot be told and keep typical values."""
     half_widths: Array
-    """(p,) of the 95 % intervals; NaN where not fitted."""
+    """(p,) of the 95 % intervals; NaN where not fitted, and where the others are told only beside
+    one that is not: of a force at an unknown distance its torque alone."""
+    beside: Array
+    """(p,) likewise, those that were not fitted being what they are."""
     evidence: float
     """Against the best model without it."""
     alone: float
@@ -95,19 +99,19 @@ def causes_of(now: Explanation, search: Search, *, unexplained: bool) -> tuple[C
             found for.
     """
     found: list[Cause] = []
-    for index, (effect, free, spread) in enumerate(
-        zip(now.effects, now.free, now.covariances, strict=True)
+    for index, (effect, free, known) in enumerate(
+        zip(now.effects, now.free, told(now), strict=True)
     ):
         rest = tuple(other for other in now.own if other != index)
         evidence = search.evidence(now.own) - search.evidence(rest)
         instead = search.instead(now.own, index)
         rivals = [behind for _, behind in instead] + [max(evidence, 0.0)]
-        half = np.full(len(free), np.nan)
-        half[free] = NORMAL * np.sqrt(np.maximum(np.diag(spread), 0.0))
+        beside = NORMAL * known.deviations
+        half = np.where(known.leaning, np.nan, beside)
         share = _share(rivals) * (NAMELESS if unexplained else 1.0)
         alone = search.evidence((index,))
         ties = ties_of(search, instead, search.apart(now.own, index))
-        found.append(Cause(effect, free, half, evidence, alone, share, ties))
+        found.append(Cause(effect, free, half, beside, evidence, alone, share, ties))
     return tuple(sorted(found, key=lambda cause: -cause.evidence))
 
 

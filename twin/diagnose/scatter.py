@@ -80,4 +80,5 @@ def _cause(now: Explanation, effect: ScatterEffect, taken: Sequence[Effect]) -> 
     bend = max((side[0] + side[1] - 2.0 * float(best.fun)) / step**2, 1e-300)
     half = NORMAL * np.sqrt(2.0 / bend) / scale
     there = effect.with_values(np.clip([size / scale], *effect.bounds()))
-    return Cause(there, np.array([True]), np.array([half]), evidence, gain, 1.0, ())
+    width = np.array([half])
+    return Cause(there, np.array([True]), width, width, evidence, gain, 1.0, ())

@@ -13,6 +13,7 @@ from twin.diagnose.remainder import Remainder
 from twin.diagnose.validation import Validation
 from twin.identify.excitation import not_excited
 from twin.identify.prediction_error import NORMAL
+from twin.predict.effect_columns import amplitudes
 from twin.report.next_experiment import experiment_sentence
 from twin.report.words import MEANINGFUL
 from twin.units import fitting, printed, three_digits
@@ -88,24 +89,36 @@ def cause_name(cause: Cause) -> str:
 
 def cause_sentence(cause: Cause) -> str:
     """Its numbers, how sure it is, and what could be meant instead."""
-    low, high = cause.effect.values - cause.half_widths, cause.effect.values + cause.half_widths
-    units = [known.unit for known in cause.effect.parameters() for _ in range(known.size)]
-    parts: list[str] = []
-    for i, name in enumerate(cause.effect.names):
-        value = float(cause.effect.values[i])
-        if not cause.free[i]:
-            parts.append(f"{name} not seen")
-            continue
-        factor, unit = fitting(max(abs(value), float(cause.half_widths[i])), units[i])
-        ends = f"{three_digits(float(low[i]) / factor)} to {three_digits(float(high[i]) / factor)}"
-        shown = "" if unit == "1" else f" {unit}"
-        parts.append(f"{name} {three_digits(value / factor)}{shown} ({ends})")
+    leaning = cause.free & np.isnan(cause.half_widths)
+    taken = ~cause.free & ~amplitudes(cause.effect) & leaning.any()
+    parts = [
+        f"{name} not seen" if away else _component(cause, i)
+        for i, (name, away) in enumerate(zip(cause.effect.names, ~cause.free & ~taken, strict=True))
+        if not (leaning[i] or taken[i])
+    ]
+    if leaning.any():
+        beside = ", ".join(_component(cause, i) for i in np.flatnonzero(leaning).tolist())
+        with_it = ", ".join(_component(cause, i) for i in np.flatnonzero(taken).tolist())
+        parts.append(f"and as no log tells all of it, {beside} if {with_it}")
     ties = ", ".join(f"{tie.label} ({tie.behind:.1f} behind)" for tie in cause.ties)
     instead = f" These logs cannot tell it from {ties}." if ties else ""
     return (
         f"{cause_name(cause)}: {', '.join(parts)}; evidence {cause.evidence:.0f}, "
         f"confidence {100.0 * cause.confidence:.3g} %.{instead}"
     )
+
+
+def _component(cause: Cause, index: int) -> str:
+    """`lag 0.171 s (0.168 to 0.174)`."""
+    units = [known.unit for known in cause.effect.parameters() for _ in range(known.size)]
+    value, half = float(cause.effect.values[index]), float(cause.beside[index])
+    factor, unit = fitting(np.nanmax([abs(value), half]), units[index])
+    shown = "" if unit == "1" else f" {unit}"
+    text = f"{cause.effect.names[index]} {three_digits(value / factor)}{shown}"
+    if np.isnan(half):
+        return text
+    low, high = ((value + sign * half) / factor for sign in (-1.0, 1.0))
+    return f"{text} ({three_digits(low)} to {three_digits(high)})"
 
 
 def equation_text(equation: Equation) -> str:

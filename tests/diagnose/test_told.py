@@ -1,0 +1,81 @@
+"""Of an effect that no log tells whole, intervals are of what logs do tell; the rest is told beside
+what is taken for granted."""
+
+import secrets
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin.diagnose.cause import Cause
+from twin.diagnose.diagnosis import plain_of
+from twin.diagnose.excitation import Excitation
+from twin.diagnose.told import told
+from twin.effects import effect_named, with_effects
+from twin.identify.prediction_error import NORMAL
+from twin.platform import load_platform
+from twin.report.diagnosed import cause_sentence
+
+FARTHER = 1.4
+"""Times as far away as it is, a draft is taken to push."""
+SADS = load_platform("sads")
+
+
+def fitted(hidden, guess):
+    """An effect of the catalogue as a log of it has it, begun from a guess."""
+    excitation = Excitation(SADS, "quaternion_pd", 60.0, "multisine:5")
+    log = excitation.flown(with_effects(SADS, (hidden,)), seed=1)
+    assert log is not None
+    return plain_of([log.without_truth()], SADS).instead([guess])
+
+
+@pytest.fixture(scope="module")
+def hidden():
+    seed = secrets.randbits(32)
+    print(f"seed {seed}")
+    rng = np.random.default_rng(seed)
+    return replace(
+        effect_named("room_draft").typical(),
+        point=tuple(rng.uniform(-0.4, 0.4, 3)),
+        force=tuple(rng.choice([-1.0, 1.0], 3) * rng.uniform(0.05, 0.1, 3)),
+        frequency=rng.uniform(0.1, 0.3),
+    )
+
+
+@pytest.fixture(scope="module")
+def draft(hidden):
+    point, force = np.array(hidden.point), np.array(hidden.force)
+    return fitted(hidden, replace(hidden, point=tuple(FARTHER * point), force=tuple(0.7 * force)))
+
+
+def test_a_force_at_an_unknown_place_is_told_only_beside_the_place(draft, hidden):
+    (known,) = told(draft)
+    of_force = np.array([name.startswith("force") for name in draft.effects[0].names])
+    print(draft.effects[0].words(), hidden.words(), known)
+    assert known.leaning[of_force].all()
+
+
+def test_what_a_log_tells_of_it_whatever_the_place_has_an_interval_that_holds(draft, hidden):
+    (known,), (effect,), (free,) = told(draft), draft.effects, draft.free
+    sure = free & ~known.leaning
+    sure[[effect.names.index(name) for name in ("frequency", "phase")]] = True
+    error = np.abs(effect.values - hidden.values)[sure]
+    assert np.all(error < 4.0 * known.deviations[sure]), error / known.deviations[sure]
+
+
+def test_a_sentence_says_what_a_force_is_told_beside(draft):
+    (known,), (effect,), (free,) = told(draft), draft.effects, draft.free
+    beside = NORMAL * known.deviations
+    half = np.where(known.leaning, np.nan, beside)
+    text = cause_sentence(Cause(effect, free, half, beside, 20.0, 20.0, 0.9, ()))
+    first, _, second = text.partition("as no log tells all of it, ")
+    assert "force" not in first
+    assert "force" in second.partition(" if point")[0]
+
+
+def test_what_one_size_says_whole_leans_on_nothing():
+    harness = effect_named("harness_stiffness").typical().with_values(np.array([0.05]))
+    now = fitted(harness, harness)
+    (known,), (spread,) = told(now), now.covariances
+    assert not known.leaning.any()
+    assert known.deviations == pytest.approx(np.sqrt(np.diag(spread)), rel=1e-3)

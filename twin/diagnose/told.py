@@ -1,0 +1,60 @@
+"""What logs alone tell of the components of effects: how well, and which only beside others that
+they do not tell."""
+
+from dataclasses import dataclass
+from itertools import compress
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.diagnose.explanation import Explanation
+from twin.predict.effect_columns import amplitudes, slopes_of
+
+Array = NDArray[np.float64]
+
+LEANS = 0.2
+"""Standard deviations by which a component moves with one that no log tells, if that is wrong by
+its own size, from where on it is told only beside that."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """Of one effect."""
+
+    deviations: Array
+    """(p,) standard deviations, those held being what they are; NaN of those."""
+    leaning: NDArray[np.bool_]
+    """(p,) which would be others, were one that is held another."""
+
+
+def told(now: Explanation) -> tuple[Told, ...]:
+    """Of each effect of an explanation, by the logs and by what is known of sensors.
+
+    A fit moves a shape no further than shapes are like, and holds what no log shows. Neither is
+    knowledge: that a draft pushes at a point 0.3 m above the bearing is a place to begin from, and
+    as far as the point is another, its force is.
+    """
+    if not now.effects:
+        return ()
+    platform = now.bodies[0].machine.platform
+    free, sizes = np.concatenate(now.free), np.concatenate([*map(amplitudes, now.effects)])
+    held = ~free & ~sizes
+    slopes = [part for effect in now.effects for part in slopes_of(effect, platform)]
+    rows = now.rows_with(list(compress(slopes, held)))
+    edge = rows.columns.shape[1] - np.count_nonzero(held)
+    own = edge - len(now.laws) - np.count_nonzero(free) + np.arange(np.count_nonzero(free))
+    shapes = own[~sizes[free]]
+    begun = (rows.cluster < 0) & rows.columns[:, shapes].any(axis=1)
+    columns = rows.columns[~begun]
+    scale = 1.0 / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    triangle = np.asarray(np.linalg.qr(columns * scale, mode="r"))
+    inverse = scale[:edge, None] * np.linalg.pinv(triangle[:edge, :edge], rcond=1e-12)
+    moves = (inverse @ triangle[:edge, edge:] / scale[edge:])[own]
+    wrong = np.concatenate([np.maximum(np.abs(e.values), e.scale()) for e in now.effects])[held]
+    deviations = np.full(len(free), np.nan)
+    deviations[free] = np.linalg.norm(inverse[own], axis=1)
+    leaning = np.zeros(len(free), dtype=bool)
+    leaning[free] = np.abs(moves) @ wrong > LEANS * deviations[free]
+    edges = np.cumsum([len(ones) for ones in now.free])[:-1]
+    parts = zip(np.split(deviations, edges), np.split(leaning, edges), strict=True)
+    return tuple(Told(each, leans) for each, leans in parts)
