@@ -31,19 +31,22 @@ def test_plane_is_left_alone_where_a_law_takes_care_of_it():
     np.testing.assert_allclose(AIM.change(moment, covariance(1e-7), in_plane=True)[:2], -moment[:2])
 
 
-def test_halving_ends_within_the_target():
-    moment = np.array([2e-4, 1e-4, -1.6e-3])
+@pytest.mark.parametrize("height", [-1.6e-3, -1.2e-3, -4.2e-6, -2e-6])
+def test_halving_ends_where_it_is_aimed_wherever_it_began(height):
+    moment = np.array([2e-4, 1e-4, height])
     for _ in range(12):
-        if AIM.is_reached(moment, covariance(1e-8), 1.96):
+        change = AIM.change(moment, covariance(1e-8), in_plane=True)
+        if AIM.is_kept(moment, covariance(1e-8), 1.96) and not AIM.is_worth(change):
             break
-        moment = moment + AIM.change(moment, covariance(1e-8), in_plane=True)
-    assert AIM.is_reached(moment, covariance(1e-8), 1.96)
+        moment = moment + change
+    assert AIM.is_kept(moment, covariance(1e-8), 1.96)
+    assert np.linalg.norm(moment) == pytest.approx(0.5 * AIM.moment, rel=0.5)
 
 
 def test_wide_interval_does_not_count_as_reached():
     moment = np.array([0.0, 0.0, -2e-6])
-    assert AIM.is_reached(moment, covariance(1e-8), 1.96)
-    assert not AIM.is_reached(moment, covariance(1.5e-6), 1.96)
+    assert AIM.is_kept(moment, covariance(1e-8), 1.96)
+    assert not AIM.is_kept(moment, covariance(1.5e-6), 1.96)
     assert not AIM.is_known(moment, covariance(1.5e-6))
 
 

@@ -16,6 +16,9 @@ MARGIN = 0.2
 """By which the CM stays below the CR, in parts of the mass moment that the target allows."""
 AIM = 0.5
 """Height that is aimed at, below the CR, in the same parts."""
+WORTH = 0.25
+"""Height by which a further step must raise the CM where the target is kept already, in the same
+parts: so a balancing ends where it was aimed, and not wherever it first does well enough."""
 SIGMAS = 3.0
 """Standard deviations that the CM stays below the CR besides."""
 KNOWN = 0.2
@@ -43,12 +46,17 @@ class Aim:
         worst = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
         return worst < KNOWN * size
 
-    def is_reached(self, moment: Array, covariance: Array, quantile: float) -> bool:
+    def is_kept(self, moment: Array, covariance: Array, quantile: float) -> bool:
         """Whether the upper end of the interval keeps the target and the CM is surely below."""
         low = -MARGIN * self.moment
         below = moment[2] + SIGMAS * float(np.sqrt(covariance[2, 2])) <= low
         _, _, high = length(moment, covariance, quantile)
         return bool(below and high <= self.moment)
+
+    def is_worth(self, change: Array) -> bool:
+        """Whether a change (3,) of m r raises the CM by so much that a kept target is no reason to
+        leave it."""
+        return bool(change[2] > WORTH * self.moment)
 
     def change(self, moment: Array, covariance: Array, *, in_plane: bool) -> Array:
         """(3,) mass moment to add [kg m]: all of it in the plane, the height from below.

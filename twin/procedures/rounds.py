@@ -69,23 +69,24 @@ def conclude(
     now.rounds[run] += 1
     now.base[run] = found.moment
     _tell(lab, now, run, moment, found, time)
-    reached = aim.is_reached(moment, found.covariance, found.quantile)
     if now.phase[run] == Phase.judge:
         platform, (_, floated) = kit.platform, lab.logs[run]
         observed = observed_torque(floated, platform, found.inertia)
         lab.notes.runs[run].statement = state(
             platform, moment, found.covariance, found.quantile, observed, positions, found.misfit
         )
-    if reached:
+    kept = aim.is_kept(moment, found.covariance, found.quantile)
+    change = aim.change(moment, found.covariance, in_plane=in_plane)
+    goal = positions + kit.reach.masses.positions(change[None])[0]
+    beyond = kit.reach.beyond(goal)
+    last = now.rounds[run] >= ROUNDS
+    if kept and (beyond or last or not aim.is_worth(change)):
         return Next(Phase.done if now.phase[run] == Phase.judge else Phase.verify)
     if not aim.is_known(moment, found.covariance):
         now.watch[run] *= 2.0
         return Next(Phase.settle, "the swing does not tell the offset well enough")
-    if now.rounds[run] >= ROUNDS:
+    if last:
         return Next(Phase.stopped, f"the target was not reached in {ROUNDS} rounds")
-    change = aim.change(moment, found.covariance, in_plane=in_plane)
-    goal = positions + kit.reach.masses.positions(change[None])[0]
-    beyond = kit.reach.beyond(goal)
     if beyond:
         return Next(Phase.stopped, f"the offset is beyond the masses' reach: {beyond}")
     hanging = max(-float(moment[2] + change[2]), MARGIN * aim.moment)
