@@ -11,7 +11,7 @@ import numpy as np
 from benches import LIBRARY, Bench, Yardstick, believed, flown, machine, yardstick
 
 from twin.contrast import difference
-from twin.effects import Effect, Order, SeriesEffect, able, catalogue, with_effects
+from twin.effects import BiasEffect, Effect, Order, SeriesEffect, able, catalogue, with_effects
 from twin.effects.effect import targets
 from twin.effects.errors import EffectError
 from twin.errors import TwinError
@@ -32,6 +32,9 @@ CLOSE = 0.2
 """Share of its evidence to which a size is sought."""
 RESIZED = 6
 """Times that a size is sought."""
+PLAIN = 0.05
+"""Share of a column that must be left beside the base for a size to be had by proportion: less is
+another in another run, or the error of a linearised base."""
 ENOUGH = 0.5
 """Share of its evidence that readings with and without an effect must differ by."""
 
@@ -148,7 +151,10 @@ def drawn(bench: Bench, label: str, evidence: float, rng: np.random.Generator) -
         values[size] = direction * np.sqrt(evidence) / shown
         if np.all(values >= low) and np.all(values <= high):
             found = _possible(bench, effect.with_values(values))
-            return found if _proportional(found) else _resized(bench, found, evidence)
+            share = weighing.seen(index)[direction != 0.0]
+            plain = isinstance(effect, BiasEffect) or float(share.min(initial=1.0)) > PLAIN
+            sized = plain and _proportional(found)
+            return found if sized else _resized(bench, found, evidence)
     raise OutOfReach(f"not detectable here: {label} at {evidence:g} is beyond its bounds")
 
 
@@ -173,6 +179,8 @@ def _resized(bench: Bench, effect: Effect, evidence: float) -> Effect:
             shown = yardstick(bench).evidence(effect)
         except TwinError as problem:
             raise OutOfReach(f"not detectable here: {effect.label}: {problem}") from problem
+        if shown <= 0.0:
+            break
         if abs(np.log(shown / evidence)) < CLOSE:
             return effect
         values = effect.values
