@@ -33,6 +33,8 @@ LED = 4
 most by either reckoning."""
 FEW = 3
 """Causes that one of them, of another shape, may be: more stand in for something else."""
+NEARLY = 0.7
+"""Share of what a cause gains from where on one that a fit may change is fitted in its place."""
 ASTRAY = 0.1
 """A fit that is less likely by more than this a sample than the one it began from has lost it."""
 NAMELESS = 6.0
@@ -143,11 +145,14 @@ def _lawful(
 
 def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line:
     """Searched, also from each new cause alone that a fit may change beyond its strength: what it
-    lacks where its columns were formed looks like a second cause."""
-    line, first = _searched(now, search, asked, say), len(now.own)
-    if not 2 <= len(line.now.effects) <= FEW or not now.follows:
+    lacks where its columns were formed looks like a second cause, or lets another one seem the
+    better."""
+    line = _searched(now, search, asked, say)
+    if not 1 <= len(line.now.effects) <= FEW or not now.follows:
         return line
-    for index in search.best():
+    chosen = search.best()
+    for index in chosen if len(line.now.effects) > 1 else _near(search, chosen):
+        first = len(now.own)
         if index < first or not _bends(asked[index - first]):
             continue
         (guess,) = _guesses(now, asked, search.weighing, (index,))
@@ -158,6 +163,16 @@ def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
         found = _searched(alone, search_from(alone, asked), asked, say)
         line = min(line, found, key=lambda one: one.score)
     return line
+
+
+def _near(search: Search, chosen: tuple[int, ...]) -> list[int]:
+    """Of each other cause the shape that gains most, if that is about as much as a set does."""
+    gain = {i: search.weighing.weigh((i,)).gain for i in search.asked}
+    least = NEARLY * search.weighing.weigh(chosen).gain
+    of_label: dict[str, int] = {}
+    for index in sorted(gain, key=lambda i: -gain[i]):
+        of_label.setdefault(search.weighing.traces[index].label, index)
+    return [i for i in of_label.values() if i not in chosen and gain[i] >= least]
 
 
 def _bends(one: Candidate) -> bool:
