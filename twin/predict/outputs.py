@@ -346,9 +346,10 @@ def _noise(
         series = recording[name] if shaken is None else _quiet(recording[name], shaken)
         noise, worth = noise_and_worth(series)
         if name in platform.sensors and name != "attitude":
-            # what never changes says nothing of its noise, but is no better known than its steps
+            # what stays at one value, or at the edge between two, says nothing of its noise, but is
+            # no better known than its steps
             rounding = platform.sensors[name].resolution / np.sqrt(12.0)
-            still = np.ptp(recording[name].value, axis=0) == 0.0
+            still = [len(np.unique(column)) <= 2 for column in recording[name].value.T]
             noise = np.where(still, np.maximum(noise, rounding), noise)
         noise, worth = with_claim(claimed_noise(platform, name, k), noise, worth, len(series))
         return noise, False, worth
