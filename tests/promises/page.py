@@ -30,9 +30,9 @@ Written by `make panel`, which grows it. Effects are drawn at random: the kind f
 often, then a machine and a motion that show it, then target, shape, direction and sign. The size
 is such that the evidence is what the table says: what a perfect method would have, the squared
 length of the effect's whitened signature with the base projected out. Of what has a frequency or a
-place it is met to a fifth, in a run with the effect: a law answers to what rings. The machine that
-is simulated moves on half the step, and its J and m r are up to 5 % off what the diagnosis
-believes.
+place it is met to a fifth, in a run with the effect: a law answers to what rings; likewise of what
+the base does nearly all of (since 56eb588). The machine that is simulated moves on half the step,
+and its J and m r are up to 5 % off what the diagnosis believes.
 
 An answer counts in full where the cause is named alone, or in a tie of at most three in which
 nobody could tell the others from it: with the true effect and no noise they would be less than 6

@@ -167,6 +167,8 @@ def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
 
 def _near(search: Search, chosen: tuple[int, ...]) -> list[int]:
     """Of each other cause the shape that gains most, if that is about as much as a set does."""
+    if not chosen:
+        return []
     gain = {i: search.weighing.weigh((i,)).gain for i in search.asked}
     least = NEARLY * search.weighing.weigh(chosen).gain
     of_label: dict[str, int] = {}

@@ -43,6 +43,7 @@ def told(now: Explanation) -> tuple[Told, ...]:
     rows = now.rows_with(list(compress(slopes, held)))
     edge = rows.columns.shape[1] - np.count_nonzero(held)
     own = edge - len(now.laws) - np.count_nonzero(free) + np.arange(np.count_nonzero(free))
+    # rows that hold shapes near where they began
     shapes = own[~sizes[free]]
     begun = (rows.cluster < 0) & rows.columns[:, shapes].any(axis=1)
     columns = rows.columns[~begun]
