@@ -68,9 +68,9 @@ def test_a_sentence_says_what_a_force_is_told_beside(draft):
     beside = NORMAL * known.deviations
     half = np.where(known.leaning, np.nan, beside)
     text = cause_sentence(Cause(effect, free, half, beside, 20.0, 20.0, 0.9, ()))
-    first, _, second = text.partition("as no log tells all of it, ")
+    first, _, second = text.partition("taking point")
     assert "force" not in first
-    assert "force" in second.partition(" if point")[0]
+    assert "force" in second.partition("which no log tells: ")[2]
 
 
 def test_what_one_size_says_whole_leans_on_nothing():

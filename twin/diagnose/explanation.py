@@ -13,7 +13,7 @@ from twin.compare.misfit import misfits, misfits_of
 from twin.diagnose.candidates import Candidate, looked_among
 from twin.diagnose.determined import determined
 from twin.diagnose.law import Law
-from twin.diagnose.moves import between, distance, held, largest, unseen
+from twin.diagnose.moves import between, distance, held, largest, unseen, whole
 from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import BiasEffect, Effect
@@ -42,6 +42,11 @@ IDLE = 0.5
 """Change of the cost that says that the columns were right."""
 LEAST = 0.1
 """Share of such a move below which no more is tried."""
+AGAIN = 2
+"""Times that a fit begins anew where it ended, its effects still far from where their columns were
+formed: a push's force and place may add up to its torque along their columns, and not in truth."""
+AWAY = 3.0
+"""How far that is, in standard deviations."""
 SETTLED = 0.1
 """Move of an effect, in standard deviations, at which they need not be."""
 SIZED = 4
@@ -198,7 +203,7 @@ class Explanation:
             own[:, place] += rest / strengths[place]
         columns = np.column_stack([own, now.columns[:, edge:end]])
         left = Rows(now.residual - own @ strengths, now.columns[:, :first], now.cluster)
-        return left, self._whole(columns, strengths, hidden)
+        return left, whole(self.effects, self.free, columns, strengths, hidden)
 
     def _rests(self, count: int) -> dict[int, Perturbation]:
         """What the last so many perturbations push whatever their strengths, by place."""
@@ -208,21 +213,6 @@ class Explanation:
             for place, part in enumerate(own)
             if part.rest is not None
         }
-
-    def _whole(self, columns: Array, strengths: Array, hidden: Sequence[int]) -> Array:
-        """Columns without the first, of so many amplitudes of each effect that no log shows: they
-        come and go with the largest that one does."""
-        past, place = 0, sum(hidden)
-        found = columns[:, place:].copy()
-        for effect, free, count in zip(self.effects, self.free, hidden, strict=True):
-            own, beside = slice(place, place + int(free.sum())), slice(past, past + count)
-            sizes = np.where(amplitudes(effect)[free], np.abs(strengths[own]), 0.0)
-            if count and sizes.any():
-                most = place + int(np.argmax(sizes))
-                share = strengths[beside] / strengths[most]
-                found[:, most - sum(hidden)] += columns[:, beside] @ share
-            past, place = beside.stop, own.stop
-        return found
 
     @property
     def traces(self) -> list[Trace]:
@@ -308,9 +298,31 @@ def explain(
     Raises:
         TwinError: no rigid body has the base that the iteration starts from.
     """
-    bodies = tuple(bodies)
-    now = _fitted(bodies, base, tuple(effects), tuple(laws), start, follows=follows)
-    formed_at, share = tuple(effects), 1.0
+    now, away = _explained(tuple(bodies), base, tuple(effects), start, laws, follows=follows)
+    shaped = any(not amplitudes(effect).all() for effect in effects)
+    for _ in range(AGAIN if shaped and follows else 0):
+        if away < AWAY:
+            break
+        # what is held is chosen anew, too
+        there, far = _explained(now.following, base, now.effects, now.at, now.laws, follows=True)
+        if far > away and not there.cost < now.cost:
+            break
+        now, away = there, far
+    return now
+
+
+def _explained(
+    bodies: tuple[Body, ...],
+    base: BaseParameters,
+    effects: tuple[Effect, ...],
+    start: Unknowns,
+    laws: Sequence[Law],
+    *,
+    follows: bool,
+) -> tuple[Explanation, float]:
+    """Such a fit, and how far its effects ended from where their columns were formed."""
+    now = _fitted(bodies, base, effects, tuple(laws), start, follows=follows)
+    formed_at, share = effects, 1.0
     for _ in range(ROUNDS if effects else 0):
         if _far(formed_at, now) < SETTLED or share < LEAST:
             break
@@ -324,7 +336,7 @@ def explain(
         now, formed_at, share = tried, there, 1.0
         if follows and fallen < IDLE:
             break
-    return now
+    return now, _far(formed_at, now) if effects else 0.0
 
 
 def _far(formed_at: Sequence[Effect], now: Explanation) -> float:

@@ -55,6 +55,28 @@ def unseen(
     ]
 
 
+def whole(
+    effects: Sequence[Effect],
+    free: Sequence[NDArray[np.bool_]],
+    columns: Array,
+    strengths: Array,
+    hidden: Sequence[int],
+) -> Array:
+    """Columns without the first, of so many amplitudes of each effect that no log shows: they come
+    and go with the largest that one does."""
+    past, place = 0, sum(hidden)
+    found = columns[:, place:].copy()
+    for effect, ones, count in zip(effects, free, hidden, strict=True):
+        own, beside = slice(place, place + int(ones.sum())), slice(past, past + count)
+        sizes = np.where(amplitudes(effect)[ones], np.abs(strengths[own]), 0.0)
+        if count and sizes.any():
+            most = place + int(np.argmax(sizes))
+            share = strengths[beside] / strengths[most]
+            found[:, most - sum(hidden)] += columns[:, beside] @ share
+        past, place = beside.stop, own.stop
+    return found
+
+
 def distance(step: Array, spread: Array) -> float:
     """Of a step, in standard deviations."""
     return float(np.sqrt(max(step @ np.linalg.pinv(spread, hermitian=True) @ step, 0.0)))

@@ -99,7 +99,7 @@ def cause_sentence(cause: Cause) -> str:
     if leaning.any():
         beside = ", ".join(_component(cause, i) for i in np.flatnonzero(leaning).tolist())
         with_it = ", ".join(_component(cause, i) for i in np.flatnonzero(taken).tolist())
-        parts.append(f"and as no log tells all of it, {beside} if {with_it}")
+        parts.append(f"taking {with_it}, which no log tells: {beside}")
     ties = ", ".join(f"{tie.label} ({tie.behind:.1f} behind)" for tie in cause.ties)
     instead = f" These logs cannot tell it from {ties}." if ties else ""
     return (
