@@ -35,6 +35,9 @@ FEW = 3
 """Causes that one of them, of another shape, may be: more stand in for something else."""
 NEARLY = 0.7
 """Share of what a cause gains from where on one that a fit may change is fitted in its place."""
+PLAIN = 2000.0
+"""Gain of a cause that leaves nothing, from where on no other's shape is tried in its place: what
+passes for noise is too little for another one to have gained nearly as much."""
 ASTRAY = 0.1
 """A fit that is less likely by more than this a sample than the one it began from has lost it."""
 NAMELESS = 6.0
@@ -150,8 +153,10 @@ def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
     line = _searched(now, search, asked, say)
     if not 1 <= len(line.now.effects) <= FEW or not now.follows:
         return line
-    chosen = search.best()
-    for index in chosen if len(line.now.effects) > 1 else _near(search, chosen):
+    chosen, single = search.best(), len(line.now.effects) == 1
+    if single and search.weighing.weigh(chosen).gain > PLAIN and line.left.chance > DOUBTFUL:
+        return line
+    for index in _near(search, chosen) if single else chosen:
         first = len(now.own)
         if index < first or not _bends(asked[index - first]):
             continue
@@ -159,6 +164,8 @@ def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
         say(f"fitting {guess.label} alone")
         alone = _followed(now, (guess,))
         if alone is None:
+            continue
+        if single and Line(alone, search_from(alone, ()), asked).score > line.score:
             continue
         found = _searched(alone, search_from(alone, asked), asked, say)
         line = min(line, found, key=lambda one: one.score)
