@@ -144,6 +144,33 @@ class Own(Controller[int]):
     assert len({one.metrics["rate_rms"] for one in came.values()}) == 4
 
 
+def test_a_law_that_computes_with_its_gains_once_flies_in_batches_of_its_own(tmp_path, spec_of):
+    source = """
+from dataclasses import dataclass, field
+import numpy as np
+from twin.controller import Controller
+
+@dataclass(frozen=True)
+class Own(Controller[int]):
+    gain: float = field(default=1.0, metadata={"unit": "A m^2"})
+    def __post_init__(self):
+        object.__setattr__(self, "dipole", self.gain * np.array([1e-3, 0.0, 0.0]))
+    def init(self, platform, n):
+        return n
+    def update(self, state, estimate, target, time):
+        return {"command_dipole": np.tile(self.dipole, (state, 1))}, state
+"""
+    path = tmp_path / "own.py"
+    path.write_text(source, encoding="utf-8")
+    spec = spec_of(
+        ('"mass_magnetic_pid"', repr(str(path))),
+        ("derivative = { grid = [1e-3, 2e-3] }", "gain = { uniform = [1.0, 2.0] }"),
+    )
+    drawn = draw(spec, range(4))
+    gains = {"gain": drawn.values["gains.gain"]}
+    assert laws.batches(spec.arms[0], gains, 4) == [[0], [1], [2], [3]]
+
+
 @pytest.mark.slow
 def test_a_balancing_has_the_same_bits_alone_as_among_others(spec_of):
     spec = spec_of(text=BALANCE)

@@ -7,6 +7,8 @@ fly in batches of their own, one for each set of gains.
 
 import copy
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 from twin.campaign.spec import Arm
 from twin.controller import AnyController, load_controller
 from twin.controller.trial import Broken, estimates, fly, rows_of
+from twin.errors import TwinError
 from twin.platform import Platform
 
 Array = NDArray[np.float64]
@@ -55,13 +58,13 @@ def takes_columns(arm: Arm, names: Sequence[str]) -> bool:
 def _passes(law: AnyController, platform: Platform, names: Sequence[str]) -> bool:
     gains = {name: (getattr(law, name) or 1.0) * _SIZES for name in names}
     flight = estimates(platform, _TRIALS)
+    loaded: Any = law
     try:
         with np.errstate(all="ignore"):
             whole = fly(_with_columns(law, gains), platform, flight)
             for row in range(_TRIALS):
-                own = _with_columns(
-                    law, {name: v[[row, row]] for name, v in gains.items()}, own=True
-                )
+                # as a lone run has it: what a law makes of its gains at first is made anew
+                own = replace(loaded, **{name: float(v[row]) for name, v in gains.items()})
                 alone = fly(own, platform, [rows_of(e, [row, row]) for e in flight])
                 for together, single in zip(whole, alone, strict=True):
                     for name, value in together.items():
@@ -69,15 +72,13 @@ def _passes(law: AnyController, platform: Platform, names: Sequence[str]) -> boo
                             value[row], single[name][0]
                         ):
                             return False
-    except Broken:
+    except (Broken, TwinError, ValueError):
         return False
     return True
 
 
-def _with_columns(
-    law: AnyController, gains: Mapping[str, Array], *, own: bool = False
-) -> AnyController:
+def _with_columns(law: AnyController, gains: Mapping[str, Array]) -> AnyController:
     changed = copy.copy(law)
     for name, value in gains.items():
-        object.__setattr__(changed, name, float(value[0]) if own else value[:, None])
+        object.__setattr__(changed, name, value[:, None])
     return changed
