@@ -16,7 +16,8 @@ import numpy as np
 from twin.clock import SimulatedClock
 from twin.estimators import load_estimator, usual_estimator
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
 from twin.procedures import balancing, random_offsets, usual_target
 from twin.reference import Hold

@@ -21,7 +21,8 @@ from benchmarks.measure import median, seconds, spread, table
 from twin.clock import SimulatedClock
 from twin.estimators import load_estimator, usual_estimator
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.procedures import Balancing, Fits, Lab, balancing, random_offsets, usual_target
 from twin.procedures.fits import Found, found_in

@@ -16,7 +16,8 @@ from twin.controller import load_controller
 from twin.estimators import load_estimator
 from twin.loop import fly
 from twin.model import compile_model
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.reference import Hold
 from twin.rotation import conjugate, multiply, to_rotation_vector

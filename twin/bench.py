@@ -22,8 +22,8 @@ from twin.plant.devices.host_time import WALL, HostTime
 from twin.plant.guard.guarded import YES, Guarded, Held
 from twin.plant.hardware import HardwarePlant
 from twin.plant.hardware_setup import HardwareSetup, read_hardware
+from twin.plant.initial import InitialState
 from twin.plant.plant import Plant
-from twin.plant.simulated import InitialState
 from twin.platform import Platform
 from twin.signals import Command, Reading
 

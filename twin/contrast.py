@@ -16,7 +16,8 @@ from twin.controller import Controller
 from twin.effects import Effect, ScatterEffect, able, effect_named, with_effects
 from twin.estimators.passthrough import Passthrough
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform
 from twin.recording import Recording, Series
 from twin.reference import Hold

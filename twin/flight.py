@@ -14,9 +14,10 @@ from twin.effects import Effect, effects_of, with_effects
 from twin.errors import UnknownName, UsageError
 from twin.estimators import Estimator, load_estimator, usual_estimator
 from twin.loop import Observer, Outcome, fly
+from twin.plant.initial import InitialState
 from twin.plant.plant import Plant
 from twin.plant.replayed import ReplayedPlant
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.recording import open_log
 from twin.reference import Reference, parse_reference

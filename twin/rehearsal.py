@@ -18,7 +18,8 @@ from twin.clock import SimulatedClock
 from twin.errors import SafetyError, UsageError
 from twin.flight import Flight
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform
 from twin.signals import Tick
 

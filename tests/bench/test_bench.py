@@ -20,7 +20,8 @@ from twin.estimators.named import load_estimator
 from twin.loop import Ended, Outcome, fly
 from twin.plant.guard.guarded import Held
 from twin.plant.hardware_setup import read_hardware
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.recording import open_log
 from twin.reference import Hold

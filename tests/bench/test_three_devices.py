@@ -18,7 +18,8 @@ from twin.emulate.platform import EmulatedPlatform
 from twin.errors import TwinError
 from twin.plant.guard.guarded import Held
 from twin.plant.hardware_setup import HardwareSetup, read_hardware
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.rotation import from_rotation_vector
 from twin.service.jog import jog

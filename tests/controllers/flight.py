@@ -9,7 +9,8 @@ from twin.clock import SimulatedClock
 from twin.controller import AnyController
 from twin.estimators import load_estimator
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform
 from twin.reference import Hold, Reference
 from twin.signals import Tick

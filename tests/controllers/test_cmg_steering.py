@@ -9,7 +9,7 @@ from tests.controllers.flight import simulate
 from twin.controller import load_controller
 from twin.controller.gyros import Gyros
 from twin.errors import ControllerError
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import load_platform
 from twin.reference import Hold
 from twin.reproduce.flown import perfect

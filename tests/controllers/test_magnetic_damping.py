@@ -8,7 +8,7 @@ import pytest
 from tests.controllers.flight import simulate
 from twin.controller import load_controller
 from twin.errors import ControllerError
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import load_platform
 from twin.reproduce.flown import perfect
 from twin.rotation import from_rotation_vector, vertical_body

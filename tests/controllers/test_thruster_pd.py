@@ -11,7 +11,7 @@ from tests.controllers.flight import simulate
 from twin.controller import load_controller
 from twin.controller.thrusters import Nozzles
 from twin.errors import ControllerError
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import load_platform
 from twin.reproduce.flown import perfect
 from twin.rotation import from_rotation_vector, to_rotation_vector

@@ -10,7 +10,8 @@ from twin.clock import SimulatedClock
 from twin.controller import Controller, load_controller
 from twin.estimators import load_estimator
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform
 from twin.recording import Recording
 from twin.reference import Hold, Multisine

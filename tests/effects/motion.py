@@ -8,7 +8,8 @@ from scipy.integrate import solve_ivp
 
 from twin.controller import Controller
 from twin.effects import Effect, with_effects
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform
 from twin.rotation import conjugate, multiply, rotate, tilt, to_rotation_vector
 from twin.signals import Command, Estimate, Target

@@ -8,7 +8,8 @@ from scipy.integrate import solve_ivp
 
 from tests.effects.motion import apart, flown, integrated
 from twin.effects import effect_named, parse_effects, with_effects
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.rotation import (
     conjugate,
     from_rotation_vector,

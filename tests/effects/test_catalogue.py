@@ -215,7 +215,7 @@ def test_an_effect_at_no_amplitude_changes_nothing(kind, sads):
     if effect.unfit(sads):
         pytest.skip(effect.unfit(sads))
     from tests.effects.motion import apart, flown
-    from twin.plant.simulated import InitialState
+    from twin.plant.initial import InitialState
 
     start = InitialState(rate_body=np.array([0.01, -0.02, 0.05]))
     fine = replace(sads, step=1e-3) if kind.name == "wheel_imbalance" else sads

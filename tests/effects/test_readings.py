@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from twin.contrast import undisturbed
 from twin.effects import parse_effects, with_effects
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.rotation import from_rotation_vector
 from twin.signals import Samples

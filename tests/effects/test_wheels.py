@@ -8,7 +8,8 @@ import pytest
 from tests.effects.motion import apart
 from twin.effects import EffectError, effect_named, parse_effects, with_effects
 from twin.model import compile_model, mass_properties
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.rotation import from_rotation_vector, rotate
 
 SECONDS = 20.0

@@ -12,7 +12,8 @@ from twin.errors import UsageError
 from twin.estimators import OffsetFilter, load_estimator
 from twin.estimators.gyrostat import Gyrostat, Motion, rate_of
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
 from twin.reference import parse_reference
 from twin.rotation import conjugate, from_rotation_vector, multiply, to_rotation_vector

@@ -11,7 +11,8 @@ from twin.controller import load_controller
 from twin.errors import UsageError
 from twin.estimators import VerticalOffsetFilter, load_estimator
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
 from twin.reference import Hold
 from twin.rotation import from_rotation_vector, vertical_body

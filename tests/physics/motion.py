@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.signals import Command
 

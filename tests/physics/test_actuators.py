@@ -10,7 +10,8 @@ from scipy.special import ellipj, ellipk
 
 from tests.physics.motion import rigid, run
 from twin.model import compile_model
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.rotation import from_rotation_vector, rotate
 

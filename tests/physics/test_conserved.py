@@ -12,7 +12,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.rotation import from_rotation_vector
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from tests.effects.motion import apart
 from tests.physics.motion import run
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import Platform, load_platform
 from twin.rotation import conjugate, matrix, multiply, rotate
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.physics.motion import run
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import load_platform
 
 SPIN = 0.5

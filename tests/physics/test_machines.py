@@ -7,7 +7,8 @@ from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.estimators import load_estimator
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
 from twin.reference import Hold
 from twin.rotation import from_rotation_vector, tilt

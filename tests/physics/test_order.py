@@ -7,7 +7,7 @@ import pytest
 
 from tests.physics.motion import run
 from twin.effects import parse_effects, with_effects
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import Platform, load_platform
 from twin.rotation import from_rotation_vector
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
 
 SECONDS = 300.0

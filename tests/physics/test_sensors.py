@@ -8,7 +8,8 @@ import pytest
 
 from tests.effects.motion import apart
 from tests.physics.motion import rigid
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, Sensor, load_platform
 from twin.rotation import conjugate, from_rotation_vector, multiply, rotate
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.physics.motion import run
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import load_platform
 from twin.rotation import rotate
 from twin.scaffold import new_platform

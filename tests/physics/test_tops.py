@@ -6,7 +6,7 @@ from scipy.special import ellipj, ellipk
 
 from tests.effects.motion import apart
 from tests.physics.motion import rigid, run
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.rotation import from_rotation_vector, multiply, rotate, vertical_body
 
 ACROSS, ALONG = 0.03, 0.05

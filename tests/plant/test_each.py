@@ -7,7 +7,8 @@ import pytest
 
 from twin.effects import Effect, EffectError, catalogue, with_effects
 from twin.plant.each import cannot_differ
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 
 STREAMS = {"sensor_lag": "gyro", "clock_lag": "gyro", "clock_drift": "gyro"}

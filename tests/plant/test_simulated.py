@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from twin.effects import effect_named, with_effects
 from twin.errors import CommandError, UnknownName, UsageError
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
-from twin.rotation import conjugate, multiply, tilt, to_rotation_vector
+from twin.rotation import conjugate, from_rotation_vector, multiply, tilt, to_rotation_vector
 
 
 @pytest.fixture(scope="module")
@@ -203,6 +205,44 @@ def test_a_stage_reaches_its_target_within_speed_and_acceleration(sads):
     shortest = 0.05 / sads.stages[0].speed + sads.stages[0].speed / sads.stages[0].acceleration
     arrival = np.argmax(positions[:, 0] == positions[-1, 0]) * sads.tick
     assert shortest <= arrival < shortest + 0.2
+
+
+def test_each_stage_begins_to_move_its_response_after_it_was_told(sads):
+    ticks = (0, 1, 3)
+    stages = [
+        replace(stage, response=late * sads.tick)
+        for stage, late in zip(sads.stages, ticks, strict=True)
+    ]
+    plant = SimulatedPlant(replace(sads, stages=tuple(stages)))
+    moved = []
+    for k in range(8):
+        plant.read(k * sads.tick)
+        moved.append(plant.truth()["truth_stage_position"].value[0, 0] != 0.0)
+        plant.write({"command_stage_position": np.full((1, 3), 0.05 if k >= 2 else 0.0)})
+    # told at tick 2; what moves in a tick is seen at the next
+    assert [int(np.argmax(one)) for one in np.transpose(moved)] == [3 + late for late in ticks]
+
+
+def test_a_start_beyond_the_tilt_stop_is_refused_with_both_angles(sads):
+    lying = from_rotation_vector(np.array([np.radians(60.0), 0.0, 0.0]))
+    with pytest.raises(UsageError, match=r"sads would start at 60 deg, beyond the stop at 30 deg"):
+        SimulatedPlant(sads, initial=InitialState(attitude=lying))
+
+
+def test_dry_friction_acts_in_runs_that_have_it_where_the_common_machine_has_none(sads):
+    def speeds(common: float) -> np.ndarray:
+        kind = effect_named("wheel_friction")
+        frictions = [[kind(viscous=0.0, dry=dry)] for dry in (1e-3, 0.0)]
+        machine = with_effects(sads, (kind(viscous=0.0, dry=common),))
+        plant = SimulatedPlant(machine, runs=range(2), effects=frictions)
+        for k in range(20):
+            plant.read(k * sads.tick)
+            plant.write({"command_wheel_torque": np.full((2, 3), 0.05)})
+        return plant.truth()["truth_wheel_speed"].value[:, 0, 0]
+
+    with_none = speeds(common=0.0)
+    assert with_none[0] < with_none[1]
+    np.testing.assert_array_equal(with_none, speeds(common=1e-3))
 
 
 def test_the_tilt_stop_holds_the_body(sads):

@@ -10,7 +10,8 @@ from twin.cli.main import main
 from twin.clock import SimulatedClock
 from twin.estimators import load_estimator
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
 from twin.procedures import Phase, balancing, random_offsets, usual_target
 from twin.recording import open_log

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.controller import load_controller
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.reproduce.flown import flown, hanging, perfect
 from twin.reproduce.judge import Status
 from twin.reproduce.paper_003.bench import (

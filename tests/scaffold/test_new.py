@@ -10,7 +10,7 @@ from twin.check import check_platform
 from twin.cli.main import main
 from twin.clock import SimulatedClock
 from twin.flight import prepare
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import load_platform
 from twin.rotation import rotate
 from twin.scaffold import KINDS, new_platform

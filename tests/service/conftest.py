@@ -12,8 +12,8 @@ from twin.plant.devices.microcontroller import MicrocontrollerSettings
 from twin.plant.guard.guarded import Held
 from twin.plant.guard.settings import guard_settings
 from twin.plant.hardware_setup import HardwareSetup, read_hardware
+from twin.plant.initial import InitialState
 from twin.plant.routes import Route
-from twin.plant.simulated import InitialState
 from twin.platform import Platform, load_platform
 from twin.signals import stream_named
 

@@ -15,7 +15,8 @@ import pytest
 from twin.clock import SimulatedClock
 from twin.errors import RecordingError
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.recording import read_recording
 from twin.signals import Command, Estimate, Reading, Samples, Target, Tick, stream_named

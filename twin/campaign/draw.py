@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from twin.campaign.sampling import shares
 from twin.campaign.spec import Arm, Initial, Spec
 from twin.effects import Effect
-from twin.errors import UsageError
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState, check_within_stop
 from twin.platform import Platform
 from twin.procedures.means import Reach
 from twin.rotation import from_euler_zyx, from_rotation_vector, multiply
@@ -102,7 +101,7 @@ def start_of_runs(initial: Initial, arm: Arm, drawn: Drawn) -> InitialState:
         for stage, column in zip(platform.stages, position.T, strict=True):
             moment += stage.mass * column[:, None] * stage.axis
         attitude = multiply(hanging(moment, platform.stop_angle - SHY), attitude)
-    _refuse_beyond_stop(platform, attitude)
+    check_within_stop(platform, attitude)
     return InitialState(
         attitude=attitude,
         rate_body=given.get("rate", np.zeros((n, 3))),
@@ -114,17 +113,6 @@ def start_of_runs(initial: Initial, arm: Arm, drawn: Drawn) -> InitialState:
         gimbal_angle=given.get("gimbal_angle"),
         center_of_mass_offset=offset,
     )
-
-
-def _refuse_beyond_stop(platform: Platform, attitude: Array) -> None:
-    if platform.base.kind != "ball" or not np.isfinite(platform.stop_angle):
-        return
-    lean = float(np.max(platform.lean(attitude)))
-    if lean > platform.stop_angle:
-        raise UsageError(
-            f"it would start at {np.degrees(lean):.3g} deg, beyond the stop at "
-            f"{np.degrees(platform.stop_angle):.3g} deg"
-        )
 
 
 def hanging(moment: Array, most: float) -> Array:

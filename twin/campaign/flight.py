@@ -16,7 +16,8 @@ from twin.controller import AnyController
 from twin.errors import FileError, TwinError
 from twin.estimators import load_estimator
 from twin.loop import Ended, Observer, fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.procedures import Notes, Phase, balancing
 from twin.reference import Hold, Reference, parse_reference
 

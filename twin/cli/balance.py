@@ -88,8 +88,9 @@ class Balance:
         from twin.estimators import load_estimator, usual_estimator
         from twin.loop import Observer, fly
         from twin.plant.guard.guarded import Held
+        from twin.plant.initial import InitialState
         from twin.plant.plant import Plant
-        from twin.plant.simulated import InitialState, SimulatedPlant
+        from twin.plant.simulated import SimulatedPlant
         from twin.platform import load_platform
         from twin.procedures import balancing, usual_target
         from twin.reference import Hold

@@ -45,7 +45,7 @@ class Emulate:
         from twin.emulate.platform import EmulatedPlatform
         from twin.emulate.replayed import spied
         from twin.plant.hardware_setup import read_hardware
-        from twin.plant.simulated import InitialState
+        from twin.plant.initial import InitialState
         from twin.platform import load_platform
         from twin.rotation import from_euler_zyx
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from twin.flight import Flight
     from twin.loop import Outcome
     from twin.metrics import Metrics
-    from twin.plant.simulated import InitialState
+    from twin.plant.initial import InitialState
     from twin.platform import Platform
     from twin.stream.flight_recorder import FlightRecorder
 
@@ -161,7 +161,7 @@ class Run:
     def _initial(self) -> "InitialState":
         import numpy as np
 
-        from twin.plant.simulated import InitialState
+        from twin.plant.initial import InitialState
         from twin.rotation import from_euler_zyx
 
         roll, pitch, yaw = np.radians(self.attitude)

@@ -13,7 +13,8 @@ from twin.flight import Flight
 from twin.library import library
 from twin.loop import Ended
 from twin.metrics import Metrics
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform, variants_of
 from twin.recording import Recording
 from twin.reference import parse_reference

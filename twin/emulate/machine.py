@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.plant.initial import InitialState
 from twin.plant.routes import Route
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform
 from twin.signals import Command
 

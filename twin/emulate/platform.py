@@ -28,7 +28,7 @@ from twin.plant.devices.microcontroller import Microcontroller, MicrocontrollerS
 from twin.plant.devices.solar2.solar2 import Solar2Settings
 from twin.plant.devices.xbus.mti import MtiSettings
 from twin.plant.hardware_setup import HardwareSetup
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import Platform
 
 _STAGES = "command_stage_position"

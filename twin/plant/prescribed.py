@@ -37,11 +37,12 @@ class PrescribedJoints:
         self.stage_position = qpos[:, machine.stage_qpos].copy()
         """(n, stages) [m]."""
         self._stage_speed = np.zeros_like(self.stage_position)
-        self._stage_target = self.stage_position.copy()
+        self._stage_wish = self.stage_position.copy()
+        self._late = [round(stage.response / platform.tick) for stage in stages]
+        kept = 1 + max(self._late, default=0)
+        self._sent = deque([self._stage_wish] * kept, maxlen=kept)
         self._max_speed = np.array([stage.speed for stage in stages])
         self._max_acceleration = np.array([stage.acceleration for stage in stages])
-        wait = max((stage.response for stage in stages), default=0.0)
-        self._coming = deque([self._stage_target] * round(wait / platform.tick))
         self._driven: Array | None = None
         self._gimbal_angle = qpos[:, machine.gimbal_qpos].copy()
         self._gimbal_rate = np.zeros_like(self._gimbal_angle)
@@ -51,10 +52,7 @@ class PrescribedJoints:
 
     def send_stages(self, position: Array) -> None:
         """Positions (n, stages) [m] to go for, once the drives respond."""
-        if self._coming:
-            self._coming[-1] = position
-        else:
-            self._stage_target = position
+        self._stage_wish = position
 
     def drive_stages(self, position: Array) -> None:
         """Where drives that are none of ours bring them by the end of the next tick, (n, stages)
@@ -67,19 +65,17 @@ class PrescribedJoints:
 
     def forces(self, steps: int) -> Array | None:
         """Forces (n, steps, nv) on the joints in the next tick; None while none accelerates."""
-        if self._coming:
-            self._stage_target = self._coming.popleft()
-            self._coming.append(self._coming[-1] if self._coming else self._stage_target)
+        target = self._responded()
         force: Array | None = None
         if self._driven is not None:
             force = self._follow(self._driven, steps)
         elif self._has_stages and (
-            self._stage_speed.any() or (self.stage_position != self._stage_target).any()
+            self._stage_speed.any() or (self.stage_position != target).any()
         ):
             acceleration, self.stage_position, self._stage_speed = plan(
                 self.stage_position,
                 self._stage_speed,
-                self._stage_target,
+                target,
                 steps=steps // self._held,
                 step=self._period,
                 max_speed=self._max_speed,
@@ -106,6 +102,15 @@ class PrescribedJoints:
             push = np.repeat(acceleration, self._held, axis=1) * self._inertia[1]
             force[:, :, self._machine.gimbal_dof] = push
         return force
+
+    def _responded(self) -> Array:
+        """Positions (n, stages) [m] that the drives go for in the next tick, each its response
+        after they were sent."""
+        self._sent.append(self._stage_wish)
+        if not any(self._late):
+            return self._stage_wish
+        columns = [self._sent[-1 - late][:, i] for i, late in enumerate(self._late)]
+        return np.stack(columns, axis=1)
 
     def _follow(self, position: Array, steps: int) -> Array | None:
         """The force that brings the stages to the mean speed of the way there; None: they rest."""

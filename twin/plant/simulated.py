@@ -6,7 +6,6 @@ with a reason; the others go on to the same bits as if they were alone.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
@@ -19,6 +18,7 @@ from twin.model import compile_model, untouched
 from twin.plant.each import give_each
 from twin.plant.forces import Forces
 from twin.plant.gas import Tanks, thruster_arms
+from twin.plant.initial import InitialState, check_within_stop
 from twin.plant.limits import Limits
 from twin.plant.offsets import set_offsets
 from twin.plant.plant import Plant
@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 
 _STATE = int(mujoco.mjtState.mjSTATE_QPOS | mujoco.mjtState.mjSTATE_QVEL)
 _FORCE = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+_CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 _ABSURD_RATE = 1e3
 """[rad/s]: a base that turns faster has diverged; no such machine survives a hundredth of it."""
@@ -40,35 +41,6 @@ _ABSURD_RATE = 1e3
 _GUARD = np.radians(5.0)
 """Contacts are computed only within this of the tilt stop, or within half of a stop that is nearer
 than twice this (and whenever a tick could cross it)."""
-
-
-@dataclass(frozen=True)
-class InitialState:
-    """How the runs start; each shape broadcasts against (n, width)."""
-
-    attitude: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
-    """(4,) or (n, 4), world from body; ball joints and free bases."""
-    rate_body: Array = field(default_factory=lambda: np.zeros(3))
-    """(3,) or (n, 3) [rad/s]; ball joints."""
-    velocity: Array = field(default_factory=lambda: np.zeros(3))
-    """(3,) or (n, 3) of the CR in the room [m/s]; free bases, and x and y of planar ones."""
-    joint_angle: float | Array = 0.0
-    """Or (n, 1) [rad]; hinges."""
-    joint_rate: float | Array = 0.0
-    """Or (n, 1) [rad/s]; hinges."""
-    wheel_speed: float | Array | None = None
-    """Or (wheels,), (n, wheels) [rad/s]; their home unless given."""
-    stage_position: float | Array = 0.0
-    """Or (stages,), (n, stages) [m]."""
-    gimbal_angle: Array | None = None
-    """(gimbals,) or (n, gimbals) [rad]; their home unless given."""
-    center_of_mass_offset: Array | None = None
-    """(3,) or (n, 3) m r at stage position 0 [kg m, body]; as the platform states unless given."""
-
-    def wheel_speeds(self, platform: Platform) -> float | Array:
-        """As given, or at home [rad/s]."""
-        home = np.array([wheel.home for wheel in platform.wheels])
-        return home if self.wheel_speed is None else self.wheel_speed
 
 
 class SimulatedPlant(Plant):
@@ -125,6 +97,10 @@ class SimulatedPlant(Plant):
         self._flags = self._batch.expand("opt.disableflags")
         self._model_flags = int(model.opt.disableflags)
         self._untouched = self._model_flags | untouched(model)
+        dry = self._batch.expanded("dof_frictionloss")
+        if dry is not None and dry.any():  # of some runs, if not of the common model
+            self._model_flags &= ~_CONSTRAINT
+            self._untouched &= ~_CONSTRAINT
         stop = min(platform.stop_angle, np.pi)
         self._near = min(_GUARD, 0.5 * stop)
         within = stop - self._near
@@ -274,6 +250,7 @@ class SimulatedPlant(Plant):
         if base.kind != "hinge":
             quat = np.asarray(initial.attitude, dtype=np.float64)
             self._qpos[:, machine.base_qpos] = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
+            check_within_stop(self.platform, self._qpos[:, machine.base_qpos])
             self._qvel[:, machine.base_dof] = initial.rate_body
             if base.joint in base.locked and np.any(self._qpos[:, machine.base_qpos][:, 1:3]):
                 raise UsageError(f"{self.platform.name} is locked level; start it without a tilt")

@@ -158,7 +158,7 @@ class Stage:
     resolution: float
     """Smallest step of the commanded position [m]; 0: continuous."""
     response: float
-    """From a command to the start of the move [s]."""
+    """From a command to the start of the move, in whole ticks [s]."""
     axis: Array
     """(3,) direction of positive travel in body axes, unit, as the MJCF has it."""
 

@@ -11,7 +11,8 @@ from twin.controller import AnyController
 from twin.errors import TwinError
 from twin.estimators import load_estimator, usual_estimator
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, Sensor
 from twin.recording import Recording
 from twin.reference import Hold, Reference

@@ -14,7 +14,8 @@ from twin.estimators.named import load_estimator
 from twin.loop import Ended, fly
 from twin.plant.guard.guarded import Guarded, Held, Phase
 from twin.plant.guard.settings import guard_settings
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
 from twin.reference import Hold
 from twin.rotation import from_rotation_vector

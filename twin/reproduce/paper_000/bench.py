@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.controller import load_controller
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import Platform, load_platform
 from twin.reference import Multisine, Reference
 from twin.reproduce.flown import About, Flown, flown, hanging

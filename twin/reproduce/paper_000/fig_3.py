@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.controller import load_controller
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import load_platform
 from twin.reproduce.flown import Flown, flown, perfect
 from twin.reproduce.paper_000.bench import RollPitch

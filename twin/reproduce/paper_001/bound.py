@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimators import Passthrough
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import Platform
 from twin.reproduce.paper_001.flights import Flown, exact_sensors, flown
 from twin.rotation import conjugate, from_rotation_vector, multiply, to_rotation_vector

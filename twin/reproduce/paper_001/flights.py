@@ -11,7 +11,8 @@ from twin.controller import load_controller
 from twin.errors import UsageError
 from twin.estimators import Estimator
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, Sensor, load_platform
 from twin.reference import Hold
 from twin.rotation import from_euler_zyx

@@ -14,7 +14,8 @@ from twin.clock import SimulatedClock
 from twin.controller import AnyController, Controller, load_controller
 from twin.estimators.passthrough import Passthrough
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.predict.tilt import attitude_of_start
 from twin.recording import Recording

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from twin.controller import load_controller
 from twin.identify import Identification, identify
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
 from twin.report.style import FIGURE, PALETTE, SOFT, svg

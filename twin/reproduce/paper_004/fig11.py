@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.identify import identify
-from twin.plant.simulated import InitialState
+from twin.plant.initial import InitialState
 from twin.reference import Multisine
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
 from twin.reproduce.paper_004.manoeuvre import as_guessed, flown, machine

@@ -11,7 +11,8 @@ from twin.effects import with_effects
 from twin.estimators import load_estimator
 from twin.estimators.passthrough import Passthrough
 from twin.loop import fly
-from twin.plant.simulated import InitialState, SimulatedPlant
+from twin.plant.initial import InitialState
+from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.predict.base import ENTRIES
 from twin.recording import Recording, Series
