@@ -1,18 +1,19 @@
 """The parts of a prediction: commands, noise, segments, base parameters."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from twin.errors import TwinError
+from twin.errors import TwinError, UsageError
 from twin.model import compile_model, mass_properties
 from twin.platform import Platform, load_platform
 from twin.predict.base import base_parameters
 from twin.predict.body import body_of
-from twin.predict.drive import held_mean
+from twin.predict.drive import Inputs, held_mean
 from twin.predict.motion import motion_of, noise_of
-from twin.predict.segments import GROWTH, growth_rate
+from twin.predict.segments import GROWTH, Segment, growth_rate
 from twin.recording import Recording, Series
 
 
@@ -20,6 +21,38 @@ def test_a_command_that_changes_within_a_step_keeps_its_impulse():
     command = Series(np.array([0.0, 0.25, 0.9]), np.array([[1.0], [3.0], [-1.0]]), ("m",), "N m")
     edges = np.array([-0.5, 0.0, 0.5, 1.0, 2.0])
     np.testing.assert_allclose(held_mean(command, edges)[:, 0], [1.0, 2.0, 2.2, -1.0])
+
+
+def test_a_command_of_one_row_holds_to_the_end_of_the_log(
+    swing: Callable[..., Recording], pendulum: Platform
+):
+    log, machine = swing(seed=3), compile_model(pendulum)
+    stream = "command_joint_torque"
+
+    def push(rows: int) -> np.ndarray:
+        time = np.linspace(log.start, log.stop, rows) if rows > 1 else np.array([log.start])
+        held = replace(log[stream], time=time, value=np.full((rows, 1), 0.4))
+        inputs = Inputs(machine, replace(log, streams={**log.streams, stream: held}))
+        assert stream in inputs.used
+        return inputs.drive(Segment(log.start, log.start + 5.0)).force
+
+    np.testing.assert_allclose(push(1), push(50), rtol=1e-9)
+    assert push(1).any()
+
+
+@pytest.mark.parametrize("stream", ["gyro", "attitude"])
+def test_a_stream_that_lacks_an_axis_is_named_with_its_columns(stream: str):
+    time = np.arange(0.0, 5.0, 0.01)
+    whole = {
+        "gyro": Series(time, np.zeros((500, 3)), ("x", "y", "z"), "rad/s"),
+        "attitude": Series(time, np.tile([1.0, 0.0, 0.0, 0.0], (500, 1)), tuple("wxyz"), ""),
+    }
+    part = whole[stream]
+    whole[stream] = replace(part, value=part.value[:, :1], columns=part.columns[:1])
+    with pytest.raises(
+        UsageError, match=rf"the log's {stream} has 1 columns \({part.columns[0]}\)"
+    ):
+        motion_of(Recording(whole, {}), load_platform("sads"))
 
 
 def test_white_noise_is_measured_under_a_motion():

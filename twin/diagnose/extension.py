@@ -5,8 +5,10 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import tomlkit
+from numpy.typing import NDArray
 
 from twin.diagnose.diagnosis import Diagnosis
 from twin.diagnose.law_file import write_laws
@@ -14,6 +16,9 @@ from twin.effects import Effect
 from twin.errors import UsageError
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
+from twin.predict.base import BaseParameters
+
+Array = NDArray[np.float64]
 
 
 def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
@@ -52,6 +57,7 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
         write_laws(diagnosis.equation, platform, folder)
     extended = load_platform(str(folder))
     _weigh(extended)
+    _brake(extended.model_path, found.base, found.at.theta)
     return extended
 
 
@@ -87,6 +93,34 @@ def _weigh(platform: Platform) -> None:
     own = rf'(<body\b[^>]*\bname="{name}"[^>]*>(?:(?!<body\b).)*?)<inertial\b[^>]*?(?=/>)'
     changed = re.sub(own, lambda found: found[1] + inertial, text, count=1, flags=re.DOTALL)
     platform.model_path.write_text(changed, encoding="utf-8")
+
+
+def _brake(path: Path, base: BaseParameters, theta: Array) -> None:
+    """Give the MJCF's joints the damping and stiffness that were fitted.
+
+    Raises:
+        UsageError: a joint is not in this file, but in one that it includes.
+    """
+    if not base.joints:
+        return
+    spec = mujoco.MjSpec.from_file(str(path))
+    text = path.read_text(encoding="utf-8")
+    for joint, value in zip(base.joints, theta[-len(base.joints) :].tolist(), strict=True):
+        own = spec.joint(joint.joint)
+        name = "stiffness" if joint.kind == "stiffness" else "damping"
+        numbers = own.stiffness if joint.kind == "stiffness" else own.damping
+        numbers[int(joint.kind == "quadratic damping")] += value - joint.stated
+        values = " ".join(f"{number:.9g}" for number in np.trim_zeros(numbers, "b"))
+        written, known_as = f'{name}="{values}"', re.escape(joint.joint)
+        element = re.search(rf'<joint\b[^>]*\bname="{known_as}"[^>]*?(?=\s*/?>)', text)
+        if element is None:
+            raise UsageError(
+                f"{path.name} does not hold joint {joint.joint!r} itself; write {written} to where "
+                "it stands"
+            )
+        bare = re.sub(rf'\s*\b{name}="[^"]*"', "", element[0])
+        text = text[: element.start()] + f"{bare} {written}" + text[element.end() :]
+    path.write_text(text, encoding="utf-8")
 
 
 def _flatten(document: Any, platform: Platform) -> None:

@@ -20,7 +20,7 @@ BLOCKS = 5
 
 @dataclass(frozen=True)
 class HeldOut:
-    """All blocks together."""
+    """All blocks together; NaN where the logs are one segment, of which nothing can be held out."""
 
     log_likelihood: float
     """Gained by the causes."""
@@ -60,6 +60,8 @@ def held_out(found: Explanation) -> HeldOut:
 def _chi2(cluster: NDArray[np.intp], residual: Array, columns: Array) -> float:
     """Of all blocks, each predicted by what the others fit."""
     segments = np.unique(cluster[cluster >= 0])
+    if len(segments) < 2:
+        return np.nan
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     block = np.full(len(cluster), -1)
     rank = np.searchsorted(segments, cluster[cluster >= 0])

@@ -30,7 +30,7 @@ def scatter_causes(now: Explanation, taken: Sequence[Effect] = ()) -> tuple[Caus
         taken: those that are found already.
     """
     platform = now.bodies[0].machine.platform
-    if not now.follows or len(now.bodies) != 1:
+    if not now.follows:
         return ()
     unit = [
         kind(**kind.named([1.0]), target=target)
@@ -48,19 +48,23 @@ def scatter_causes(now: Explanation, taken: Sequence[Effect] = ()) -> tuple[Caus
 
 
 def _cause(now: Explanation, effect: ScatterEffect, taken: Sequence[Effect]) -> Cause | None:
-    body, platform = now.bodies[0], now.bodies[0].machine.platform
-    parts = zip(body.outputs, now.account.left[0], strict=True)
-    seen = next((pair for pair in parts if pair[0].stream == effect.acts_on), None)
-    if seen is None:
+    every = (*effects_of(now.bodies[0].machine.platform), *taken)
+    others = [one for one in every if isinstance(one, ScatterEffect)]
+    squares: list[Array] = []
+    added: list[Array] = []
+    stated: list[Array] = []
+    for body, every_left in zip(now.bodies, now.account.left, strict=True):
+        for output, left in zip(body.outputs, every_left, strict=True):
+            if output.stream != effect.acts_on:
+                continue
+            squares.append(np.square(left * output.sigma))
+            own = added_variance(effect, body.inputs, output.time)
+            known = [added_variance(one, body.inputs, output.time) for one in others]
+            added.append(own)
+            stated.append(sum(known, start=np.zeros_like(own)))
+    if not any(own.any() for own in added):
         return None
-    output, left = seen
-    square = np.square(left * output.sigma)
-    more = added_variance(effect, body.inputs, output.time)
-    others = [one for one in (*effects_of(platform), *taken) if isinstance(one, ScatterEffect)]
-    known = [added_variance(one, body.inputs, output.time) for one in others]
-    declared = sum(known, start=np.zeros_like(more))
-    if not more.any():
-        return None
+    square, more, declared = map(np.concatenate, (squares, added, stated))
 
     def cost(numbers: Array) -> float:
         variance = np.exp(numbers[0]) + declared + np.square(numbers[1] / scale) * more

@@ -7,6 +7,7 @@ from twin.plant.limits import Limits
 from twin.plant.plant import Plant
 from twin.platform import Platform
 from twin.recording import Recording
+from twin.recording.columns import check_columns
 from twin.signals import Command, Reading, Samples
 
 _EPS = 1e-9
@@ -19,7 +20,8 @@ class ReplayedPlant(Plant):
         """Play `recording`; its first row is at tick 0.
 
         Raises:
-            UsageError: no measured stream that the platform knows is in it.
+            UsageError: no measured stream that the platform knows is in it, or one of them has
+                other columns than the platform's.
         """
         self.platform = platform
         self.n = 1
@@ -38,6 +40,7 @@ class ReplayedPlant(Plant):
                 f"{platform.name} measures {', '.join(platform.sensors)}"
             )
         self._commands = {name: recording[name] for name in platform.commands if name in recording}
+        check_columns(recording, platform, (*self._measured, *self._commands))
         self._limits = Limits(platform)
         self._now = 0.0
         self._given = dict.fromkeys(self._measured, 0)

@@ -9,6 +9,7 @@ from typing import Any, cast
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import exprel
 
 from twin import rotation
 from twin.drives import apply_field
@@ -332,7 +333,7 @@ class Inputs:
         time = np.arange(recording.start, recording.stop + platform.tick, platform.tick)
         pull = held_mean(torque, time) / rotor
         decay = np.exp(-damping / rotor * platform.tick)
-        reach = platform.tick * _filled(damping / rotor * platform.tick)
+        reach = platform.tick * exprel(-damping / rotor * platform.tick)
         speed = np.zeros((len(time), len(rotor)))
         for i, rise in enumerate(pull):
             speed[i + 1] = decay * speed[i] + reach * rise
@@ -343,9 +344,15 @@ class Inputs:
         )
 
     def _stream(self, recording: Recording, name: str, width: int) -> Series | None:
-        if width == 0 or name not in recording or len(recording[name]) < 2:
+        if width == 0 or name not in recording:
             return None
         series = recording[name]
+        if len(series) == 1 and name.startswith("command_") and series.time[0] < recording.stop:
+            # it holds until the next, so to the end
+            stands = np.append(series.time, recording.stop)
+            series = replace(series, time=stands, value=np.repeat(series.value, 2, axis=0))
+        if len(series) < 2:
+            return None
         if len(series.columns) != width:
             raise UsageError(
                 f"the log's {name} has {len(series.columns)} columns, but "
@@ -362,11 +369,6 @@ def field_world(recording: Recording, platform: Platform) -> Array:
     if stated is None:
         return platform.magnetic_field
     return np.asarray(stated, dtype=np.float64)
-
-
-def _filled(x: Array) -> Array:
-    """(1 - exp(-x)) / x."""
-    return np.where(x > 1e-9, -np.expm1(-x) / np.maximum(x, 1e-9), 1.0)
 
 
 def _refuse_what_is_not_predicted(platform: Platform) -> None:

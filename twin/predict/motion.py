@@ -20,6 +20,7 @@ from twin.platform import Platform
 from twin.platform.mjcf import load_mjcf
 from twin.predict.tilt import attitude_of_start, attitude_of_tilt
 from twin.recording import Recording, Series
+from twin.recording.columns import check_columns
 
 Array = NDArray[np.float64]
 
@@ -70,12 +71,13 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
     Raises:
         UsageError: the log lacks the stream that shows it (`joint_angle` or `joint_rate`, or
             `attitude`, or `gyro` and `inclinometer`). An attitude that is known at the start alone
-            will do where a gyro goes on.
+            will do where a gyro goes on. Or one of them lacks an axis.
     """
     stream = "joint_angle" if platform.base.kind == "hinge" else "attitude"
     if stream == "joint_angle" and stream not in recording and "joint_rate" in recording:
         stream = "joint_rate"
     if stream == "attitude":
+        check_columns(recording, platform, ("attitude", "gyro", "inclinometer"))
         recording = _with_attitude(recording)
     if stream not in recording or len(recording[stream]) < 2 * WINDOWS[0]:
         raise UsageError(

@@ -158,6 +158,13 @@ def _left(left: Remainder) -> list[str]:
 
 def _gain(found: Diagnosis) -> str:
     gain = found.held_out
+    named = bool(found.causes) or found.equation is not None
+    if named and np.isnan(gain.log_likelihood):
+        return (
+            "The log is too short for a part of it to be held out of the fit: what was named is "
+            "tested on no other time; record another run for --validate."
+            f"{_free_runs(found.free_runs)}"
+        )
     if not found.explained.follows and not found.causes:
         return "With no cause to add, nothing is gained on time that took no part in the fit."
     if not found.explained.follows:
@@ -166,7 +173,7 @@ def _gain(found: Diagnosis) -> str:
             f"{gain.log_likelihood:.0f} nats, each segment counted by its own scatter."
             f"{_free_runs(found.free_runs)}"
         )
-    if not found.causes and found.equation is None:
+    if not named:
         band = f"a true model stays within {gain.low:.3f} to {gain.high:.3f}"
         return f"Chi-square of the innovations {found.remainder.chi2:.4f} a sample; {band}."
     return (

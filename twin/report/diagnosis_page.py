@@ -89,8 +89,9 @@ def _gain_table(found: Diagnosis) -> str:
             f"{gain.low:.4f} to {gain.high:.4f}",
         ]
     ]
-    if not found.explained.follows:
-        rows = []  # each segment counts by its own scatter: no chi-square is to be expected
+    if not found.explained.follows or np.isnan(gain.after):
+        # each segment counts by its own scatter: no chi-square is to be expected; or none was held
+        rows = []
     for horizon, run in found.free_runs.items():
         if run is not None and run.errors[1] < MEANINGFUL:
             before, after, perfect = (f"{np.degrees(error):.3g} deg" for error in run.errors)
