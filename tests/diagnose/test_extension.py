@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin.diagnose.extension import _brake
+from twin.diagnose.extension import give_joints
 from twin.library import library
 from twin.model import compile_model
 from twin.platform import load_platform
@@ -19,7 +19,7 @@ def test_joints_are_written_with_the_damping_and_stiffness_that_were_fitted(tmp_
     machine = compile_model(load_platform(str(tmp_path / "own")))
     base = base_parameters(machine).with_joints(joint_parameters(machine, wheels=True))
     theta = base.as_stated * (1.0 + 0.1 * np.arange(len(base.as_stated)))
-    _brake(tmp_path / "own" / "platform.xml", base, theta)
+    give_joints(tmp_path / "own" / "platform.xml", base, theta)
     model = compile_model(load_platform(str(tmp_path / "own"))).model
     fitted = dict(zip(base.names, theta, strict=True))
     assert model.dof_damping[0] == pytest.approx(fitted["damping of line"])

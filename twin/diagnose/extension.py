@@ -57,7 +57,7 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
         write_laws(diagnosis.equation, platform, folder)
     extended = load_platform(str(folder))
     _weigh(extended)
-    _brake(extended.model_path, found.base, found.at.theta)
+    give_joints(extended.model_path, found.base, found.at.theta)
     return extended
 
 
@@ -95,7 +95,7 @@ def _weigh(platform: Platform) -> None:
     platform.model_path.write_text(changed, encoding="utf-8")
 
 
-def _brake(path: Path, base: BaseParameters, theta: Array) -> None:
+def give_joints(path: Path, base: BaseParameters, theta: Array) -> None:
     """Give the MJCF's joints the damping and stiffness that were fitted.
 
     Raises:

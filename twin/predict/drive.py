@@ -365,9 +365,7 @@ class Inputs:
 def field_world(recording: Recording, platform: Platform) -> Array:
     """(3,) the field that a log states, or the platform [T]."""
     environment = cast(Mapping[str, Any], recording.provenance.get("environment") or {})
-    stated = environment.get("magnetic_field")
-    if stated is None:
-        return platform.magnetic_field
+    stated = environment.get("magnetic_field", platform.magnetic_field)
     return np.asarray(stated, dtype=np.float64)
 
 
