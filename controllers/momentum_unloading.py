@@ -23,6 +23,8 @@ class Unloading:
 
     position: Array
     """Integral part of each stage's position, (n, stages) [m]: where it balances the body."""
+    seen: NDArray[np.bool_]
+    """(n,) runs that were seen before: their integral has begun where the stages stood."""
     exchange: Exchange
     by: Coils | Masses
     tick: float
@@ -64,11 +66,12 @@ class MomentumUnloading(Controller[Unloading]):
     """k_I, of the masses."""
 
     def init(self, platform: Platform, n: int) -> Unloading:
-        """Stages at their zero."""
+        """No run seen yet."""
         name = "momentum_unloading"
         unload = Coils if platform.magnetorquers else Masses
         return Unloading(
             position=np.zeros((n, len(platform.stages))),
+            seen=np.zeros(n, dtype=np.bool_),
             exchange=exchange_of(platform, name),
             by=unload.of(platform, name),
             tick=platform.tick,
@@ -77,7 +80,8 @@ class MomentumUnloading(Controller[Unloading]):
     def update(
         self, state: Unloading, estimate: Estimate, target: Target, time: float
     ) -> tuple[Command, Unloading]:
-        """Torques or gimbal rates, and a dipole or stage positions; none in a run not yet seen."""
+        """Torques or gimbal rates, and a dipole or stage positions; in a run that was not seen yet
+        none, and stages where they are."""
         error, rate_error = pointing_error(estimate, target)
         torque = -self.proportional * error[:, 1:] - self.derivative * rate_error
         held = state.exchange.momentum(estimate)
@@ -91,6 +95,8 @@ class MomentumUnloading(Controller[Unloading]):
         up = vertical_body(estimate.attitude)
         direct = state.by.leaning(wanted, up)
         step = state.by.leaning(-self.integral * state.tick * held, up)
-        position, stages = state.by.integrated(state.position, step, direct)
-        command["command_stage_position"] = np.where(seen, stages, 0.0)
-        return command, replace(state, position=np.where(seen, position, state.position))
+        before = np.where(state.seen[:, None], state.position, estimate.stage_position)
+        position, stages = state.by.integrated(before, step, direct)
+        command["command_stage_position"] = np.where(seen, stages, before)
+        begun = state.seen | estimate.valid
+        return command, replace(state, position=np.where(seen, position, before), seen=begun)

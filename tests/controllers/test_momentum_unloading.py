@@ -45,6 +45,17 @@ def test_masses_empty_wheels_across_the_vertical_while_the_attitude_holds(name):
     assert tilt(run.true["attitude"]).max() < most
 
 
+def test_masses_that_balance_a_table_stay_where_they_were_put():
+    law, platform = load_controller("momentum_unloading"), perfect(load_platform("sads"))
+    place = np.array([0.004, -0.003, 0.001])
+    moment = sum(s.mass * d * s.axis for s, d in zip(platform.stages, place, strict=True))
+    below = np.array([0.0, 0.0, platform.center_of_mass_offset[2]])
+    platform = replace(platform, center_of_mass_offset=below - moment)
+    run = simulate(law, platform, 5.0, start=InitialState(stage_position=place))
+    assert np.abs(run.true["stage_position"] - place).max() < 1e-5
+    assert tilt(run.true["attitude"]).max() < 1e-5
+
+
 def test_masses_empty_gyros_and_bring_them_home():
     law, platform = load_controller("momentum_unloading"), perfect(load_platform("tas2"))
     home = np.array([gimbal.home for gimbal in platform.gimbals])

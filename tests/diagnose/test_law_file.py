@@ -2,6 +2,7 @@
 
 import secrets
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -72,6 +73,21 @@ def test_a_saved_law_pushes_as_the_products_that_were_fitted(body, rng, tmp_path
     np.testing.assert_allclose(
         torque, wanted.reshape(len(torque), -1)[:, base], atol=1e-7 * np.abs(wanted).max()
     )
+
+
+def test_a_wheel_may_be_called_what_python_may_not(body, tmp_path):
+    known = body.machine.platform
+    wheels = tuple(replace(wheel, name=f"rw-{wheel.name}") for wheel in known.wheels)
+    platform = replace(known, wheels=wheels)
+    one = replace(next(iter(torque_laws([body]))), column="x", factors=("speed_rw-w2",))
+    (path,) = write_laws(Equation((one,), np.ones(1), np.ones(1), 1e3), platform, tmp_path)
+    effect = effect_named(str(path)).typical("")
+    assert isinstance(effect, BodyEffect)
+    law = effect.torque(platform)
+    assert law is not None
+    speeds = np.array([[1.0, 2.0, 3.0]])
+    torque = law(State(np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3)), speeds, np.zeros(1)))
+    np.testing.assert_array_equal(torque, [[2.0, 0.0, 0.0]])
 
 
 @pytest.mark.parametrize("stream", ["gyro", "attitude", "wheel_speed"])

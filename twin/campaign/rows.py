@@ -21,9 +21,6 @@ from twin.campaign.spec import Spec
 SCHEMA = "1"
 """Version of the columns."""
 
-OUTCOME = ("run", "arm", "ended", "reason", "duration")
-"""The columns that every campaign has."""
-
 
 def schema_of(spec: Spec) -> pa.Schema:
     """The columns: outcome, factors, metrics; each with kind, unit and words in its metadata."""

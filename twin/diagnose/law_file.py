@@ -1,5 +1,6 @@
 """Laws without a name as effects of their own: files that a simulation runs."""
 
+import re
 from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
@@ -116,7 +117,7 @@ def _torque(terms: Sequence[Term], platform: Platform, path: Path) -> str:
     )
     pushes = [
         f"            torque[:, {0 if hinge else 'xyz'.index(law.column)}] += "
-        + " * ".join([f"self.size_{number}", *law.factors])
+        + " * ".join([f"self.size_{number}", *map(_variable, law.factors)])
         for number, (law, _, _) in zip(count(1), terms, strict=False)
     ]
     body = _PUSH.format(
@@ -170,5 +171,10 @@ def _quantities(needed: Sequence[str], platform: Platform) -> list[str]:
         else:
             source = "position" if kind == "angle" else "rate"
             value = f"state.{source}[:, {'xyz'.index(part) if part else 0}]"
-        found.append(f"            {name} = {value}")
+        found.append(f"            {_variable(name)} = {value}")
     return found
+
+
+def _variable(name: str) -> str:
+    """A quantity as Python may call it: a wheel may be `rw-x`."""
+    return re.sub(r"\W", "_", name)

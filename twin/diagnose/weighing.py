@@ -164,14 +164,6 @@ class Weighing:
             return 0.0, 1.0
         return gain * total / squares, total**2 / squares
 
-    def spread(self, chosen: Sequence[int]) -> dict[int, Array]:
-        """Standard deviations (k,) of the strengths of each of a set."""
-        columns = np.concatenate([self._own[index] for index in chosen])
-        inverse = np.linalg.pinv(self._columns[:, columns])
-        sigma = np.linalg.norm(inverse, axis=1) / self.size[columns]
-        edges = np.cumsum([len(self._own[index]) for index in chosen])[:-1]
-        return dict(zip(chosen, np.split(sigma, edges), strict=True))
-
     def noiseless(self, chosen: Sequence[int]) -> "Weighing":
         """The same causes, had the logs no noise and a set, as it is weighed, been all there is."""
         found = self.weigh(chosen)

@@ -25,10 +25,6 @@ class PacedQueue:
             out.append(self._due.popleft()[1])
         return bytes(out)
 
-    def next_due(self) -> float | None:
-        """When the next byte is through [s]; None if none is on its way."""
-        return self._due[0][0] if self._due else None
-
     def clear(self) -> None:
         """The cable is out: what was on its way is lost."""
         self._due.clear()

@@ -114,11 +114,6 @@ class Innovations:
     """(.,) how it grows with each unknown; see `Problem.tilted`."""
 
     @property
-    def normal(self) -> Array:
-        """A^T A."""
-        return self.columns.T @ self.columns
-
-    @property
     def covariance(self) -> Array:
         """Of all that has a column."""
         size = 1.0 / np.linalg.norm(self.columns, axis=0)

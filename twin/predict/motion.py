@@ -46,11 +46,6 @@ class Motion:
     width: int
     """Samples of the smoothing window."""
 
-    def smooth(self, values: Array) -> Array:
-        """(m, k) values on the same grid, smoothed as the position was."""
-        period = float(self.time[1] - self.time[0])
-        return _savgol(values, self.width, 0, period)
-
     def at(self, times: Array) -> "Motion":
         """Interpolated linearly, quaternions scaled to length 1."""
         position = _interpolated(times, self.time, self.position)
