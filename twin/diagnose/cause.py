@@ -178,6 +178,5 @@ def equation_of(now: Explanation, evidence: float) -> Equation | None:
     """
     if not now.laws:
         return None
-    count = len(now.laws)
-    spread = np.sqrt(np.diag(now.covariance))[-count:]
-    return Equation(now.laws, now.at.strengths[-count:], NORMAL * spread, evidence)
+    spread = np.sqrt(np.diag(now.covariance))[-len(now.laws) :]
+    return Equation(now.laws, now.at.strengths[now.layout.of_laws], NORMAL * spread, evidence)

@@ -13,6 +13,7 @@ from twin.compare.misfit import misfits, misfits_of
 from twin.diagnose.candidates import Candidate, looked_among
 from twin.diagnose.determined import determined
 from twin.diagnose.law import Law
+from twin.diagnose.layout import Layout
 from twin.diagnose.moves import between, distance, held, largest, unseen, whole
 from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing
@@ -21,12 +22,7 @@ from twin.identify.prediction_error import Fit, fit, fit_disturbed
 from twin.predict.apart import Apart, apart, fit_apart
 from twin.predict.base import BaseParameters
 from twin.predict.body import Body, Exact
-from twin.predict.effect_columns import (
-    amplitudes,
-    slopes_of,
-    strengths_of,
-    with_strengths,
-)
+from twin.predict.effect_columns import amplitudes, slopes_of, strengths_of, with_strengths
 from twin.predict.innovations import Innovations, Problem, Unknowns
 from twin.predict.perturbation import Formed, Perturbation, formed, with_formed
 from twin.predict.reference import references_of
@@ -72,9 +68,7 @@ class Explanation:
     """Without a name, fitted beside the effects."""
     problem: Problem
     now: Innovations | Apart
-    """Where it was fitted: a motion that follows the model, or segments apart where none does. Its
-    strengths are where springs rest and what of an effect is not seen, then those of the free
-    components, then the laws' coefficients."""
+    """Where it was fitted: a motion that follows the model, or segments apart where none does."""
     converged: bool
     most: tuple[float, ...]
     """Of each effect, how large its amplitudes may be that no log shows: 1 sigma about 0."""
@@ -117,12 +111,19 @@ class Explanation:
         return Rows(now.residual * root, now.columns * root[:, None], now.cluster)
 
     @property
+    def layout(self) -> Layout:
+        """Of its strengths."""
+        hidden = _counts(unseen(self.effects, self.free, self.most))
+        free, laws = _counts(self.free), len(self.laws)
+        taken = sum(hidden) + sum(free) + laws
+        return Layout(len(self.at.strengths) - taken, hidden, free, laws)
+
+    @property
     def covariances(self) -> tuple[Array, ...]:
         """(p, p) of the free components of each effect."""
-        whole, counts = self.covariance, [int(free.sum()) for free in self.free]
-        first = len(whole) - sum(counts) - len(self.laws)
-        edges = first + np.cumsum([0, *counts])
-        return tuple(whole[i:j, i:j] for i, j in zip(edges, edges[1:], strict=False))
+        layout = self.layout
+        strengths = self.covariance[-layout.count :, -layout.count :]
+        return tuple(strengths[own, own] for own in layout.of_free)
 
     def instead(self, effects: Sequence[Effect], laws: Sequence[Law] = ()) -> "Explanation":
         """Other effects and laws, fitted from where this one stands."""
@@ -190,9 +191,9 @@ class Explanation:
             Rows of base and biases, whitened, where it stands; and columns (m, a) of its effects
             and laws, then of more.
         """
-        hidden = [int(away.sum()) for away in unseen(self.effects, self.free, self.most)]
-        taken = sum(hidden) + len(self.amplitudes)
-        strengths = self.at.strengths[len(self.at.strengths) - taken :]
+        layout = self.layout
+        strengths = self.at.strengths[layout.rests :]
+        taken = len(strengths)
         rests = self._rests(taken)
         now = self._rows_of(self._bare, [*more, *rests.values()])
         first = now.columns.shape[1] - len(rests) - len(more) - taken
@@ -203,7 +204,8 @@ class Explanation:
             own[:, place] += rest / strengths[place]
         columns = np.column_stack([own, now.columns[:, edge:end]])
         left = Rows(now.residual - own @ strengths, now.columns[:, :first], now.cluster)
-        return left, whole(self.effects, self.free, columns, strengths, hidden)
+        placed = replace(layout, rests=0)
+        return left, whole(self.effects, self.free, columns, strengths, placed)
 
     def _rests(self, count: int) -> dict[int, Perturbation]:
         """What the last so many perturbations push whatever their strengths, by place."""
@@ -254,8 +256,7 @@ class Explanation:
     @property
     def amplitudes(self) -> Array:
         """(a,) strengths by which the model differs from one without effects and laws."""
-        own = sum(int(free.sum()) for free in self.free) + len(self.laws)
-        return self.at.strengths[len(self.at.strengths) - own :]
+        return self.at.strengths[self.layout.own]
 
     @property
     def own(self) -> tuple[int, ...]:
@@ -264,9 +265,8 @@ class Explanation:
 
     def _trace(self, index: int) -> Trace:
         effect, free = self.effects[index], self.free[index]
-        first = sum(int(ones.sum()) for ones in self.free[:index])
         strengths = np.zeros(len(free))
-        strengths[free] = self.amplitudes[first : first + int(free.sum())]
+        strengths[free] = self.at.strengths[self.layout.of_free[index]]
         # a shape's strength counts from where the columns were formed
         origin = np.where(amplitudes(effect), 0.0, effect.values - strengths)
         low, high = effect.bounds()
@@ -381,16 +381,20 @@ def _fitted(
     first = [size[places] for size, places in zip([*sizes, *sizes], masks, strict=True)]
     # where columns are only formed anew, what else was fitted stays
     stays = before.at.strengths if before else np.zeros(len(problem.perturbations))
-    strengths = np.concatenate([stays[: len(rests)], *first, stays[len(stays) - len(laws) :]])
+    layout = Layout(len(rests), _counts(hidden), _counts(free), len(laws))
+    strengths = np.concatenate([stays[: layout.rests], *first, stays[layout.of_laws]])
     at = replace(start, strengths=strengths)
     if follows:
         found = fit(problem, at)
         now, converged = found.innovations, found.converged
     else:
         now, converged = fit_apart(problem, at), True
-    edges = np.cumsum([len(rests), *map(len, first)])
-    parts = [now.at.strengths[i:j] for i, j in zip(edges, edges[1:], strict=False)]
+    parts = [*layout.of_hidden, *layout.of_free]
     for size, places, part in zip([*sizes, *sizes], masks, parts, strict=True):
-        size[places] = part
+        size[places] = now.at.strengths[part]
     moved = tuple(map(with_strengths, effects, sizes))
     return Explanation(tuple(bodies), base, moved, free, laws, problem, now, converged, most)
+
+
+def _counts(masks: Sequence[NDArray[np.bool_]]) -> tuple[int, ...]:
+    return tuple(int(mask.sum()) for mask in masks)

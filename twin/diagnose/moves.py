@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.diagnose.layout import Layout
 from twin.effects import Effect
 from twin.predict.effect_columns import amplitudes
 from twin.predict.perturbation import Perturbation
@@ -60,20 +61,19 @@ def whole(
     free: Sequence[NDArray[np.bool_]],
     columns: Array,
     strengths: Array,
-    hidden: Sequence[int],
+    layout: Layout,
 ) -> Array:
-    """Columns without the first, of so many amplitudes of each effect that no log shows: they come
-    and go with the largest that one does."""
-    past, place = 0, sum(hidden)
-    found = columns[:, place:].copy()
-    for effect, ones, count in zip(effects, free, hidden, strict=True):
-        own, beside = slice(place, place + int(ones.sum())), slice(past, past + count)
+    """Columns without the first, of amplitudes of each effect that no log shows: they come and go
+    with the largest that one does. `layout` is that of the columns and their strengths."""
+    first = layout.own.start
+    found = columns[:, first:].copy()
+    places = zip(effects, free, layout.of_hidden, layout.of_free, strict=True)
+    for effect, ones, beside, own in places:
         sizes = np.where(amplitudes(effect)[ones], np.abs(strengths[own]), 0.0)
-        if count and sizes.any():
-            most = place + int(np.argmax(sizes))
+        if beside.stop > beside.start and sizes.any():
+            most = own.start + int(np.argmax(sizes))
             share = strengths[beside] / strengths[most]
-            found[:, most - sum(hidden)] += columns[:, beside] @ share
-        past, place = beside.stop, own.stop
+            found[:, most - first] += columns[:, beside] @ share
     return found
 
 

@@ -68,7 +68,7 @@ def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation
     more = [part for effect in parts for part in effect]
     more += [law.perturbation for law in found.laws]
     strengths = [strengths_of(effect) for effect in found.effects]
-    laws = found.at.strengths[len(found.at.strengths) - len(found.laws) :]
+    laws = found.at.strengths[found.layout.of_laws]
     problem = _posed(found, body, more)
     rests = np.zeros(len(problem.perturbations) - len(more))
     start = problem.start(
