@@ -76,6 +76,30 @@ def test_a_run_that_diverges_is_a_row_with_a_reason(spec_of):
             assert all(np.isnan(value) for value in one.metrics.values())
 
 
+DRIFTING = """
+platform = "sads"
+controller = "quaternion_pd"
+runs = 3
+duration = 2.0
+seed = 1
+
+[effects.center_of_mass_drift]
+rate = { uniform = [-1e-2, 1e-2] }
+"""
+
+
+def test_a_centre_of_mass_that_drifts_away_is_no_balanced_table(spec_of):
+    spec = spec_of(text=DRIFTING)
+    drawn = draw(spec, range(3))
+    rate = np.stack([drawn.values[f"effects.center_of_mass_drift.rate_{i}"] for i in "xyz"], axis=1)
+    came, platform = flown(spec, drawn), spec.arms[0].platform
+    for run, one in came.items():
+        moment = platform.center_of_mass_offset + one.duration * rate[run]
+        for metric, axes in (("gravity_torque", 3), ("gravity_torque_in_plane", 2)):
+            torque = platform.gravity * np.linalg.norm(moment[:axes])
+            np.testing.assert_allclose(one.metrics[metric], torque, rtol=1e-9)
+
+
 MACHINES = {
     "dfki_pendulum": ("free_float", "[initial]\njoint_angle = { uniform = [0.1, 0.5] }\n"),
     "sads": (

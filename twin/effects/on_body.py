@@ -51,10 +51,13 @@ class State:
 TorqueLaw = Callable[[State], Array]
 """From a state to the torque on the base joint, (n, 3) in body axes or (n, 1) [N m]."""
 
+MomentLaw = Callable[[State], Array]
+"""From a state to a part of m r, (n, 3) in body axes [kg m]."""
+
 
 @dataclass(frozen=True)
 class BodyEffect(Effect, abc.ABC):
-    """Acts on the machine. Gives what it needs of the six; each is nothing by default."""
+    """Acts on the machine. Gives what it needs of the seven; each is nothing by default."""
 
     @property
     def follows_start(self) -> bool:
@@ -86,6 +89,14 @@ class BodyEffect(Effect, abc.ABC):
 
     def torque(self, platform: Platform) -> TorqueLaw | None:
         """A torque on the base that depends on the state."""
+        del platform
+        return None
+
+    def mass_moment(self, platform: Platform) -> MomentLaw | None:
+        """What a push or torque of it stands for as m r: it only tells the truth, and acts nowhere.
+
+        What bodies in the model weigh, on slides and hinges too, is known without it.
+        """
         del platform
         return None
 

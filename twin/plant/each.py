@@ -7,7 +7,7 @@ it against each run alone, bit for bit.
 """
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import mujoco
@@ -35,8 +35,8 @@ def give_each(
     machine: Machine,
     each: Sequence[Sequence[Effect]],
     offsets: Array | None,
-) -> tuple[Effect, ...]:
-    """Give each run of a batch its own effects; those effects for all runs at once.
+) -> tuple[tuple[Effect, ...], list[mujoco.MjModel]]:
+    """Give each run of a batch its own effects.
 
     Whether a run is compiled depends on the kinds of its effects and never on its company.
 
@@ -46,11 +46,14 @@ def give_each(
         each: (n,) effects of each run, alike but for their values.
         offsets: (3,) or (n, 3) m r at stage position 0 [kg m]; None: as the platform states.
 
+    Returns:
+        Those effects for all runs at once, and the model of each run (none where they are alike).
+
     Raises:
         PlatformError: no rigid body has these mass properties.
         EffectError: values that cannot differ from run to run.
     """
-    platform = machine.platform
+    platform, models = machine.platform, list[mujoco.MjModel]()
     if any(isinstance(one, BodyEffect) and one.changes_machine for one in each[0]):
         given = None if offsets is None else np.broadcast_to(offsets, (len(each), 3))
         compiled: dict[tuple[bytes, ...], Machine] = {}
@@ -63,9 +66,10 @@ def give_each(
                     replace(platform, effects=own, center_of_mass_offset=np.array(moment))
                 )
             _set_fields(batch, run, machine.model, compiled[key].model)
+            models.append(compiled[key].model)
     elif offsets is not None:
         set_offsets(batch, machine, np.broadcast_to(offsets, (len(each), 3)))
-    return tuple(stacked(same, platform) for same in zip(*each, strict=True))
+    return tuple(stacked(same, platform) for same in zip(*each, strict=True)), models
 
 
 def _set_fields(batch: Batch, run: int, common: mujoco.MjModel, own: mujoco.MjModel) -> None:
@@ -173,12 +177,12 @@ def _outcome(effect: Effect, platform: Platform, rows: NDArray[np.intp]) -> Arra
     if isinstance(effect, ScatterEffect):
         cause = random(_SAMPLES, len(platform.stages) or 3)
         return np.broadcast_to(effect.sigma(cause, platform), (len(cause), _SAMPLES, 1))
-    law: Callable[[State], Array] | None = (
-        effect.torque(platform) if isinstance(effect, BodyEffect) else None
-    )
-    if law is None:
-        return np.zeros((len(random()), 1))
+    if not isinstance(effect, BodyEffect):
+        return np.zeros((len(rows), 1))
     hinge = platform.base.kind == "hinge"
     position = random(1) if hinge else normalized(random(4))
     rate, speed = random(1 if hinge else 3), random(len(platform.wheels))
-    return law(State(position, rate, speed, np.zeros(len(rate))))
+    state = State(position, rate, speed, 0.5 + rows.astype(np.float64))
+    laws = (effect.torque(platform), effect.mass_moment(platform))
+    shown = [law(state) for law in laws if law is not None]
+    return np.concatenate(shown, axis=1) if shown else np.zeros((len(rows), 1))

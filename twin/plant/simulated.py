@@ -90,8 +90,9 @@ class SimulatedPlant(Plant):
         self._force = self._batch.bind("qfrc_applied")
         start = initial or InitialState()
         offsets, shared = start.center_of_mass_offset, self.machine.effects
+        own: Sequence[mujoco.MjModel] = ()
         if effects:
-            shared = give_each(self._batch, self.machine, effects, offsets)
+            shared, own = give_each(self._batch, self.machine, effects, offsets)
         elif offsets is not None:
             set_offsets(self._batch, self.machine, np.broadcast_to(offsets, (self.n, 3)))
         self._flags = self._batch.expand("opt.disableflags")
@@ -142,7 +143,7 @@ class SimulatedPlant(Plant):
             self._done_with("command_stage_position", self._joints.stage_position)
         self._forces = Forces(self.machine, self.n, effects, shared)
         self._forces.start(self._batch, self._qpos)
-        self._truth = Truth(self.machine, start.center_of_mass_offset)
+        self._truth = Truth(self.machine, offsets, own, shared)
         self._before = np.concatenate([self._qpos, self._qvel], axis=1)[:, None, :]
         self._started = False
 

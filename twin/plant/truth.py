@@ -1,12 +1,15 @@
 """A simulation's true states, as streams: what the sensors see before any fault."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.effects import Effect
 from twin.model import Machine
 from twin.plant.derived import derived_streams
+from twin.plant.mass_moment import MassMoment
 from twin.platform import Sensor
 from twin.signals import Samples
 
@@ -17,8 +20,22 @@ Columns = slice | NDArray[np.intp]
 class Truth:
     """Reads streams out of MuJoCo's states (..., nq + nv)."""
 
-    def __init__(self, machine: Machine, offset: Array | None = None) -> None:
-        """Of runs with the m r that the platform states, or `offset` (3,) or (n, 3) [kg m]."""
+    def __init__(
+        self,
+        machine: Machine,
+        offset: Array | None = None,
+        own: Sequence[mujoco.MjModel] = (),
+        effects: Sequence[Effect] | None = None,
+    ) -> None:
+        """Of runs of one machine.
+
+        Args:
+            machine: of all runs.
+            offset: (3,) or (n, 3) m r with every joint at its zero [kg m]; None: as the platform
+                states.
+            own: (n,) model of each run, where they differ.
+            effects: of all runs at once; None: the machine's.
+        """
         nq = machine.model.nq
         base_dof = slice(nq + machine.base_dof.start, nq + machine.base_dof.stop)
         turns = machine.platform.base.kind != "hinge"
@@ -42,9 +59,14 @@ class Truth:
         self._derived = derived_streams(machine)
         self._shown = [name for name in ("position", "velocity") if machine.place_qpos.size]
         stated = machine.platform.center_of_mass_offset
-        self._mass_moment, self._inertia = _mass_laws(machine, stated if offset is None else offset)
-        self._stages: Array | None = None
-        self._masses = (np.empty(0), np.empty(0))
+        self._mass_moment = MassMoment(
+            machine,
+            stated if offset is None else offset,
+            own or (machine.model,),
+            machine.effects if effects is None else effects,
+        )
+        self._inertia = _inertia_law(machine)
+        self._last: tuple[Array, Array] | None = None
 
     def true(self, stream: str, states: Array) -> Array:
         """A stream that stands in the state, `stage_speed` among them, (n, m, k)."""
@@ -73,17 +95,18 @@ class Truth:
         for name in self._shown:
             seen = self._derived[name](None, states[:, None], states[:, None])
             streams[f"truth_{name}"] = Samples(seen, stamp, mask)
-        offset, inertia = self._mass_properties(states[:, self._columns["stage_position"]])
+        with np.errstate(all="ignore"):  # a run that was stopped may stand anywhere
+            offset = self._mass_moment.at(time, qpos, qvel)
+        inertia = self._inertia_at(states[:, self._columns["stage_position"]])
         streams["truth_center_of_mass_offset"] = Samples(offset[:, None], stamp, mask)
         streams["truth_inertia"] = Samples(inertia[:, None], stamp, mask)
         return streams
 
-    def _mass_properties(self, stages: Array) -> tuple[Array, Array]:
-        """m r and J at these stage positions; stages stand still most of the time."""
-        if self._stages is None or not np.array_equal(stages, self._stages):
-            self._stages = stages
-            self._masses = self._mass_moment(stages), self._inertia(stages)
-        return self._masses
+    def _inertia_at(self, stages: Array) -> Array:
+        """J at these stage positions; stages stand still most of the time."""
+        if self._last is None or not np.array_equal(stages, self._last[0]):
+            self._last = stages, self._inertia(stages)
+        return self._last[1]
 
 
 def _tight(index: NDArray[np.intp]) -> Columns:
@@ -93,12 +116,9 @@ def _tight(index: NDArray[np.intp]) -> Columns:
     return index
 
 
-def _mass_laws(
-    machine: Machine, stated: Array
-) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
-    """m r (n, 3) and J as xx yy zz xy xz yz (n, 6) as functions of stage positions (n, s)."""
+def _inertia_law(machine: Machine) -> Callable[[Array], Array]:
+    """J as xx yy zz xy xz yz (n, 6) as a function of stage positions (n, s)."""
     platform, riding = machine.platform, machine.sliding
-    moment = np.einsum("b,bsi->si", riding.mass, riding.travel)
     linear = np.einsum(
         "b,bsij->sij", riding.mass, 2.0 * _spread(riding.home[:, None], riding.travel)
     )
@@ -106,15 +126,12 @@ def _mass_laws(
         "b,bstij->stij", riding.mass, _spread(riding.travel[:, :, None], riding.travel[:, None])
     )
 
-    def offset(position: Array) -> Array:
-        return stated + np.einsum("ns,si->ni", position, moment)
-
     def inertia(position: Array) -> Array:
         change = np.einsum("ns,si->ni", position, _six(linear))
         squares = np.einsum("ns,nt,sti->ni", position, position, _six(square))
         return _six(platform.inertia) + change + squares
 
-    return offset, inertia
+    return inertia
 
 
 def _spread(a: Array, b: Array) -> Array:

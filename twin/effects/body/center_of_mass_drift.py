@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_body import Array, CoupleEffect
+from twin.effects.on_body import Array, CoupleEffect, MomentLaw
 from twin.platform import Platform
 
 _REACH = 1e5
@@ -41,3 +41,7 @@ class CenterOfMassDrift(CoupleEffect):
     def pull(self, platform: Platform) -> Callable[[Array], Array]:
         per_second = np.array([0.0, 0.0, -platform.gravity / _REACH])
         return lambda time: time[:, None] * per_second
+
+    def mass_moment(self, platform: Platform) -> MomentLaw:
+        rate = np.array(self.rate)
+        return lambda state: state.time[:, None] * rate

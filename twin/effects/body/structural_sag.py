@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
-from twin.effects.on_body import Array, BodyEffect, State, TorqueLaw, needs_ball
+from twin.effects.on_body import Array, BodyEffect, MomentLaw, State, TorqueLaw, needs_ball
 from twin.platform import Platform
 from twin.rotation import vertical_body
 
@@ -41,5 +41,14 @@ class StructuralSag(BodyEffect):
         def law(state: State) -> Array:
             x, y, z = vertical_body(state.position).T
             return strength * np.stack([y * z, -x * z, np.zeros_like(z)], axis=-1)
+
+        return law
+
+    def mass_moment(self, platform: Platform) -> MomentLaw:
+        strength = self.softness * platform.gravity
+
+        def law(state: State) -> Array:
+            x, y, z = vertical_body(state.position).T  # gravity points the other way
+            return -strength * np.stack([x, y, np.zeros_like(z)], axis=-1)
 
         return law
