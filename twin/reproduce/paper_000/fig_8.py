@@ -42,7 +42,9 @@ def compute(say: Say) -> Found:
     machine = with_effects(shipped, parse_effects(",".join(FAULTS)))
     say("direct compensation")
     logs = tracked(machine, runs=RUNS)
-    left = np.array([_directly(machine, shipped, log) for log in logs.recordings])
+    true = logs.true["center_of_mass_offset"].mean(axis=0)  # its masses stand at 0
+    pairs = zip(logs.recordings, true, strict=True)
+    left = np.array([_directly(shipped, log, moment) for log, moment in pairs])
     say("adaptive balancing")
     run = _adapting(machine, RUNS)
     end, adapted = _end(run)
@@ -95,14 +97,15 @@ def _end(run: Flown) -> tuple[Flown, Array]:
     return end, np.linalg.norm(end.true["center_of_mass_offset"].mean(axis=0), axis=1)
 
 
-def _directly(machine: Platform, stated: Platform, log: Recording) -> float:
-    """abs(m r) that is left when the masses undo what the batch method says [kg m]."""
+def _directly(stated: Platform, log: Recording, true: Array) -> float:
+    """abs(m r) that is left of the true one (3,) when the masses undo what the batch method says
+    [kg m]."""
     found = identify([log], stated, METHOD)
-    slides = np.array([stage.mass * stage.axis for stage in machine.stages])
+    slides = np.array([stage.mass * stage.axis for stage in stated.stages])
     moved = -np.linalg.solve(slides.T, found.theta[6:9])
-    travel = np.array([stage.travel for stage in machine.stages])
+    travel = np.array([stage.travel for stage in stated.stages])
     moved = np.clip(moved, travel[:, 0], travel[:, 1])
-    return float(np.linalg.norm(machine.center_of_mass_offset + moved @ slides))
+    return float(np.linalg.norm(true + moved @ slides))
 
 
 def _tilt(run: Flown) -> str:
