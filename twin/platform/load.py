@@ -1,7 +1,7 @@
 """Read platform.toml into a `Platform`.
 
-The keys and their units are those of models/sads/platform.toml; every key that is not known is an
-error with its line. A variant ([variants.NAME]) replaces the keys it gives.
+docs/platforms.md has the keys, their units and defaults; every key that is not known is an error
+with its line. A variant ([variants.NAME]) replaces the keys it gives.
 """
 
 from pathlib import Path
