@@ -35,6 +35,7 @@ def draw(platform: Platform, path: Path) -> None:
             "libosmesa6 and set MUJOCO_GL=egl or MUJOCO_GL=osmesa"
         ) from problem
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         imsave(path, pixels, format="png")
     except OSError as problem:
         raise TwinError(f"cannot write {path}: {problem.strerror}") from None

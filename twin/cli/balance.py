@@ -75,7 +75,8 @@ class Balance:
     seed: int = 0
     """Of all random numbers."""
     rrd: Annotated[Path | None, _arg("OUT.rrd")] = None
-    """Record into this file; of several runs the first."""
+    """Record into this file; of several runs the first. One that exists is written anew, but never
+    on pty or serial: a session cannot be flown again."""
     json: bool = False
     """Print one JSON document instead of text."""
 
@@ -104,7 +105,7 @@ class Balance:
         way = self.procedure
         target = usual_target(machine) if self.target is None else self.target
         if self.rrd is not None:
-            check_writable(self.rrd)
+            check_writable(self.rrd, ".rrd", anew=self.plant == "sim")
         with ExitStack() as stack:
             simulated = self.plant == "sim"
             offsets, positions = self._start(machine, way, target)

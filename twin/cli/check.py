@@ -26,19 +26,21 @@ class Check:
     path: tyro.conf.Positional[str]
     """A shipped platform or law by name, a folder with a platform.toml, or a law's .py file."""
     picture: Annotated[Path | None, tyro.conf.arg(metavar="OUT.png")] = None
-    """Draw the platform into this PNG file, too."""
+    """Draw the platform into this PNG file, too; one that exists is written anew."""
     json: bool = False
     """Print one JSON document instead of a table."""
 
     def run(self) -> int:
         """Print the findings; 0 when all is well."""
-        from twin.cli.output import print_json
+        from twin.cli.output import check_writable, print_json
         from twin.errors import UsageError
         from twin.library import controller_names
 
         law = self.path.endswith(".py") or self.path in controller_names()
         if law and self.picture is not None:
             raise UsageError("--picture draws platforms, not control laws")
+        if self.picture is not None:
+            check_writable(self.picture, ".png")
         title, findings = _law(self.path) if law else _platform(self.path, self.picture)
         if self.json:
             print_json([dataclasses.asdict(finding) for finding in findings])

@@ -30,15 +30,16 @@ class Compare:
     as_built: bool = False
     """Leave the base as platform.toml states it."""
     report: Annotated[Path | None, tyro.conf.arg(metavar="OUT.html")] = None
-    """Write a page with figures."""
+    """Write a page with figures; one that exists is written anew."""
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
-    """Write the first log with its prediction and residual as a Rerun recording."""
+    """Write the first log with its prediction and residual as a Rerun recording; one that exists is
+    written anew."""
     json: bool = False
     """Print one JSON document instead of sentences."""
 
     def run(self) -> int:
         """Compare, print, write what was asked for."""
-        from twin.cli.output import print_json, progress
+        from twin.cli.output import check_writable, print_json, progress
         from twin.compare import compare, transfer
         from twin.errors import UsageError
         from twin.identify import calibrated
@@ -54,6 +55,9 @@ class Compare:
 
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
+        for path, ending in ((self.report, ".html"), (self.rrd, ".rrd")):
+            if path is not None:
+                check_writable(path, ending)
         logs = [open_log(path) for path in self.logs]
         if self.platform is None and all(log.provenance.get("platform") is None for log in logs):
             return self._sensors(logs)

@@ -26,9 +26,10 @@ class Diagnose:
     validate: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None
     """Measure the gain on a log that takes no part."""
     report: Annotated[Path | None, tyro.conf.arg(metavar="OUT.html")] = None
-    """Write a page with figures."""
+    """Write a page with figures; one that exists is written anew."""
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
-    """Write the first log, what the explained model predicts and what it leaves, for Rerun."""
+    """Write the first log, what the explained model predicts and what it leaves, for Rerun; a file
+    that exists is written anew."""
     json: bool = False
     """Print one JSON document instead of sentences."""
 
@@ -51,9 +52,9 @@ class Diagnose:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
         if self.extend is not None:
             check_new(self.extend)
-        for path in (self.report, self.rrd):
+        for path, ending in ((self.report, ".html"), (self.rrd, ".rrd")):
             if path is not None:
-                check_writable(path)
+                check_writable(path, ending)
         if self.validate is not None and self.validate.resolve() in map(Path.resolve, self.logs):
             raise UsageError(f"{self.validate} takes part in the fit; validate on another log")
         logs = [open_log(path) for path in self.logs]

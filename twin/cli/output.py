@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
@@ -23,17 +24,39 @@ def tell(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-def check_writable(path: Path) -> None:
+def check_writable(path: Path, ending: str, *, anew: bool = True) -> None:
     """Whether a file can be written there, asked before the work and not after it.
+
+    Args:
+        path: of the file.
+        ending: that its name must have, so that a word too many on a command line is no file.
+        anew: whether one that exists may be written over; a session's log cannot be made again.
 
     Raises:
         UsageError: it cannot.
     """
     if path.is_dir():
-        raise UsageError(f"{path} is a folder; name a file in it")
+        raise UsageError(f"{path} is a folder; name a file in it, as in {path / f'out{ending}'}")
+    if path.suffix.lower() != ending:
+        raise UsageError(
+            f"{path} does not end in {ending}, as what is written there does; "
+            f"say {path.with_suffix(ending)}"
+        )
     above = next(part for part in path.absolute().parents if part.exists())
     if not above.is_dir():
         raise UsageError(f"{path} cannot be written: {above} is a file")
+    if path.exists():
+        if not anew:
+            raise UsageError(
+                f"{path} exists, and may be a session that cannot be flown again; "
+                "name another file, or move that one away"
+            )
+        if not os.access(path, os.W_OK):
+            raise UsageError(f"{path} exists, and you may not write to it; name another file")
+    elif not os.access(above, os.W_OK | os.X_OK):
+        raise UsageError(
+            f"{path} cannot be written: you may not write into {above}; name another place"
+        )
 
 
 @contextmanager

@@ -20,7 +20,7 @@ class Replay:
     run_number: Annotated[int, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """Its number, from 0."""
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
-    """Record into this file."""
+    """Record into this file; one that exists is written anew."""
     json: bool = False
     """Print one JSON document instead of text."""
 
@@ -33,7 +33,7 @@ class Replay:
 
         folder = Folder(self.folder)
         if self.rrd is not None:
-            check_writable(self.rrd)
+            check_writable(self.rrd, ".rrd")
         spec = read_spec(folder.spec)
         told = replay(spec, folder, self.run_number, self.rrd)
         if self.json:

@@ -20,7 +20,7 @@ class Report:
     against: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """Another campaign to hold it against, arm by arm where both have it."""
     html: Annotated[Path | None, tyro.conf.arg(metavar="F.html")] = None
-    """The page goes here instead."""
+    """The page goes here instead, the table beside it; those that exist are written anew."""
     json: bool = False
     """Print one JSON document instead of text."""
 
@@ -36,7 +36,7 @@ class Report:
         page = self.html or self.folder / "report.html"
         results = read_results(self.folder)
         against = None if self.against is None else read_results(self.against)
-        check_writable(page)
+        check_writable(page, ".html")
         with progress() as say:
             say("computing")
             found = answers(results, against)

@@ -40,8 +40,8 @@ class Reproduce:
             raise UsageError(f"--jobs is {self.jobs}; give 1 or more")
         papers = read_papers()
         chosen = papers if self.paper is None else (paper_named(papers, self.paper),)
-        check_writable(self.table)
-        check_writable(self.report)
+        check_writable(self.table, ".md")
+        check_writable(self.report, ".html")
         found = [
             reproduce(paper, parts_of(paper.number), jobs=self.jobs, say=_say) for paper in chosen
         ]

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -75,7 +76,8 @@ class Run:
     realtime: bool = False
     """Keep to the wall's clock instead of going as fast as the computer can."""
     rrd: Annotated[Path | None, _arg("OUT.rrd")] = None
-    """Record into this file."""
+    """Record into this file. One that exists is written anew, but never by a run of pty or serial:
+    a session cannot be flown again."""
     spawn: bool = False
     """Show it live in the Rerun viewer."""
     json: bool = False
@@ -83,7 +85,7 @@ class Run:
 
     def run(self) -> int:
         """Fly; the exit code."""
-        from twin.cli.output import print_json, tell
+        from twin.cli.output import check_writable, print_json, tell
         from twin.clock import SimulatedClock, WallClock
         from twin.effects import parse_effects
         from twin.flight import prepare
@@ -97,6 +99,8 @@ class Run:
 
         effects = () if self.effects is None else parse_effects(self.effects)
         self._check()
+        if self.rrd is not None:
+            check_writable(self.rrd, ".rrd", anew=not self._on_bench)
         with ExitStack() as stack:
             recorder = None
             if self.rrd is not None or self.spawn:
@@ -203,8 +207,11 @@ class Run:
 
         kept: list[Path] = []
         for run, record in black_box.records.items():
-            stem = self.rrd or Path(self.platform.replace(":", "-").strip("/")).with_suffix(".rrd")
+            # beside the recording, else where one stands, whatever folder the machine is in
+            stem = self.rrd or Path(f"{Path(self.platform).resolve().name.replace(':', '-')}.rrd")
             path = stem.with_name(f"{stem.stem}.flight-{run}.rrd")
+            if self._on_bench:
+                path = _unused(path)
             write_recording(record, path, platform)
             kept.append(path)
         return kept
@@ -229,6 +236,12 @@ class Run:
             "seconds": outcome.timing.seconds,
             "recording": self.rrd,
         }
+
+
+def _unused(path: Path) -> Path:
+    """That path, or with the first number at which no file stands."""
+    numbered = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in count(2))
+    return next(one for one in chain((path,), numbered) if not one.exists())
 
 
 def _gains(words: Sequence[str]) -> dict[str, float]:
