@@ -110,6 +110,7 @@ def test_ctrl_c_ends_the_run_after_the_tick_in_hand(sads):
     outcome = flown(SimulatedPlant(sads), law, observers=[operator, memory])
     assert outcome.ended is Ended.safe_stop
     assert "stopped by the operator" in outcome.reason
+    assert outcome.asked
     assert operator.ticks <= 11
     assert len(memory.recording()["truth_rate"]) == operator.ticks
 

@@ -56,6 +56,8 @@ class Outcome:
     stopped: dict[int, str]
     """Runs that ended early: row -> reason."""
     timing: Timing
+    asked: bool = False
+    """Whether its operator stopped it: an end as good as any."""
 
 
 def fly(
@@ -77,7 +79,7 @@ def fly(
     estimate = estimator.init(platform, n)
     state = controller.init(platform, n)
     targets = _Ahead(reference, platform.tick)
-    now, reason, ended = 0.0, "", Ended.done
+    now, reason, ended, asked = 0.0, "", Ended.done, False
     with _stop_request() as stop_requested:
         for now in clock.ticks(platform.tick, duration):
             reading = plant.read(now)
@@ -112,11 +114,12 @@ def fly(
                 break
             if stop_requested.is_set():
                 ended, reason = Ended.safe_stop, f"stopped by the operator at {now:.2f} s"
+                asked = True
                 break
     if ended is Ended.done and plant.stopped:
         ended = Ended.degraded
         reason = f"{len(plant.stopped)} of {n} runs were stopped"
-    return Outcome(ended, reason, now, dict(plant.stopped), clock.timing)
+    return Outcome(ended, reason, now, dict(plant.stopped), clock.timing, asked)
 
 
 class _Ahead:

@@ -199,6 +199,41 @@ def test_a_run_over_the_line_tries_what_it_commands_and_is_recorded(tmp_path, ca
     assert not [name for name in recording if name.startswith("truth")]
 
 
+LAW_THAT_IS_CUT_OUT = '''
+"""A law whose coils' command is no number after a second."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.controller import Controller
+
+
+@dataclass(frozen=True)
+class CutOut(Controller[None]):
+    """Asks for nothing, then for NaN."""
+
+    def init(self, platform, n):
+        return None
+
+    def update(self, state, estimate, target, time):
+        dipole = np.full((len(estimate.valid), 3), 0.0 if time < 1.0 else np.nan)
+        return {"command_dipole": dipole}, state
+'''
+
+
+def test_a_run_that_the_guard_cuts_out_has_failed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("law.py").write_text(LAW_THAT_IS_CUT_OUT, encoding="utf-8")
+    words = ["cubesat", "--plant", "pty", "--lockstep", "--arm", "captured", "--duration", "3"]
+    Path("cubesat.flight-0.rrd").write_text("of an earlier session")
+    assert main(["run", *words, "--controller", "law.py"]) == 1
+    told = capsys.readouterr().out
+    assert "safe_stop after 1" in told
+    assert "before it was stopped: cubesat.flight-0-2.rrd" in told
+    assert Path("cubesat.flight-0.rrd").read_text() == "of an earlier session"
+
+
 def test_emulate_prints_a_port_that_a_run_can_open_and_ends_with_ctrl_c():
     words = [sys.executable, "-m", "twin", "emulate", "cubesat", "--attitude", "3", "0", "0"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as one:

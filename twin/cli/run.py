@@ -31,6 +31,7 @@ class Run:
 
     On hardware and on its emulation nothing leaves unless --arm says so: without it the sensors are
     read and the law is computed, and that is all. Ctrl-C stops safely; it is no emergency stop.
+    Exit code 1 where the run was cut out, lost its law or failed; 0 where Ctrl-C ended it.
     """
 
     platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
@@ -146,7 +147,7 @@ class Run:
             print_json(self._document(outcome, metrics, warnings))
         else:
             print("\n".join([*_report(flight, outcome, metrics), *told, *self._where(kept)]))
-        return 0 if outcome.ended in (Ended.done, Ended.safe_stop) else 1
+        return 0 if outcome.ended is Ended.done or outcome.asked else 1
 
     def _check(self) -> None:
         from twin.errors import UsageError
