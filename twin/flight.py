@@ -3,13 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from twin.budget import momentum_budget
 from twin.clock import Clock
 from twin.controller import AnyController, load_controller
+from twin.controller.load import tell_mistake
 from twin.effects import Effect, effects_of, with_effects
 from twin.errors import UnknownName, UsageError
 from twin.estimators import Estimator, load_estimator, usual_estimator
@@ -110,9 +111,19 @@ class Flight:
             self.controller.close()
 
     def _wanted(self) -> Command:
-        """What the law commands at its beginning."""
+        """What the law commands at its beginning; its mistakes are told before anything moves."""
+        law, target = self.controller, self.reference.at(0.0)
         estimate = self.estimator.init(self.platform, self.plant.n)
-        return self.controller.first_command(self.platform, estimate, self.reference.at(0.0))
+        try:
+            wanted = cast(object, law.first_command(self.platform, estimate, target))
+            if not isinstance(wanted, dict):
+                raise TypeError(
+                    f"the command is of type {type(wanted).__name__}, not a dict of streams"
+                )
+        except Exception as problem:
+            tell_mistake(law, problem)
+            raise
+        return cast(Command, wanted)
 
 
 def prepare(

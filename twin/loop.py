@@ -17,6 +17,7 @@ import numpy as np
 
 from twin.clock import Clock, Timing
 from twin.controller import AnyController
+from twin.controller.load import tell_mistake
 from twin.estimators.estimator import Estimator
 from twin.plant.plant import Plant
 from twin.reference import Reference
@@ -73,6 +74,9 @@ def fly(
     """Run the loop for `duration` [s]; the caller owns plant and observers and closes them.
 
     Ctrl-C ends it after the tick in hand, so that no row is half written; a second one interrupts.
+
+    Raises:
+        ControllerError: the law is of somebody's file, and something in it raises.
     """
     platform, n = plant.platform, plant.n
     runs = range(n)
@@ -87,7 +91,11 @@ def fly(
             estimate = estimator.update(estimate, reading)
             clock.lap("estimate")
             target = targets.at(now)
-            wanted, state = controller.update(state, estimate, target, now)
+            try:
+                wanted, state = controller.update(state, estimate, target, now)
+            except Exception as problem:
+                tell_mistake(controller, problem)
+                raise
             clock.lap("control")
             applied = plant.write(wanted)
             estimate = estimator.told(estimate, applied)

@@ -26,13 +26,17 @@ class _ByPath(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        package, _, told = fullname.rpartition(".")
-        if package != __name__:
-            return None
-        return spec_from_file_location(fullname, Path(os.fsdecode(bytes.fromhex(told))))
+        file = file_of(fullname)
+        return None if file is None else spec_from_file_location(fullname, file)
 
 
 sys.meta_path.append(_ByPath())
+
+
+def file_of(module: str) -> Path | None:
+    """The file that was run as the module of that name; None of a module of any other kind."""
+    package, _, told = module.rpartition(".")
+    return Path(os.fsdecode(bytes.fromhex(told))) if package == __name__ else None
 
 
 def import_alone(path: Path) -> ModuleType:

@@ -119,6 +119,59 @@ def test_wrong_use_is_told_in_a_sentence_with_exit_code_2(words, sentence, capsy
     assert sentence in capsys.readouterr().err
 
 
+LAW_WITH_A_MISTAKE = '''"""A law with a mistake."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.controller import Controller
+
+
+@dataclass(frozen=True)
+class Mistaken(Controller[None]):
+    """Asks for nothing."""
+
+    def init(self, platform, n):
+        return None
+
+    def update(self, state, estimate, target, time):
+        torque = np.zeros((len(estimate.valid), 3))
+        return {"command_wheel_torque": torque}, state
+'''
+_TORQUE = "        torque = np.zeros((len(estimate.valid), 3))\n"
+_ANSWER = '{"command_wheel_torque": torque}, state'
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "sentence"),
+    [
+        (
+            _TORQUE,
+            "        torque = estimate.rates\n",
+            ": line 17: AttributeError: ",
+        ),
+        (
+            _TORQUE,
+            f"{_TORQUE}        1 / (time < 0.5)\n",
+            ": line 18: ZeroDivisionError: division by",
+        ),
+        ("return None", "return platform.size", ": line 14: AttributeError: 'Platform' object has"),
+        (_ANSWER, "torque", ": ValueError: "),
+        (_ANSWER, "torque, state", ": TypeError: the command is of type ndarray, not a dict"),
+    ],
+    ids=["at once", "later", "in init", "no state", "no dict"],
+)
+def test_a_mistake_in_a_law_of_ones_own_is_told_with_its_line(
+    right, wrong, sentence, tmp_path, capsys
+):
+    law = tmp_path / "mistaken.py"
+    law.write_text(LAW_WITH_A_MISTAKE.replace(right, wrong), encoding="utf-8")
+    assert main(["run", "sads", "--controller", str(law), "--duration", "1"]) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert f"{law}{sentence}" in said
+    assert said.endswith(f"`twin check {law}` says more")
+
+
 LAW_THAT_IS_STOPPED = '''
 """A law during which the operator presses Ctrl-C."""
 

@@ -126,7 +126,7 @@ BROKEN = {
         "it loops over the runs",
     ),
     "not frozen": ("(frozen=True)", "", "can change while it flies"),
-    "gain without unit": (', metadata={"unit": "N m s"}', "", "gain gain has no unit"),
+    "gain without unit": (', metadata={"unit": "N m s"}', "", "gain has no unit: declare"),
     "state of a local class": (
         "        return np.zeros((n, 3))\n",
         "        class Memory(np.ndarray): pass\n        return np.zeros((n, 3)).view(Memory)\n",

@@ -78,9 +78,13 @@ def _declared(law: AnyController) -> Iterator[str]:
     for field in dataclasses.fields(law):
         if isinstance(getattr(law, field.name), float) and "unit" not in field.metadata:
             yield (
-                f"gain {field.name} has no unit: declare it as "
+                f"{_called(field.name)} has no unit: declare it as "
                 'field(default=..., metadata={"unit": "N m"}), "1" if it has none'
             )
+
+
+def _called(gain: str) -> str:
+    return gain if gain == "gain" or gain.endswith("_gain") else f"gain {gain}"
 
 
 def _answers(law: AnyController, platform: Platform) -> Iterator[str]:

@@ -40,7 +40,8 @@ class Controller(abc.ABC, Generic[State]):
     def first_command(self, platform: Platform, estimate: Estimate, target: Target) -> Command:
         """What it says at time 0: asked before anything moves, for which actuators it uses."""
         state = self.init(platform, len(estimate.valid))
-        return self.update(state, estimate, target, 0.0)[0]
+        command, _ = self.update(state, estimate, target, 0.0)
+        return command
 
     def close(self) -> None:
         """The run is over."""

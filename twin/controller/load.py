@@ -12,7 +12,7 @@ from typing import Any
 from twin.controller.controller import AnyController, Controller
 from twin.errors import ControllerError, TwinError, UnknownName
 from twin.library import find_controller
-from twin.own_file import import_alone
+from twin.own_file import file_of, import_alone
 
 
 def load_controller(name: str, gains: Mapping[str, float] | None = None) -> AnyController:
@@ -45,6 +45,19 @@ def load_controller(name: str, gains: Mapping[str, float] | None = None) -> AnyC
         raise
     except Exception as problem:
         raise ControllerError(f"{path}: {raised_at(path, problem)}") from problem
+
+
+def tell_mistake(law: AnyController, problem: Exception) -> None:
+    """Say what a law's own file raised, and where, for its author; of what is no file, nothing.
+
+    Raises:
+        ControllerError: file, line, kind and message.
+    """
+    path = file_of(type(law).__module__)
+    if path is not None and not isinstance(problem, TwinError):
+        raise ControllerError(
+            f"{path}: {raised_at(path, problem)}; `twin check {path}` says more"
+        ) from problem
 
 
 def raised_at(path: Path, problem: BaseException) -> str:
