@@ -155,6 +155,9 @@ def test_controllers_as_json_is_one_document_with_names_and_gains():
     assert all(law["summary"] for law in laws)
     gains = next(law["gains"] for law in laws if law["name"] == "quaternion_pd")
     assert {"name", "value", "unit"} == set(gains[0])
+    usual = {law["name"]: law["reference"] for law in laws}
+    assert usual["quaternion_pd"] == "multisine"
+    assert usual["mass_pid"] == "hold"
 
 
 @pytest.mark.parametrize("name", ["platforms", "controllers"])

@@ -10,7 +10,7 @@ import tyro
 
 @dataclass(frozen=True)
 class Controllers:
-    """The control laws that are shipped: what each does, and its gains."""
+    """The control laws that are shipped: what each does, its usual reference, and its gains."""
 
     header: Annotated[str | None, tyro.conf.arg(metavar="PLATFORM")] = None
     """Print instead the channels that a law in another program has of this machine, as a C header
@@ -56,9 +56,10 @@ def _facts(name: str) -> dict[str, Any]:
         for field in dataclasses.fields(law)
     ]
     summary = (inspect.getdoc(type(law)) or "").partition("\n")[0]
-    return {"name": name, "summary": summary, "gains": gains}
+    return {"name": name, "summary": summary, "reference": law.reference, "gains": gains}
 
 
 def _text(law: dict[str, Any]) -> str:
     rows = [f"  {gain['name']:<24} {gain['value']} {gain['unit']}" for gain in law["gains"]]
-    return "\n".join([f"{law['name']}: {law['summary']}", *rows])
+    usual = f"  {'usual reference':<24} {law['reference']}"
+    return "\n".join([f"{law['name']}: {law['summary']}", usual, *rows])

@@ -57,7 +57,8 @@ class Run:
     clock. As fast as both can, and no computer is too slow for it."""
     reference: Annotated[str | None, _arg("REFERENCE")] = None
     """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or `multisine[:AMPLITUDE[@FREQUENCY]]`,
-    in degrees and hertz; by default what the law is usually given."""
+    in degrees and hertz; by default what the law is usually given (its class says `reference`, and
+    `twin controllers` tells it)."""
     identified: Annotated[Path | None, _arg("FILE.json")] = None
     """What `twin identify LOG --json` wrote: on the bench, the flight is first simulated at all
     corners of its 95 % set, and refused where the guard would cut it out."""
