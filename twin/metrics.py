@@ -12,6 +12,14 @@ from twin.signals import Tick
 
 Array = NDArray[np.float64]
 
+SETTLE = 30.0
+"""Within which a law has come to its reference [s], where a flight is that long."""
+
+
+def settled(duration: float) -> float:
+    """When tracking begins to count in a flight of that duration [s]: half of it at the latest."""
+    return min(SETTLE, 0.5 * duration)
+
 
 @dataclass
 class Metrics:
@@ -21,7 +29,7 @@ class Metrics:
     """
 
     platform: Platform
-    settle: float = 30.0
+    settle: float = SETTLE
     """Tracking counts from here on [s]."""
 
     def __post_init__(self) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from twin.cli.main import main
+from twin.metrics import settled
 from twin.recording import open_log
 
 
@@ -33,6 +34,12 @@ def test_json_is_one_document_and_nothing_else(capsys):
     assert {"ended", "reason", "duration", "overruns"} <= set(document)
     assert document["ended"] == "done"
     assert document["reason"] is None
+
+
+def test_a_short_run_tells_its_tracking_error_over_its_second_half(capsys):
+    assert main(["run", "sads", "--controller", "quaternion_pd", "--duration", "4"]) == 0
+    assert "at worst, from 2 s on" in capsys.readouterr().out
+    assert (settled(30.0), settled(61.0), settled(1e4)) == (15.0, 30.0, 30.0)
 
 
 def test_an_unbalanced_table_is_told_before_it_flies_when_its_wheels_will_saturate(capsys):

@@ -92,7 +92,7 @@ class Run:
         from twin.effects import parse_effects
         from twin.flight import prepare
         from twin.loop import Ended, Observer
-        from twin.metrics import Metrics
+        from twin.metrics import Metrics, settled
         from twin.plant.guard.guarded import Held
         from twin.rehearsal import check_lean, identified_box
         from twin.stream.flight_recorder import FlightRecorder
@@ -127,7 +127,8 @@ class Run:
             self._announce(flight, warnings)
             if self.identified is not None:
                 tell(check_lean(flight, identified_box(self.identified)))
-            metrics, black_box = Metrics(flight.platform), FlightRecorder(flight.plant)
+            metrics = Metrics(flight.platform, settle=settled(flight.duration))
+            black_box = FlightRecorder(flight.plant)
             observers: list[Observer] = [metrics, black_box]
             if recorder is not None:
                 facts = provenance(flight.platform, seed=self.seed, command=sys.argv)
