@@ -254,6 +254,25 @@ def test_every_shipped_machine_is_right(name: str):
     assert [finding for finding in check_platform(load_platform(name)) if not finding.ok] == []
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('kind = "microcontroller"', 'kind = "microcontroler"', "microcontroler"),
+        ('stream = "gyro"', 'stream = "gyro"\ncolums = 3', "colums"),
+    ],
+)
+def test_a_mistake_in_the_hardware_is_told_with_file_and_line(
+    tmp_path: Path, old: str, new: str, sentence: str
+):
+    folder = tmp_path / "machine"
+    shutil.copytree(SADS.parent / "cubesat", folder)
+    edit(folder / "platform.toml", old, new)
+    (finding,) = wrong(folder)
+    assert finding.check == "[hardware] can be read"
+    assert re.match(rf"{re.escape(str(folder / 'platform.toml'))}:\d+: ", finding.sentence)
+    assert sentence in finding.sentence
+
+
 def test_a_wheel_that_stands_in_the_room_is_no_part_of_the_machine(folder: Path):
     edit(
         folder / "platform.xml",

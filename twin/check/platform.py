@@ -6,6 +6,7 @@ from twin.check.finding import Finding, compare, judge
 from twin.check.masses import check_masses, check_whole
 from twin.check.motion import check_step, check_stop
 from twin.check.parts import check_joints, check_parts
+from twin.config import read_toml
 from twin.errors import PlatformError
 from twin.model import compile_model, mass_properties
 from twin.platform import Platform, load_platform, variants_of
@@ -21,7 +22,7 @@ def check_platform(platform: Platform) -> list[Finding]:
     base = load_platform(platform.folder)
     model = load_mjcf(base.model_path)
     joints = check_joints(base, model)
-    findings = [*_options(base, model), *joints]
+    findings = [*_hardware(base), *_options(base, model), *joints]
     if not all(finding.ok for finding in joints):
         return findings  # the rest would only repeat it
     findings += check_parts(base, model)
@@ -31,6 +32,19 @@ def check_platform(platform: Platform) -> list[Finding]:
     for variant in variants_of(base.folder):
         findings += _compiled(load_platform(f"{base.folder}:{variant}"))
     return findings
+
+
+def _hardware(platform: Platform) -> list[Finding]:
+    """What is wired to the machine, where platform.toml says so."""
+    if "hardware" not in read_toml(platform.folder / "platform.toml", PlatformError):
+        return []
+    from twin.plant.hardware_setup import read_hardware  # its drivers take a while to import
+
+    try:
+        devices = ", ".join(sorted(read_hardware(platform).devices))
+    except PlatformError as problem:
+        return [Finding("[hardware] can be read", False, "yes", "no", "", str(problem))]
+    return [Finding("[hardware] can be read", True, None, f"yes: {devices}")]
 
 
 def _options(platform: Platform, model: mujoco.MjModel) -> list[Finding]:

@@ -20,7 +20,8 @@ class Check:
 
     A platform: platform.toml and its MJCF against each other, in names, types, axes and limits,
     the mass budget, inertia and mass moment about the centre of rotation as MuJoCo compiles them,
-    the tilt stop, and the default step's error. A control law: the promises of a `Controller`.
+    the tilt stop, the default step's error, and its [hardware]. A control law: the
+    promises of a `Controller`.
     """
 
     path: tyro.conf.Positional[str]
