@@ -254,6 +254,30 @@ def test_every_shipped_machine_is_right(name: str):
     assert [finding for finding in check_platform(load_platform(name)) if not finding.ok] == []
 
 
+@pytest.mark.parametrize("mass", ["95.5", "95.0"])
+def test_the_line_that_is_told_for_the_bus_mends_the_mjcf(folder: Path, mass: str):
+    edit(folder / "platform.toml", "mass = 95.0", f"mass = {mass}")
+    edit(
+        folder / "platform.toml",
+        "inertia = [3.0, 12.0, 12.0, 0.0",
+        "inertia = [3.1, 12.0, 12.0, 0.2",
+    )
+    edit(folder / "platform.toml", "[9.5e-4, -9.5e-4, -2.85e-3]", "[9.5e-4, -9.5e-4, -9.5e-3]")
+    lines = [line for one in wrong(folder) for line in re.findall(r"<inertial .*/>", one.sentence)]
+    assert len(lines) == 1, "told once, where the first number is wrong"
+    file = folder / "platform.xml"
+    text = file.read_text()
+    assert '<inertial mass="78.5"' in text
+    file.write_text(re.sub(r'<inertial mass="78.5"[^>]*/>', lines[0], text))
+    assert not wrong(folder)
+
+
+def test_masses_that_no_bus_can_have_are_told_as_such(folder: Path):
+    edit(folder / "platform.toml", "mass = 95.0", "mass = 10.0")
+    said = next(one.sentence for one in wrong(folder) if one.check == "MJCF: floating mass")
+    assert "no <inertial> of 'bus' gives what is stated: the other parts already weigh" in said
+
+
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [

@@ -1,11 +1,14 @@
 """Does the MJCF, as compiled, weigh and turn as platform.toml states?"""
 
+import copy
+import dataclasses
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.check.finding import Finding, compare
-from twin.model import MassProperties, mass_properties
+from twin.model import MassProperties, mass_properties, set_mass_properties
 from twin.platform import Platform
 
 Array = NDArray[np.float64]
@@ -31,8 +34,13 @@ def check_masses(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
         )
     for wheel in (*platform.wheels, *platform.rotors):
         findings += _wheel(model, wheel.name, wheel.inertia)
-    whole = mass_properties(model, model.body(platform.base.body).id)
-    return findings + check_whole(platform, whole, "MJCF")
+    whole = check_whole(platform, mass_properties(model, model.body(platform.base.body).id), "MJCF")
+    wrong = [number for number, finding in enumerate(whole) if not finding.ok]
+    if wrong:
+        first = whole[wrong[0]]  # one line mends them all
+        sentence = f"{first.sentence}; {_mended(platform, model)}"
+        whole[wrong[0]] = dataclasses.replace(first, sentence=sentence)
+    return findings + whole
 
 
 def check_whole(platform: Platform, found: MassProperties, what: str) -> list[Finding]:
@@ -61,6 +69,31 @@ def check_whole(platform: Platform, found: MassProperties, what: str) -> list[Fi
             f"the mass moment from CR to CM differs; {remedy}",
         ),
     ]
+
+
+def _mended(platform: Platform, model: mujoco.MjModel) -> str:
+    """The line of the MJCF with which the whole is as stated."""
+    body = platform.base.body
+    stated = MassProperties(platform.mass, platform.inertia, platform.center_of_mass_offset)
+    model = copy.copy(model)
+    row = int(model.body(body).id)
+    try:
+        set_mass_properties(model, row, stated)
+    except ValueError as problem:
+        return f"no <inertial> of {body!r} gives what is stated: {problem}"
+    turned = np.empty(9)
+    mujoco.mju_quat2Mat(turned, model.body_iquat[row])
+    frame = turned.reshape(3, 3)
+    inertia = frame @ np.diag(model.body_inertia[row]) @ frame.T
+    return (
+        f'for what is stated there, it is <inertial mass="{_digits(model.body_mass[row])}" '
+        f'pos="{_digits(*model.body_ipos[row])}" fullinertia="{_digits(*_six(inertia))}"/>'
+    )
+
+
+def _digits(*numbers: float) -> str:
+    # more than the check asks for, and few enough to hide how a sum was rounded
+    return " ".join(f"{number:.14g}" for number in numbers)
 
 
 def _wheel(model: mujoco.MjModel, name: str, inertia: float) -> list[Finding]:
