@@ -38,7 +38,7 @@ from twin.config import Table, read_toml
 from twin.errors import PlatformError, UnknownName
 from twin.plant.devices.device import DeviceSettings
 from twin.plant.devices.kinds import KINDS
-from twin.plant.guard.settings import GuardSettings, guard_settings
+from twin.plant.guard.settings import GuardSettings, bench_settings
 from twin.plant.routes import Array, Route
 from twin.platform import Platform
 
@@ -99,7 +99,7 @@ def _devices(table: Table) -> dict[str, DeviceSettings]:
 
 
 def _guard(table: Table, platform: Platform) -> GuardSettings:
-    usual = guard_settings(platform)
+    usual = bench_settings(platform)
     cycles = round(table.number("stale_cycles", usual.stale_cycles, low=1.0))
     numbers = {
         field.name: table.number(field.name, getattr(usual, field.name), low=0.0)

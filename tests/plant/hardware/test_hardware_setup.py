@@ -84,6 +84,12 @@ def test_devices_routes_guard_and_calibration_are_read(tmp_path: Path):
     )
 
 
+def test_a_loop_that_hangs_is_noticed_unless_the_laboratory_says_otherwise(tmp_path: Path):
+    assert read(tmp_path).guard.watchdog == 1.0
+    off = GOOD.replace("stale_cycles = 3", "watchdog = inf")
+    assert read(tmp_path, off).guard.watchdog == np.inf
+
+
 @pytest.mark.parametrize("number", [0, 1])
 def test_what_is_given_to_a_device_is_what_would_be_taken_from_it(tmp_path: Path, number: int):
     setup = read(tmp_path)

@@ -1,6 +1,6 @@
 """What a laboratory allows its machine to do, beside what its parts can do."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,9 +28,14 @@ class GuardSettings:
     """Control periods in a row without a fresh sample of a stream before all stops."""
     watchdog: float = np.inf
     """Longest time between two commands before all stops [s], by the wall's clock; inf where the
-    plant's time is not the wall's."""
+    plant's time is not the wall's, or to have none."""
     air_pressure: float = 0.0
     """The machine floats above this [Pa], where `air_pressure` is measured and `floating` not."""
+
+
+WATCHDOG = 1.0
+"""Longest silence of a loop on the wall's clock [s] unless stated: far more than a tick that is
+late on a busy computer, far less than a lean takes to grow."""
 
 
 def guard_settings(platform: Platform) -> GuardSettings:
@@ -44,3 +49,8 @@ def guard_settings(platform: Platform) -> GuardSettings:
         max_balance_step=0.01 * platform.gravity * reach if reach else np.inf,
         tilt_cutout=0.8 * platform.stop_angle,
     )
+
+
+def bench_settings(platform: Platform) -> GuardSettings:
+    """What suits it where its time is the wall's: a loop that hangs is noticed, too."""
+    return replace(guard_settings(platform), watchdog=max(WATCHDOG, 3.0 * platform.tick))
