@@ -62,7 +62,7 @@ class Identify:
         from twin.conventions import convention_advice
         from twin.errors import TwinError, UsageError
         from twin.identify import Settings, identify, identify_by_all
-        from twin.platform import common_platform, load_platform
+        from twin.platform import common_platform, in_order_of, load_platform
         from twin.recording import open_log
         from twin.report import compared, identified
 
@@ -74,7 +74,7 @@ class Identify:
             common_platform(recordings) if self.platform is None else load_platform(self.platform)
         )
         for path, recording in zip(self.logs, recordings, strict=True):
-            warning = convention_advice(recording, machine).warning
+            warning = convention_advice(in_order_of(machine, recording), machine).warning
             if warning:
                 print(f"{path}: {warning}", file=sys.stderr)
         if self.method == "all":

@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 
 FILE_ORDER = {"xyzw": (3, 0, 1, 2)}
 """Where w, x, y, z stand in the file."""
+EULER_ORDER = (2, 1, 0)
+"""Where the angles about x, y, z stand among yaw, pitch, roll."""
 
 
 def corrected_lines(recording: Recording, corrections: Iterable[Correction]) -> list[str]:
@@ -43,12 +45,17 @@ def _keys(
             rate = _number(facts, "rate") / correction.time_factor
             keys = {key: text for key, text in keys.items() if key != "time_unit"}
             keys["rate"] = f"{rate:.9g}"
+        if correction.kind == "order" and set(map(str.lower, listed)) == set("wxyz"):
+            keys["columns"] = json.dumps(listed)  # their names are wrong, too
         if correction.kind == "axes":
-            if facts.get("format") == "euler_zyx":
-                keys["# turned axes of Euler angles"] = '"export the attitude as a quaternion"'
-                continue
+            axes = np.array(correction.axes)
             order = FILE_ORDER.get(str(facts.get("format")), tuple(range(len(listed))))
-            listed = _turned(listed, np.array(correction.axes), order)
+            if facts.get("format") == "euler_zyx":
+                axes, order = axes[1:, 1:], EULER_ORDER
+                if (axes < 0.0).any():
+                    keys["# turned axes of Euler angles"] = '"export the attitude as a quaternion"'
+                    continue
+            listed = _turned(listed, axes, order)
             keys["columns"] = json.dumps(listed)
         if correction.lag:
             lag += correction.lag

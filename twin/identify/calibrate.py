@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from twin.errors import UsageError
 from twin.identify.identification import identify
-from twin.platform import Platform
+from twin.platform import Platform, in_order_of
 from twin.predict.ranges import within_range
 from twin.predict.scales import sought
 from twin.recording import Recording
@@ -16,7 +16,7 @@ def calibrated(recording: Recording, platform: Platform) -> Recording:
     Raises:
         UsageError: a stream has `scale = "fit"` and the log does not tell the scale.
     """
-    checked, said = within_range(recording, platform)
+    checked, said = within_range(in_order_of(platform, recording), platform)
     checked = replace(checked, repairs=(*checked.repairs, *said))
     if not sought(checked):
         return checked

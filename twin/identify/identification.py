@@ -30,7 +30,7 @@ from twin.identify.scale import (
 )
 from twin.identify.start import base_of, first_biases, first_theta
 from twin.model import compile_model
-from twin.platform import Platform
+from twin.platform import Platform, in_order_of
 from twin.predict.base import BaseParameters
 from twin.predict.body import body_of
 from twin.predict.innovations import Problem, Unknowns
@@ -188,7 +188,8 @@ def ground_of(recordings: Sequence[Recording], platform: Platform) -> Ground:
     if not recordings:
         raise UsageError("no log is given")
     machine = compile_model(platform)
-    checked = [within_range(recording.without_truth(), platform) for recording in recordings]
+    ordered = [in_order_of(platform, recording.without_truth()) for recording in recordings]
+    checked = [within_range(recording, platform) for recording in ordered]
     turned = [as_measured(recording, machine) for recording, _ in checked]
     scaled = scaled_together([log for log, _ in turned], platform)
     logs = [log.recording for log in scaled]

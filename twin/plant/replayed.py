@@ -5,9 +5,8 @@ import numpy as np
 from twin.errors import UsageError
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
-from twin.platform import Platform
+from twin.platform import Platform, check_columns, in_order_of
 from twin.recording import Recording
-from twin.recording.columns import check_columns
 from twin.signals import Command, Reading, Samples
 
 _EPS = 1e-9
@@ -26,6 +25,7 @@ class ReplayedPlant(Plant):
         self.platform = platform
         self.n = 1
         self.stopped = {}
+        recording = in_order_of(platform, recording)
         self._start = recording.start
         measured = recording.without_truth()
         self._measured = {

@@ -16,11 +16,10 @@ from scipy.signal import detrend, savgol_filter
 
 from twin import rotation
 from twin.errors import UsageError
-from twin.platform import Platform
+from twin.platform import Platform, check_columns
 from twin.platform.mjcf import load_mjcf
 from twin.predict.tilt import attitude_of_start, attitude_of_tilt
 from twin.recording import Recording, Series
-from twin.recording.columns import check_columns
 
 Array = NDArray[np.float64]
 

@@ -1,5 +1,6 @@
 """One [streams.NAME] of a log.toml, checked key by key, and the series in the file it names."""
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ from twin.units import Unit, unit_named
 Array = NDArray[np.float64]
 
 WXYZ = ("w", "x", "y", "z")
+EULER = ("yaw", "pitch", "roll")
+QUATERNIONS = LAYOUTS[:2]
 LISTED = 8
 """Columns that an error names; of more it says how many."""
 
@@ -59,9 +62,10 @@ class Entry:
         return {
             "file": self.path.name,
             "unit": self.table.raw("unit"),
-            "noise": None if self.noise is None else self.noise.tolist(),
+            "noise": self._noise_by_name(self._open(files)),
             "fit_scale": self.table.raw("scale") == "fit",
             "columns": list(self._columns(self._open(files))),
+            "listed": bool(self.columns) and not self.axes,
             "time_unit": self.table.raw("time_unit"),
             "rate": self.table.raw("rate"),
             "clock_lag": self.clock_lag,
@@ -125,6 +129,9 @@ class Entry:
         where = f"{self.name} ({self.path.name})"
         rows = mended(*self._numbers(file, clock, columns), file, columns, clock, where)
         value, repairs = rows.value * signs * self.unit.factor, rows.repairs
+        if not self.columns and columns != self._rest(file):
+            given = ", ".join(self._rest(file))
+            repairs = (*repairs, f"{where}: columns {given} taken by name, as {', '.join(columns)}")
         if self.unit.offset != 0.0:  # adding 0.0 would turn -0.0 into 0.0
             value = value + self.unit.offset
         value = value * self.scale
@@ -144,9 +151,45 @@ class Entry:
     def _clock(self, file: NumberFile) -> str | None:
         return (self.time or file.time) if np.isnan(self.rate) else None
 
-    def _columns(self, file: NumberFile) -> tuple[str, ...]:
+    def _rest(self, file: NumberFile) -> tuple[str, ...]:
+        """Every column but the clock, as the file has them."""
         clock = self._clock(file)
-        return self.columns or tuple(name for name in file.values if name != clock)
+        return tuple(name for name in file.values if name != clock)
+
+    def _columns(self, file: NumberFile) -> tuple[str, ...]:
+        """Those of the stream, in its order: where all are named as the stream's are, by name."""
+        rest = self._rest(file)
+        place = {name.lower(): name for name in rest}
+        expected = self._expected(self.layout)
+        if self.columns or self.axes or len(place) != len(rest) or set(place) != set(expected):
+            return self.columns or rest
+        named = tuple(place[name] for name in expected)
+        if self.layout in QUATERNIONS and "format" in self.table and not file.by_name:
+            stated = tuple(place[name] for name in self.layout)
+            if stated != rest:
+                raise self.table.fail(
+                    "format",
+                    f"is {self.layout!r}, but the columns are named {', '.join(rest)}",
+                    "remove `format`, and they are taken by name; if the names are wrong, list "
+                    f"them as `columns = {json.dumps(rest)}`",
+                )
+            return rest
+        return named
+
+    def _noise_by_name(self, file: NumberFile) -> list[float] | None:
+        """Of each column of the series, where the file gives one a column."""
+        if self.noise is None:
+            return None
+        rest, noise = self._rest(file), self.noise.tolist()
+        if self.columns or self.layout or len(noise) != len(rest):
+            return noise
+        return [noise[rest.index(name)] for name in self._columns(file)]
+
+    def _expected(self, layout: str) -> tuple[str, ...]:
+        """Names of the columns that the stream must have; empty where that is the machine's."""
+        if layout == "euler_zyx":
+            return EULER
+        return self.canonical.columns if self.canonical else ()
 
     def _numbers(
         self, file: NumberFile, clock: str | None, columns: tuple[str, ...]
@@ -162,9 +205,7 @@ class Entry:
         return table[:, 0] * self.time_factor, table[:, 1:]
 
     def _names(self, columns: tuple[str, ...], layout: str) -> tuple[str, ...]:
-        expected = self.canonical.columns if self.canonical else ()
-        if layout == "euler_zyx":
-            expected = ("yaw", "pitch", "roll")
+        expected = self._expected(layout)
         names = self.axes or expected or columns
         for axis in self.axes if expected else ():
             if axis not in expected:

@@ -106,7 +106,10 @@ def _log_toml(recording: Recording, files: Mapping[str, Path], format: str) -> s
         if format == "mat":
             entry["variable"] = _plain(name)
         entry["unit"] = series.unit
-        if format == "mat" or _axes_differ(name, series):  # a matrix has no column names
+        if stated.get(name, {}).get("listed") and not _fixed(name):
+            if format != "mat":  # or they would be taken by name
+                entry["columns"] = list(series.columns)
+        elif format == "mat" or _axes_differ(name, series):  # a matrix has no column names
             entry["axes"] = list(series.columns)
         if stated.get(name, {}).get("noise") is not None:
             entry["noise"] = stated[name]["noise"]
@@ -122,11 +125,15 @@ def _log_toml(recording: Recording, files: Mapping[str, Path], format: str) -> s
 
 def _axes_differ(name: str, series: Series) -> bool:
     """Whether the series has other columns than a stream of that name always has."""
+    return _fixed(name) not in ((), series.columns)
+
+
+def _fixed(name: str) -> tuple[str, ...]:
+    """The columns that a stream of that name always has; empty where they are the machine's."""
     try:
-        fixed = stream_named(name).columns
+        return stream_named(name).columns
     except UnknownName:
-        return False
-    return bool(fixed) and fixed != series.columns
+        return ()
 
 
 def _table(name: str, entries: Mapping[str, Any]) -> list[str]:

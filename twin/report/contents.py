@@ -11,7 +11,7 @@ from twin import rotation
 from twin.conventions import ConventionAdvice, convention_advice
 from twin.noise import StreamNoise, measure_noise, noise_findings
 from twin.noise.clock import GAP
-from twin.platform import Platform
+from twin.platform import Platform, in_order_of
 from twin.recording import Recording, Series
 from twin.signals import DERIVED
 from twin.units import fitting, printed, three_digits
@@ -87,6 +87,8 @@ def contents_of(
 ) -> Contents:
     """Look at every stream. Noise is held against the platform's, where one is given, and wheels
     against its body; else the `problem` says why there is none."""
+    if platform is not None:
+        recording = in_order_of(platform, recording)
     findings = [finding.sentence for finding in noise_findings(recording, platform)]
     if problem:
         findings.append(f"Nothing was held against the machine: {problem}.")

@@ -27,6 +27,7 @@ def identified(found: Identification) -> list[str]:
     lines += [f"  {line}" for line in _trust(found)]
     lines += [f"  {found.not_rigid}"] if found.not_rigid else []
     lines += [f"  Cannot be told: {sentence}." for sentence in found.not_excited]
+    lines += [f"  Repaired on reading: {r}." for log in found.recordings for r in log.repairs]
     return lines
 
 
