@@ -50,6 +50,19 @@ def test_hidden_friction_is_said_with_its_size(swing: Swings, pendulum: Platform
     assert comparison.verdict == "explained"
 
 
+def test_a_motor_of_which_the_log_says_nothing_is_said_to_be_taken_as_off(
+    swing: Swings, pendulum: Platform
+):
+    whole = swing(seed=SEED)
+    streams = {name: whole[name] for name in whole if name != "command_joint_torque"}
+    comparison = compare(Recording(streams, {"kind": "log"}), pendulum, as_built=True)
+    (said,) = document([comparison], [])["logs"][0]["taken_as_at_rest"]
+    assert said == sentences(comparison)[0]
+    assert said.endswith(
+        "this log has no torque of it: taken as off. Unless that is so, add command_joint_torque."
+    )
+
+
 def test_a_late_command_is_said_with_its_delay(swing: Swings, pendulum: Platform):
     comparison = compare(swing(seed=SEED, delay=0.008), pendulum)
     assert laws_of(comparison) == {"command_delay": pytest.approx(0.008, rel=0.03)}

@@ -1,5 +1,7 @@
 """What a person reads of an identification: every parameter, how well excited, what is open."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from twin.identify.excitation import excitation_of
 from twin.model import compile_model
 from twin.predict.base import base_parameters
 from twin.predict.motion import motion_of
+from twin.recording import Recording
 from twin.report import identified
 
 
@@ -28,6 +31,15 @@ def test_the_excitation_is_said_and_what_no_log_can_tell(lines):
     assert "deg/s rms about x, y, z; tilt up to" in text
     assert "Least known of J: " in text
     assert "Cannot be told: one common scale" in text
+
+
+def test_wheels_of_which_no_log_says_anything_are_said_to_be_taken_as_at_rest(campaign):
+    found = identify(campaign.logs[:1], campaign.stated, "momentum")
+    (log,) = found.recordings
+    seen = {name: log[name] for name in ("gyro", "attitude")}
+    found = replace(found, recordings=(Recording(seen, {"kind": "log"}),))
+    said = [line for line in identified(found) if "taken as at rest" in line]
+    assert [line.strip() for line in said] == found.document()["taken_as_at_rest"][:1]
 
 
 def test_the_combination_of_moments_that_is_known_worst_is_named(campaign):

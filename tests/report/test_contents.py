@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ import pytest
 from twin import rotation
 from twin.cli.main import main
 from twin.library import library
-from twin.recording import Recording, Series, write_folder
+from twin.platform import load_platform, taken_as_at_rest
+from twin.recording import Recording, Series, open_log, write_folder
 from twin.report.contents import contents_of, contents_words
 
 PENDULUM = library("models") / "dfki_pendulum" / "logs" / "sysid"
@@ -54,6 +56,27 @@ def test_the_words_name_rows_rates_gaps_ranges_and_noise(folder: Path, capsys):
     assert "    w1 -0.1 to 0.1 N m\n" in text
     noise = text.split("    noise ")[1].split(" deg/s")[0]
     np.testing.assert_allclose([float(x) for x in noise.split(",")], np.rad2deg(1e-3), rtol=0.1)
+
+
+def test_parts_without_any_stream_are_said_to_be_taken_as_at_rest(folder: Path):
+    log = open_log(folder)
+    platform = load_platform("sads")
+    seen = Recording({"gyro": log["gyro"], "attitude": log["attitude"]}, log.provenance)
+    said = contents_of("a log", seen, platform).findings
+    wheels = [sentence for sentence in said if "wheels" in sentence]
+    names = platform.columns("wheel_speed")
+    assert wheels == [
+        f"sads has wheels {names[0]} to {names[-1]}; this log has neither their speed nor their "
+        "torque: taken as at rest. Unless that is so, add wheel_speed or command_wheel_torque."
+    ]
+    assert any("add stage_position or command_stage_position" in sentence for sentence in said)
+    told = " ".join(contents_of("", log, platform).findings)
+    assert "wheels" not in told, "what commands them is in this log"
+    assert "stages" not in told
+    flown = replace(seen, provenance={})
+    assert taken_as_at_rest([flown], platform) == (), "a recording of ours holds every command"
+    together = taken_as_at_rest([seen, seen], platform)
+    assert all(f"; {folder} has n" in sentence for sentence in together)
 
 
 def test_the_document_holds_the_same_in_si(folder: Path, capsys):

@@ -30,7 +30,7 @@ from twin.identify.scale import (
 )
 from twin.identify.start import base_of, first_biases, first_theta
 from twin.model import compile_model
-from twin.platform import Platform, in_order_of
+from twin.platform import Platform, in_order_of, taken_as_at_rest
 from twin.predict.base import BaseParameters
 from twin.predict.body import body_of
 from twin.predict.innovations import Problem, Unknowns
@@ -113,6 +113,7 @@ class Identification:
             "excitation": self.excitation.document(),
             "not_excited": list(self.not_excited),
             "not_rigid": self.not_rigid or None,
+            "taken_as_at_rest": list(taken_as_at_rest(self.recordings, self.platform)),
         }
         if self.base.joints:
             document["joints"] = self._joints()

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from twin.errors import TwinError
 from twin.identify import Identification
+from twin.platform import taken_as_at_rest
 from twin.report.words import pair
 
 GAP = "  "
@@ -31,6 +32,7 @@ def compared(found: Mapping[str, Identification | TwinError]) -> list[str]:
         "The intervals of prediction-error hold. The others' know the scatter of what is left, not "
         "what noise in rates and wheel speeds does to the values.",
     ]
+    lines += taken_as_at_rest(first.recordings, first.platform)
     lines += [
         f"{name}: {problem}." for name, problem in found.items() if isinstance(problem, TwinError)
     ]

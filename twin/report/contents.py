@@ -11,7 +11,7 @@ from twin import rotation
 from twin.conventions import ConventionAdvice, convention_advice
 from twin.noise import StreamNoise, measure_noise, noise_findings
 from twin.noise.clock import GAP
-from twin.platform import Platform, in_order_of
+from twin.platform import Platform, in_order_of, taken_as_at_rest
 from twin.recording import Recording, Series
 from twin.signals import DERIVED
 from twin.units import fitting, printed, three_digits
@@ -90,6 +90,8 @@ def contents_of(
     if platform is not None:
         recording = in_order_of(platform, recording)
     findings = [finding.sentence for finding in noise_findings(recording, platform)]
+    if platform is not None:
+        findings += taken_as_at_rest([recording], platform)
     if problem:
         findings.append(f"Nothing was held against the machine: {problem}.")
     return Contents(

@@ -13,6 +13,7 @@ from twin.diagnose.remainder import Remainder
 from twin.diagnose.validation import Validation
 from twin.identify.excitation import not_excited
 from twin.identify.prediction_error import NORMAL
+from twin.platform import taken_as_at_rest
 from twin.predict.effect_columns import amplitudes
 from twin.report.next_experiment import experiment_sentence
 from twin.report.words import MEANINGFUL
@@ -27,6 +28,7 @@ SHOWN = 5
 def diagnosed(found: Diagnosis) -> list[str]:
     """All that is to be said, the verdict first."""
     said = [finding.sentence for finding in found.conventions]
+    said += taken_as_at_rest(found.recordings, found.platform)
     said.append(verdict_sentence(found))
     said += [cause_sentence(cause) for cause in found.causes]
     if found.next_experiment is not None:

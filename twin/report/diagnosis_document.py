@@ -4,6 +4,7 @@ from typing import Any
 
 from twin.diagnose import Cause, Diagnosis, Validation
 from twin.identify.prediction_error import NORMAL
+from twin.platform import taken_as_at_rest
 from twin.report.diagnosed import equation_text, verdict_sentence
 from twin.report.document import free_run_document
 from twin.report.next_experiment import experiment_document
@@ -74,6 +75,7 @@ def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[
         "not_asked": dict(found.not_asked),
         "conventions": [finding.sentence for finding in found.conventions],
         "noise": [finding.sentence for finding in found.noise],
+        "taken_as_at_rest": list(taken_as_at_rest(found.recordings, found.platform)),
         "repairs": [repair for log in found.recordings for repair in log.repairs],
     }
 

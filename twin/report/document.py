@@ -9,6 +9,7 @@ from twin.compare.account import Account
 from twin.compare.explanation import Side, Strength
 from twin.compare.free_run import FreeRun
 from twin.compare.missed import stream_errors
+from twin.platform import taken_as_at_rest
 from twin.report.words import sentences, transfer_sentences
 
 
@@ -42,6 +43,7 @@ def _log(comparison: Comparison) -> dict[str, Any]:
             for finding in comparison.conventions
         ],
         "noise": [finding.sentence for finding in comparison.noise],
+        "taken_as_at_rest": list(taken_as_at_rest([comparison.recording], comparison.platform)),
         "where": [domain.value for domain in comparison.where[0]],
         "or_where": [domain.value for domain in comparison.where[1]],
         "accounts": {

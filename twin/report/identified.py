@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify import Identification, Misfit
+from twin.platform import taken_as_at_rest
 from twin.predict.base import NAMES
 from twin.recording import Recording
 from twin.report.words import pair
@@ -24,6 +25,7 @@ def identified(found: Identification) -> list[str]:
     ]
     lines += [f"    {line}" for line in (*_entries(found), *_joints(found), *_scales(found))]
     lines += [f"  {line}" for line in (*_excitation(found), *_sentences(found.not_used))]
+    lines += [f"  {line}" for line in taken_as_at_rest(found.recordings, found.platform)]
     lines += [f"  {line}" for line in _trust(found)]
     lines += [f"  {found.not_rigid}"] if found.not_rigid else []
     lines += [f"  Cannot be told: {sentence}." for sentence in found.not_excited]

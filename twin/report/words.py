@@ -13,6 +13,7 @@ from twin.compare.misfit import coloured
 from twin.compare.missed import StreamError, disturbed, stream_errors
 from twin.compare.selection import FALSE_ALARM
 from twin.compare.symptoms import Domain
+from twin.platform import taken_as_at_rest
 from twin.predict.body import Body
 from twin.units import fitting, printed, three_digits
 
@@ -36,6 +37,7 @@ MEANINGFUL = 1.0
 def sentences(comparison: Comparison) -> list[str]:
     """All that is to be said of one log: how it was read, then the verdict, then the rest."""
     said = _conventions(comparison)
+    said += taken_as_at_rest([comparison.recording], comparison.platform)
     said += [_verdict(comparison)]
     said += _where(comparison)
     said.append(f"As built, {_misses(comparison.as_built.plain)}.")

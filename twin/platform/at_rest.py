@@ -1,0 +1,61 @@
+"""Parts of a machine of which a log has no stream at all: what is assumed of them is said."""
+
+from collections.abc import Sequence
+
+from twin.platform.parts import Platform
+from twin.recording import Recording
+
+PARTS = {
+    "wheels": (
+        ("wheel_speed", "command_wheel_torque", "command_wheel_duty"),
+        "neither their speed nor their torque: taken as at rest",
+    ),
+    "stages": (
+        ("stage_position", "command_stage_position"),
+        "neither where they are nor where they are to be: taken as at 0",
+    ),
+    "gimbals": (
+        ("gimbal_angle", "command_gimbal_rate"),
+        "neither their angle nor their rate, without which nothing is predicted",
+    ),
+    "magnetorquers": (("command_dipole",), "no moment of theirs: taken as off"),
+    "thrusters": (("command_thruster",), "no force of theirs: taken as shut"),
+    "motor": (("command_joint_torque",), "no torque of it: taken as off"),
+}
+"""Kind of part -> the streams that a prediction takes it from, and what it is without them."""
+
+
+def taken_as_at_rest(recordings: Sequence[Recording], platform: Platform) -> tuple[str, ...]:
+    """A sentence for each kind of part that a measured log has no stream of.
+
+    What no stream says is no motion that the logs explain: its torque would be put down to
+    something else. A recording of our own holds all that was commanded, so nothing is said of it.
+    """
+    said: list[str] = []
+    for recording in recordings:
+        if recording.provenance.get("kind") != "log":
+            continue
+        name = "this log"
+        if len(recordings) > 1:
+            name = str(recording.provenance.get("source", name))
+        for kind, (streams, without) in PARTS.items():
+            parts = _names(platform, kind)
+            if parts and not any(stream in recording for stream in streams):
+                said.append(
+                    f"{platform.name} has {_listed(kind, parts)}; {name} has {without}. Unless "
+                    f"that is so, add {' or '.join(streams[:2])}."
+                )
+    return tuple(said)
+
+
+def _names(platform: Platform, kind: str) -> tuple[str, ...]:
+    if kind == "motor":
+        return () if platform.base.actuator is None else (platform.base.actuator,)
+    return tuple(part.name for part in getattr(platform, kind))
+
+
+def _listed(kind: str, names: tuple[str, ...]) -> str:
+    first, *others = names
+    if not others:
+        return f"the {kind.removesuffix('s')} {first}"
+    return f"{kind} {first} {'to' if len(others) > 1 else 'and'} {others[-1]}"
