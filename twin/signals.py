@@ -86,6 +86,12 @@ DERIVED = ("command_", "wanted_", "truth_", "estimate_", "reference_", "loop_")
 """Streams that no sensor measured begin so: their scatter is no noise."""
 
 
+LOGGED = tuple(
+    name for name in STREAMS if not name.startswith(DERIVED) or name.startswith("command_")
+)
+"""Streams that a log of a lab may have: what was measured, and what was commanded."""
+
+
 def stream_named(name: str) -> Stream:
     """The canonical stream of that name.
 

@@ -8,6 +8,7 @@ import pytest
 from twin.errors import LogError
 from twin.recording import open_log
 from twin.recording.log import read_log
+from twin.signals import LOGGED
 
 GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
 ATTITUDE = '[streams.attitude]\nfile = "gyro.csv"\n'
@@ -56,6 +57,11 @@ ROWS = "t,x,y,z\n0,1,2,3\n1,4,5,6\n2,7,8,9\n"
         (
             GYRO + 'scale = "auto"\n',
             "log.toml:4: streams.gyro.scale is 'auto'; give a number",
+        ),
+        (
+            '[streams.zzz]\nfile = "gyro.csv"\n',
+            f"log.toml:2: streams.zzz.unit is missing, and zzz is no stream we know "
+            f"(known: {', '.join(sorted(LOGGED))}); name the stream so, or add its unit",
         ),
         (
             '[streams.gyros]\nfile = "gyro.csv"\n',

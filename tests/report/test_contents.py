@@ -79,6 +79,15 @@ def test_parts_without_any_stream_are_said_to_be_taken_as_at_rest(folder: Path):
     assert all(f"; {folder} has n" in sentence for sentence in together)
 
 
+def test_a_stream_that_nothing_uses_is_said_with_the_name_that_was_meant(folder: Path):
+    log = open_log(folder)
+    streams = {"gyroscope": log["gyro"], "attitude": log["attitude"], "oven_door": log["gyro"]}
+    assert contents_of("a log", Recording(streams, log.provenance), None).findings == (
+        "Nothing uses gyroscope, a stream of a name that we do not know: did you mean 'gyro'?",
+        "Nothing uses oven_door, a stream of a name that we do not know.",
+    )
+
+
 def test_the_document_holds_the_same_in_si(folder: Path, capsys):
     assert main(["show", str(folder), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)

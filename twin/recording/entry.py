@@ -14,7 +14,7 @@ from twin.recording.formats import ENDINGS, NumberFile, OpenFiles
 from twin.recording.quaternions import DIRECTIONS, LAYOUTS, attitude
 from twin.recording.recording import Series
 from twin.recording.rows import Rows, mended
-from twin.signals import Stream, stream_named
+from twin.signals import LOGGED, Stream, stream_named
 from twin.units import Unit, unit_named
 
 Array = NDArray[np.float64]
@@ -230,13 +230,13 @@ class Entry:
 def _canonical(table: Table, name: str) -> Stream | None:
     try:
         return stream_named(name)
-    except UnknownName as unknown:
+    except UnknownName:
         if "unit" in table:
             return None
-        hint = str(unknown).split("(", 1)[1].rstrip(")")
         raise table.fail(
             "unit",
-            f"is missing, and {name} is no stream we know ({hint})",
+            f"is missing, and {name} is no stream we know "
+            f"({UnknownName('stream', name, LOGGED).hint})",
             "name the stream so, or add its unit",
         ) from None
 

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.conventions import ConventionAdvice, convention_advice
+from twin.errors import UnknownName
 from twin.noise import StreamNoise, measure_noise, noise_findings
 from twin.noise.clock import GAP
 from twin.platform import Platform, in_order_of, taken_as_at_rest
 from twin.recording import Recording, Series
-from twin.signals import DERIVED
+from twin.signals import DERIVED, LOGGED, stream_named
 from twin.units import fitting, printed, three_digits
 
 Array = NDArray[np.float64]
@@ -90,6 +91,8 @@ def contents_of(
     if platform is not None:
         recording = in_order_of(platform, recording)
     findings = [finding.sentence for finding in noise_findings(recording, platform)]
+    if recording.provenance.get("kind") == "log":
+        findings += (_unused(name) for name in recording if not _known(name))
     if platform is not None:
         findings += taken_as_at_rest([recording], platform)
     if problem:
@@ -101,6 +104,20 @@ def contents_of(
         convention_advice(recording, platform),
         tuple(findings),
     )
+
+
+def _known(name: str) -> bool:
+    try:
+        stream_named(name)
+    except UnknownName:
+        return False
+    return True
+
+
+def _unused(name: str) -> str:
+    hint = UnknownName("stream", name, LOGGED).hint
+    meant = f": {hint}" if hint.startswith("did you mean") else "."
+    return f"Nothing uses {name}, a stream of a name that we do not know{meant}"
 
 
 def _entry(recording: Recording, name: str) -> Mapping[str, Any]:
