@@ -60,6 +60,11 @@ class Flight:
 
     def warnings(self) -> list[str]:
         """What will go wrong, known before it starts; a sentence each."""
+        if isinstance(self.plant, ReplayedPlant) and self.plant.of_other:
+            return [
+                f"the log is of {self.plant.of_other}, and is replayed as if it were of "
+                f"{self.platform.name}: filter and law take it for that machine"
+            ]
         platform = self.platform
         n = self.plant.n
         if "command_wheel_torque" not in self._wanted() or platform.base.kind != "ball":

@@ -107,6 +107,19 @@ def test_a_recording_is_replayed_as_if_it_were_hardware(tmp_path, capsys):
     assert document["duration"] == pytest.approx(4.0, abs=0.051)
 
 
+def test_a_recording_of_another_machine_is_replayed_with_a_warning(tmp_path, capsys):
+    out = tmp_path / "out.rrd"
+    law = ["--controller", "quaternion_pd"]
+    assert main(["run", "sads:table1", *law, "--duration", "2", "--rrd", str(out)]) == 0
+    capsys.readouterr()
+    for machine, warned in (("sads:table1", False), ("sads", True)):
+        assert main(["run", machine, *law, "--plant", f"replay:{out}"]) == 0
+        told = capsys.readouterr().err
+        assert ("the log is of sads:table1, and is replayed as if it were of sads:" in told) is (
+            warned
+        )
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [

@@ -5,7 +5,7 @@ import numpy as np
 from twin.errors import UsageError
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
-from twin.platform import Platform, check_columns, in_order_of
+from twin.platform import Platform, check_columns, in_order_of, other_machine
 from twin.recording import Recording
 from twin.signals import Command, Reading, Samples
 
@@ -25,6 +25,8 @@ class ReplayedPlant(Plant):
         self.platform = platform
         self.n = 1
         self.stopped = {}
+        self.of_other = other_machine(recording, platform)
+        """The machine that the log names, where it is not this one."""
         recording = in_order_of(platform, recording)
         self._start = recording.start
         measured = recording.without_truth()

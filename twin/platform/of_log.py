@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from twin.errors import UsageError
+from twin.errors import UnknownName, UsageError
+from twin.library import find_model
 from twin.platform.load import load_platform
 from twin.platform.parts import Platform
 from twin.recording import Recording
@@ -20,6 +21,19 @@ def platform_of(recording: Recording) -> Platform:
     if not isinstance(name, str):
         raise UsageError(f"{recording.provenance.get('source', 'the log')} names no platform")
     return load_platform(name)
+
+
+def other_machine(recording: Recording, platform: Platform) -> str:
+    """The machine that a recording names, where it is not this one; else empty."""
+    name = recording.provenance.get("platform")
+    if not isinstance(name, str) or name == platform.name:
+        return ""
+    try:
+        folder, variant = find_model(name)
+    except UnknownName:
+        return name
+    same = folder.resolve() == platform.folder.resolve()
+    return "" if same and variant == platform.name.partition(":")[2] else name
 
 
 def common_platform(recordings: Sequence[Recording]) -> Platform:
