@@ -50,7 +50,7 @@ def test_after_pasting_nothing_is_left_to_say(folder: Path, capsys):
     path = folder / "log.toml"
     path.write_text(path.read_text().replace('unit = "rad/s"', 'unit = "deg/s"'))
     assert main(["show", str(folder)]) == 0
-    assert "log.toml" not in capsys.readouterr().out
+    assert "write in log.toml" not in capsys.readouterr().out
 
 
 def test_the_document_holds_findings_and_lines(folder: Path, capsys):

@@ -1,6 +1,7 @@
 """The machine that a log was made on."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from twin.errors import UnknownName, UsageError
 from twin.library import find_model
@@ -13,13 +14,27 @@ def platform_of(recording: Recording) -> Platform:
     """The platform that a recording names.
 
     Raises:
-        UsageError: it names none.
-        UnknownName: it names one that is not there.
+        UsageError: it names none, or one that is not there.
+        UnknownName: it names a variant that is not there.
         PlatformError: its platform.toml is wrong.
     """
     name = recording.provenance.get("platform")
+    source = recording.provenance.get("source", "the log")
     if not isinstance(name, str):
-        raise UsageError(f"{recording.provenance.get('source', 'the log')} names no platform")
+        raise UsageError(
+            f"{source} names no platform; add `platform` to its log.toml, or name the machine with "
+            "--platform"
+        )
+    try:
+        find_model(name)
+    except UnknownName as unknown:
+        looked = f"in {Path.cwd()} and among the shipped ones"
+        if recording.provenance.get("kind") == "log":
+            looked = f"in {source}, beside it, {looked}"
+        raise UsageError(
+            f"{unknown}; looked {looked}: correct `platform` in log.toml, or name the machine with "
+            "--platform"
+        ) from None
     return load_platform(name)
 
 

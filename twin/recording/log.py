@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from twin.config import Table, read_toml
-from twin.errors import LogError
+from twin.errors import LogError, UnknownName
+from twin.library import find_model
 from twin.recording.entry import Entry
 from twin.recording.formats import OpenFiles
 from twin.recording.recording import Recording, Series
@@ -68,8 +69,22 @@ def _platform(table: Table, folder: Path) -> str | None:
     if "platform" not in table:
         return None
     name = table.text("platform")
-    beside = folder / name
-    return str(beside.resolve()) if (beside / "platform.toml").is_file() else name
+    if (found := _found_at(folder / name)) is not None:
+        return found
+    try:
+        find_model(name)
+    except UnknownName:
+        return _found_at(folder.resolve().parent / name) or name
+    return name
+
+
+def _found_at(place: Path) -> str | None:
+    """The platform folder (and variant) at a path; None where there is none."""
+    try:
+        found, variant = find_model(str(place.resolve()))
+    except UnknownName:
+        return None
+    return f"{found}:{variant}" if variant else str(found)
 
 
 def _environment(table: Table) -> dict[str, Any]:
