@@ -91,6 +91,11 @@ ROWS = "t,x,y,z\n0,1,2,3\n1,4,5,6\n2,7,8,9\n"
             "log.toml:4: streams.gyro.clock_lag is 'late'; give a number in s",
         ),
         (
+            GYRO + 'unit = "deg/s"\nscale = 0.01745\n',
+            "log.toml:5: streams.gyro.scale is 0.01745, which is deg/s in rad/s, and `unit` "
+            "converts already; remove `scale`, which multiplies what `unit` gives",
+        ),
+        (
             GYRO + "scale = 0\n",
             "log.toml:4: streams.gyro.scale is 0; give the factor to SI",
         ),

@@ -55,6 +55,14 @@ def test_units_times_columns_and_scale_become_si(folder_with, tmp_path: Path):
     assert log["oven"].unit == "K"
 
 
+def test_a_scale_is_no_second_conversion_where_the_unit_is_of_another_kind(
+    folder_with, tmp_path: Path
+):
+    toml = GYRO + 'unit = "mV"\nscale = 1e-3\n'
+    log = read_log(folder_with(tmp_path, toml, gyro=ROWS))
+    np.testing.assert_allclose(log["gyro"].value[0], [1e-6, 2e-6, 3e-6])
+
+
 def test_a_file_without_times_gets_them_from_rate_and_start(folder_with, tmp_path: Path):
     log = read_log(
         folder_with(

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 WXYZ = ("w", "x", "y", "z")
 EULER = ("yaw", "pitch", "roll")
 QUATERNIONS = LAYOUTS[:2]
+TWICE = 3e-3
+"""A scale that is so near to its unit's factor (0.0175 of a degree) converts a second time."""
 LISTED = 8
 """Columns that an error names; of more it says how many."""
 
@@ -92,6 +94,7 @@ class Entry:
             if key in table:
                 raise table.fail(key, "is for attitudes", "remove it")
         path = _path(table, folder)
+        unit = _unit(table, name, canonical, layout)
         entry = cls(
             table=table,
             name=name,
@@ -106,8 +109,8 @@ class Entry:
             clock_lag=table.number("clock_lag", 0.0, unit="s"),
             columns=table.texts("columns", ()),
             axes=table.texts("axes", ()),
-            unit=_unit(table, name, canonical, layout),
-            scale=_scale(table),
+            unit=unit,
+            scale=_scale(table, unit, _si(canonical, layout)),
             layout=layout,
             world_to_body=direction == DIRECTIONS[1],
             noise=_noise(table, canonical),
@@ -284,10 +287,15 @@ def _time_factor(table: Table) -> float:
     return unit.factor
 
 
-def _unit(table: Table, name: str, canonical: Stream | None, layout: str) -> Unit:
-    si = canonical.unit if canonical else ""
+def _si(canonical: Stream | None, layout: str) -> str:
+    """The unit that the file's values must come to; empty where any will do."""
     if layout == "euler_zyx":
-        si = "rad"
+        return "rad"
+    return canonical.unit if canonical else ""
+
+
+def _unit(table: Table, name: str, canonical: Stream | None, layout: str) -> Unit:
+    si = _si(canonical, layout)
     text = table.text("unit", si or None)
     try:
         unit = unit_named(text)
@@ -300,12 +308,19 @@ def _unit(table: Table, name: str, canonical: Stream | None, layout: str) -> Uni
     return unit
 
 
-def _scale(table: Table) -> float:
+def _scale(table: Table, unit: Unit, si: str) -> float:
     if table.raw("scale", 1.0) == "fit":
         return 1.0
     scale = table.number("scale", 1.0)
     if scale == 0.0:
         raise table.fail("scale", "is 0", "give the factor to SI")
+    converts = unit.si == si and unit.factor != 1.0
+    if converts and abs(scale / unit.factor - 1.0) < TWICE:
+        raise table.fail(
+            "scale",
+            f"is {scale:g}, which is {table.text('unit')} in {si}, and `unit` converts already",
+            "remove `scale`, which multiplies what `unit` gives",
+        )
     return scale
 
 
