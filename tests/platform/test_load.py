@@ -119,6 +119,15 @@ def test_a_variant_may_not_hold_an_unknown_key(folder: Path, key: str):
     assert error.line == line
 
 
+def test_a_variant_changes_no_wires(folder: Path):
+    file = folder / "platform.toml"
+    text = file.read_text(encoding="utf-8")
+    wires = "[variants.table1.hardware]\nport = 1\n\n[variants.table1]"
+    file.write_text(text.replace("[variants.table1]", wires, 1), encoding="utf-8")
+    with pytest.raises(PlatformError, match=r"platform\.toml:\d+: .*hardware is not a variant's"):
+        load_platform(f"{folder}:table1")
+
+
 def test_an_unphysical_variant_is_refused_at_its_own_line(folder: Path):
     line = edit(folder, "inertia = [2.93, 12.178, 12.288,", "inertia = [2.93, 12.178, 22.288,")
     assert refusal(folder, "table3").line == line

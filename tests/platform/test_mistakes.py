@@ -53,6 +53,19 @@ MORE = {
     "mesh from outside": Mistake(
         "sads", "platform.xml", "<asset>", '<asset><mesh name="m" file="/etc/passwd"/>'
     ),
+    "gyro on a hinge": Mistake(
+        "dfki_pendulum",
+        "platform.toml",
+        "[sensors.joint_angle]",
+        "[sensors.gyro]\nrate = 100\nnoise = 1e-3\n[sensors.joint_angle]",
+        "gyro",
+    ),
+    "attitude rounded": Mistake(
+        "sads", "platform.toml", "[sensors.attitude]", "[sensors.attitude]\nresolution = 0.1"
+    ),
+    "half a pole": Mistake(
+        "sads", "platform.toml", "[sensors.gyro]", "[sensors.gyro]\ncutoff = 10\norder = 2.5"
+    ),
     "no XML": Mistake("sads", "platform.xml", "</worldbody>", "</world>", "mismatched tag"),
     "negative mass in the MJCF": Mistake(
         "sads", "platform.xml", 'mass="78.5"', 'mass="-78.5"', "'bus'"

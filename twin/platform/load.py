@@ -177,6 +177,9 @@ def _varied(table: Table, variant: str) -> tuple[Table, Table]:
     if variant not in variants:
         raise UnknownName("variant", variant, variants.keys)
     change = variants.table(variant)
+    for key in ("name", "hardware"):
+        if key in change:
+            raise change.fail(key, "is not a variant's to change", "state it for the whole machine")
     return change.over(table), change.over(base)
 
 

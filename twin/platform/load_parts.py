@@ -59,6 +59,8 @@ def read_base(table: Table, layout: Layout) -> Base:
             f"is {base.actuator!r} on a {kind} joint",
             "only a hinge has a motor: remove it",
         )
+    if np.isfinite(base.torque_limit) and base.actuator is None:
+        raise table.fail("torque_limit", "is that of no motor", "name its `actuator`, or remove it")
     if base.planar and (base.kind != "ball" or len(base.planar) != 3):
         raise table.fail(
             "planar",

@@ -55,7 +55,7 @@ def read_sensor(
         latency=table.number("latency", 0.0, low=0.0, high=10.0, unit="s"),
         dropout=table.number("dropout", 0.0, low=0.0, high=1.0),
         cutoff=table.number("cutoff", np.inf, low=1e-3, unit="Hz"),
-        order=int(table.number("order", 4, low=1, high=8)),
+        order=_order(table),
         site=_site(table, stream, layout),
     )
     if np.isfinite(sensor.cutoff) and sensor.cutoff >= 0.5 / step:
@@ -64,16 +64,35 @@ def read_sensor(
             f"is {sensor.cutoff:g} Hz, which steps of {step:g} s cannot show",
             f"keep it below {0.5 / step:g} Hz, or choose a smaller simulation.step",
         )
-    if stream == "attitude" and np.isfinite(sensor.cutoff):
-        raise table.fail("cutoff", "filters a quaternion", "filter the gyro instead")
+    if stream == "attitude":
+        _check_attitude(table, sensor)
     table.close()
     return sensor
+
+
+def _order(table: Table) -> int:
+    order = table.number("order", 4, low=1, high=8)
+    if order != int(order):
+        raise table.fail("order", f"is {order:g}", "give a whole number of poles, 1 to 8")
+    return int(order)
+
+
+def _check_attitude(table: Table, sensor: Sensor) -> None:
+    """What is no matter of a quaternion's four numbers, each by itself."""
+    if np.isfinite(sensor.cutoff):
+        raise table.fail("cutoff", "filters a quaternion", "filter the gyro instead")
+    if sensor.resolution > 0.0:
+        raise table.fail("resolution", "rounds a quaternion", "add what it is worth to `noise`")
+    if np.isfinite(sensor.range):
+        raise table.fail("range", "clips a quaternion", "remove it: an attitude has no end")
 
 
 def _width(stream: str, parts: Parts, base: Base) -> int:
     """Numbers of a sensor's noise; 0 where the machine has nothing to measure."""
     turns, moves = base.kind != "hinge", bool(base.planar) or base.kind == "free"
     return {
+        "gyro": 3 * turns,
+        "attitude": 3 * turns,
         "inclinometer": 2 * turns,
         "accelerometer": 3 * turns,
         "magnetometer": 3 * turns,
@@ -86,7 +105,7 @@ def _width(stream: str, parts: Parts, base: Base) -> int:
         "joint_angle": int(not turns),
         "joint_rate": int(not turns),
         "gas_pressure": int(parts.gas is not None),
-    }.get(stream, 3)
+    }[stream]
 
 
 def _site(table: Table, stream: str, layout: Layout) -> str:
