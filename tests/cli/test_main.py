@@ -63,6 +63,35 @@ def test_help_of_a_verb_imports_only_the_command_line_library(name: str):
     assert modules_after(name, "--help").isdisjoint(set(HEAVY) - {"tyro"})
 
 
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("doctor", "[PLATFORM]"),
+        ("reproduce", "[PAPER]"),
+        ("campaign", "SPEC.toml [DIR]"),
+        ("hardware", "[STAGE] [MM]"),
+        ("identify", "LOG [LOG ...]"),
+        ("compare", "LOG [LOG ...]"),
+        ("diagnose", "LOG [LOG ...]"),
+        ("check", "PLATFORM|LAW"),
+    ],
+)
+def test_usage_shows_in_brackets_what_may_be_left_out(
+    name: str, arguments: str, capsys: pytest.CaptureFixture[str]
+):
+    assert cli.main([name, "--help"]) == 0
+    usage = capsys.readouterr().out.partition("\n\n")[0]
+    assert f" {arguments}" in " ".join(usage.split()).replace("[-h]", "")
+
+
+@pytest.mark.parametrize("name", cli.VERBS)
+def test_every_verb_has_json_but_those_that_tell_nothing(
+    name: str, capsys: pytest.CaptureFixture[str]
+):
+    assert cli.main([name, "--help"]) == 0
+    assert ("--json" in capsys.readouterr().out) == (name not in ("new", "emulate", "view"))
+
+
 def test_version_is_the_distributions():
     from importlib.metadata import version
 

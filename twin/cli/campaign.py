@@ -25,7 +25,7 @@ class Campaign:
 
     spec: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC.toml")]
     """What is flown."""
-    folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")] = None
+    folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[DIR]")] = None
     """Where the results go; a --dry-run needs none."""
     resume: bool = False
     """Go on with what DIR holds; no error where it holds nothing yet, or all."""

@@ -24,7 +24,7 @@ class Check:
     promises of a `Controller`.
     """
 
-    path: tyro.conf.Positional[str]
+    path: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PLATFORM|LAW")]
     """A shipped platform or law by name, a folder with a platform.toml, or a law's .py file."""
     picture: Annotated[Path | None, tyro.conf.arg(metavar="OUT.png")] = None
     """Draw the platform into this PNG file, too; one that exists is written anew."""

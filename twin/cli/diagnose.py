@@ -17,7 +17,7 @@ class Diagnose:
     evidence is the fall of -2 log likelihood less the price of the numbers that were set.
     """
 
-    logs: tyro.conf.Positional[tuple[Path, ...]]
+    logs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="LOG [LOG ...]")]
     """Folders with a log.toml, or .rrd recordings."""
     platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """The machine, by name or folder; default: the one that the first log names."""

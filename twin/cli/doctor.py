@@ -15,7 +15,9 @@ class Doctor:
     is opened, nothing is changed. Ends with 1 where something is bad, not where it is poor.
     """
 
-    platform: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="PLATFORM")] = None
+    platform: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[PLATFORM]")] = (
+        None
+    )
     """Whose ports are looked at; without one, only the computer is."""
     seconds: Annotated[float, tyro.conf.arg(metavar="SECONDS")] = 3.0
     """For which ticks are timed."""

@@ -34,9 +34,9 @@ class Hardware:
     """A shipped name (see `twin platforms`) or a folder, with [hardware]; `:VARIANT` may follow."""
     action: tyro.conf.Positional[Action]
     """What to do."""
-    stage: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="STAGE")] = None
+    stage: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[STAGE]")] = None
     """To jog, by its name."""
-    distance: Annotated[float | None, tyro.conf.Positional, tyro.conf.arg(metavar="MM")] = None
+    distance: Annotated[float | None, tyro.conf.Positional, tyro.conf.arg(metavar="[MM]")] = None
     """To jog it by, in mm, plus or minus."""
     plant: Annotated[str, tyro.conf.arg(metavar="pty|serial[:URL]")] = "serial"
     """The machine at the ports of its [hardware], or at another port, or as wired by

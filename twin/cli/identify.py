@@ -37,7 +37,7 @@ class Identify:
     of the sliding masses. all prints one table.
     """
 
-    logs: tyro.conf.Positional[tuple[Path, ...]]
+    logs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="LOG [LOG ...]")]
     """Folders with a log.toml, or .rrd recordings."""
     method: Method = "prediction-error"
     """How."""

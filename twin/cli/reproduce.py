@@ -17,7 +17,7 @@ class Reproduce:
     sections of other papers stay as they are.
     """
 
-    paper: Annotated[tyro.conf.Positional[str | None], tyro.conf.arg(metavar="PAPER")] = None
+    paper: Annotated[tyro.conf.Positional[str | None], tyro.conf.arg(metavar="[PAPER]")] = None
     """One alone, 000 to 004; default: all."""
     jobs: int = 2
     """Parts computed at the same time, each on a core of its own."""
