@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.controller import Controller
+from twin.controller.exchange import fixed_axes
 from twin.controller.pointing import pointing_error
-from twin.errors import ControllerError
 from twin.platform import Platform
 from twin.signals import Command, Estimate, Target
 
@@ -45,12 +45,7 @@ class QuaternionPD(Controller[Array]):
 
     def init(self, platform: Platform, n: int) -> Array:
         """Share of each wheel in a torque on the body."""
-        axes = np.array([wheel.axis for wheel in platform.wheels]).reshape(-1, 3)
-        if np.linalg.matrix_rank(axes) < 3:
-            raise ControllerError(
-                f"quaternion_pd turns the body about three axes, but the {len(axes)} wheels of "
-                f"{platform.name} do not; choose a platform whose wheels do"
-            )
+        axes = fixed_axes(platform, "quaternion_pd")
         return np.asarray(-np.linalg.pinv(axes.T), dtype=np.float64)
 
     def update(

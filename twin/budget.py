@@ -43,7 +43,7 @@ def momentum_budget(
     """Momentum of the wheels while `reference` is followed for `duration` [s].
 
     Args:
-        platform: with at least one wheel.
+        platform: with at least one wheel, and none in a gimbal.
         reference: what is to be followed.
         duration: [s].
         wheel_speed: at the start, (wheels,) or one for all [rad/s].

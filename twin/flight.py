@@ -69,6 +69,8 @@ class Flight:
         n = self.plant.n
         if "command_wheel_torque" not in self._wanted() or platform.base.kind != "ball":
             return []
+        if any(wheel.gimbal is not None for wheel in platform.wheels):
+            return []  # what a wheel takes depends on where its gimbal stands
         start = np.broadcast_to(self.initial.wheel_speeds(platform), (n, len(platform.wheels)))[0]
         budget = momentum_budget(platform, self.reference, self.duration, start)
         if budget.saturates_at is None:

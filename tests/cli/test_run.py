@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from twin.budget import momentum_budget
 from twin.cli.main import main
+from twin.flight import prepare
 from twin.metrics import settled
 from twin.recording import open_log
 
@@ -52,6 +54,44 @@ def test_an_unbalanced_table_is_told_before_it_flies_when_its_wheels_will_satura
     foretold = float(warning.split(" N m s at ")[1].split(" s of ")[0])
     assert warning in told.err
     assert document["metrics"]["wheel_saturated_at_s"] == pytest.approx(foretold, rel=0.2)
+
+
+LAW_OF_WHEELS = '''
+"""A law that asks wheels for nothing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.controller import Controller
+
+
+@dataclass(frozen=True)
+class Idle(Controller[int]):
+    """Asks for nothing."""
+
+    def init(self, platform, n):
+        return len(platform.wheels)
+
+    def update(self, state, estimate, target, time):
+        return {"command_wheel_torque": np.zeros((len(estimate.valid), state))}, state
+'''
+
+
+def test_nothing_is_foretold_of_wheels_in_gimbals(tmp_path):
+    """What they take depends on where the gimbals stand: as if at angle 0, two would fill."""
+    law = tmp_path / "idle.py"
+    law.write_text(LAW_OF_WHEELS, encoding="utf-8")
+    flight = prepare(
+        "astros",
+        controller=str(law),
+        estimator=None,
+        plant="sim",
+        reference="hold:20,0,0",
+        duration=100.0,
+    )
+    assert momentum_budget(flight.platform, flight.reference, 100.0).saturates_at is not None
+    assert flight.warnings() == []
 
 
 LAW_THAT_BREAKS = '''

@@ -7,7 +7,7 @@ import pytest
 
 from twin.controller import load_controller
 from twin.errors import ControllerError
-from twin.platform import Wheel
+from twin.platform import Wheel, load_platform
 from twin.reference import Hold, Multisine, Slew
 from twin.rotation import conjugate, multiply, tilt, to_rotation_vector
 
@@ -93,3 +93,16 @@ def test_platform_without_three_wheel_axes_is_refused(law, sads, count):
     platform = dataclasses.replace(sads, wheels=sads.wheels[:count])
     with pytest.raises(ControllerError, match=f"the {count} wheels of sads do not"):
         law.init(platform, 1)
+
+
+@pytest.mark.parametrize("name", ["quaternion_pd", "mrp_tracking", "momentum_tracking"])
+def test_a_wheel_in_a_gimbal_beside_those_on_the_body_is_refused(sads, name):
+    gimballed = dataclasses.replace(sads.wheels[0], name="w4", gimbal="g1")
+    platform = dataclasses.replace(sads, wheels=(*sads.wheels, gimballed))
+    with pytest.raises(ControllerError, match=f"{name} .* but w4 of sads turn with a gimbal"):
+        load_controller(name).init(platform, 1)
+
+
+def test_wheels_in_gimbals_alone_are_refused(law):
+    with pytest.raises(ControllerError, match="the 0 wheels of astros do not"):
+        law.init(load_platform("astros"), 1)

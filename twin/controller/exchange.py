@@ -37,14 +37,10 @@ class Wheels:
         """Those of the platform.
 
         Raises:
-            ControllerError: they do not turn the body about three axes, as `law` does.
+            ControllerError: they do not turn the body about three axes, as `law` does, or some of
+                them stand in gimbals.
         """
-        axes = np.array([w.axis for w in platform.wheels if w.gimbal is None]).reshape(-1, 3)
-        if np.linalg.matrix_rank(axes) < 3:
-            raise ControllerError(
-                f"{law} turns the body about three axes, but the {len(axes)} wheels of "
-                f"{platform.name} do not; choose a platform whose wheels do"
-            )
+        axes = fixed_axes(platform, law)
         spin = np.array([wheel.inertia for wheel in platform.wheels])
         share = np.asarray(np.linalg.pinv(axes.T), dtype=np.float64)
         return cls(axes, spin, share, platform.inertia - (axes.T * spin) @ axes)
@@ -59,6 +55,28 @@ class Wheels:
         """Motor torques for a change of h (n, 3) [N m, body]; none in a run not yet seen."""
         torque = np.einsum("wi,ni->nw", self.share, change)
         return {"command_wheel_torque": np.where(estimate.valid[:, None], torque, 0.0)}
+
+
+def fixed_axes(platform: Platform, law: str) -> Array:
+    """Axes of the wheels, (wheels, 3), which stay where they are in the body.
+
+    Raises:
+        ControllerError: they do not turn the body about three axes, as `law` does, or some of them
+            stand in gimbals.
+    """
+    axes = np.array([w.axis for w in platform.wheels if w.gimbal is None]).reshape(-1, 3)
+    if np.linalg.matrix_rank(axes) < 3:
+        raise ControllerError(
+            f"{law} turns the body about three axes, but the {len(axes)} wheels of "
+            f"{platform.name} do not; choose a platform whose wheels do"
+        )
+    carried = ", ".join(wheel.name for wheel in platform.wheels if wheel.gimbal is not None)
+    if carried:
+        raise ControllerError(
+            f"{law} turns the body by wheels that stand still in it, but {carried} of "
+            f"{platform.name} turn with a gimbal; choose a platform whose wheels are all fixed"
+        )
+    return axes
 
 
 Exchange = Wheels | Gyros
