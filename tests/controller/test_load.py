@@ -63,7 +63,7 @@ def test_unknown_law_and_unknown_gain_say_what_was_probably_meant(write):
 
 @pytest.mark.parametrize("value", ["5", True, float("nan"), float("inf"), [1.0], None])
 def test_gain_that_is_no_number_is_refused_with_its_unit(write, value):
-    with pytest.raises(ControllerError, match="gain gain is .*; give a finite number in N m s"):
+    with pytest.raises(ControllerError, match=": gain is .*; give a finite number in N m s"):
         load_controller(write(LAW), {"gain": value})
 
 
@@ -78,7 +78,7 @@ def test_gain_that_is_no_number_is_refused_with_its_unit(write, value):
         ("import sys\nsys.exit(3)\n", "line 2: SystemExit: 3"),
         (LAW.replace("@dataclass(frozen=True)", ""), "Rest is no dataclass"),
         (LAW.replace("def update", "def step"), "Rest lacks update; add it"),
-        (LAW.replace("default=2.0, ", ""), "gain gain has no default; give it a value"),
+        (LAW.replace("default=2.0, ", ""), ": gain has no default; give it a value"),
         (
             LAW + "\n    def __post_init__(self):\n        raise ValueError('too soft')\n",
             "line 17: ValueError: too soft",

@@ -17,7 +17,7 @@ from typing import Any, cast
 import numpy as np
 
 from twin.controller.controller import AnyController
-from twin.controller.load import load_controller
+from twin.controller.load import called, load_controller
 from twin.controller.trial import Broken, estimates, fly, rows_of, start, targets, update
 from twin.errors import ControllerError, UnknownName
 from twin.library import model_names
@@ -78,13 +78,9 @@ def _declared(law: AnyController) -> Iterator[str]:
     for field in dataclasses.fields(law):
         if isinstance(getattr(law, field.name), float) and "unit" not in field.metadata:
             yield (
-                f"{_called(field.name)} has no unit: declare it as "
+                f"{called(field.name)} has no unit: declare it as "
                 'field(default=..., metadata={"unit": "N m"}), "1" if it has none'
             )
-
-
-def _called(gain: str) -> str:
-    return gain if gain == "gain" or gain.endswith("_gain") else f"gain {gain}"
 
 
 def _answers(law: AnyController, platform: Platform) -> Iterator[str]:

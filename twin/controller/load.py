@@ -38,13 +38,18 @@ def load_controller(name: str, gains: Mapping[str, float] | None = None) -> AnyC
         _expect_number(path, known[gain], value)
     for gain, field in known.items():
         if gain not in given and field.default is MISSING and field.default_factory is MISSING:
-            raise ControllerError(f"{path}: gain {gain} has no default; give it a value")
+            raise ControllerError(f"{path}: {called(gain)} has no default; give it a value")
     try:
         return law(**given)
     except TwinError:
         raise
     except Exception as problem:
         raise ControllerError(f"{path}: {raised_at(path, problem)}") from problem
+
+
+def called(gain: str) -> str:
+    """How a sentence names a gain: one of the name "gain" is no "gain gain"."""
+    return gain if gain.split("_")[-1] == "gain" else f"gain {gain}"
 
 
 def tell_mistake(law: AnyController, problem: Exception) -> None:
@@ -105,6 +110,6 @@ def _expect_number(path: Path, field: "Field[Any]", value: object) -> None:
     unit = field.metadata.get("unit", "")
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ControllerError(
-            f"{path}: gain {field.name} is {value!r}; give a finite number"
+            f"{path}: {called(field.name)} is {value!r}; give a finite number"
             + (f" in {unit}" if unit else "")
         )
