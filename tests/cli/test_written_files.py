@@ -65,6 +65,22 @@ def test_a_session_is_not_written_over(verb, plant, tmp_path, capsys):
     assert log.read_text() == "precious"
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "sads", "--plant", "replay:log.rrd", "--rrd", "./log.rrd"],
+        ["compare", "log.rrd", "--rrd", "log.rrd"],
+        ["diagnose", "other.rrd", "--validate", "log.rrd", "--rrd", "log.rrd"],
+    ],
+)
+def test_a_log_is_not_written_over_by_what_reads_it(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("log.rrd").write_text("precious")
+    assert main(words) == 2
+    assert "log.rrd is the log that is read; name another file" in capsys.readouterr().err
+    assert Path("log.rrd").read_text() == "precious"
+
+
 def test_a_simulated_run_may_be_written_anew(tmp_path):
     log = tmp_path / "run.rrd"
     log.write_text("of an earlier run")

@@ -57,7 +57,7 @@ class Compare:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
         for path, ending in ((self.report, ".html"), (self.rrd, ".rrd")):
             if path is not None:
-                check_writable(path, ending)
+                check_writable(path, ending, read=self.logs)
         logs = [open_log(path) for path in self.logs]
         if self.platform is None and all(log.provenance.get("platform") is None for log in logs):
             return self._sensors(logs)

@@ -52,9 +52,10 @@ class Diagnose:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
         if self.extend is not None:
             check_new(self.extend)
+        read = self.logs if self.validate is None else (*self.logs, self.validate)
         for path, ending in ((self.report, ".html"), (self.rrd, ".rrd")):
             if path is not None:
-                check_writable(path, ending)
+                check_writable(path, ending, read=read)
         if self.validate is not None and self.validate.resolve() in map(Path.resolve, self.logs):
             raise UsageError(f"{self.validate} takes part in the fit; validate on another log")
         logs = [open_log(path) for path in self.logs]

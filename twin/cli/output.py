@@ -24,13 +24,16 @@ def tell(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-def check_writable(path: Path, ending: str, *, anew: bool = True) -> None:
+def check_writable(
+    path: Path, ending: str, *, anew: bool = True, read: Sequence[Path] = ()
+) -> None:
     """Whether a file can be written there, asked before the work and not after it.
 
     Args:
         path: of the file.
         ending: that its name must have, so that a word too many on a command line is no file.
         anew: whether one that exists may be written over; a session's log cannot be made again.
+        read: what the work is about to read, which is not written over either.
 
     Raises:
         UsageError: it cannot.
@@ -51,6 +54,8 @@ def check_writable(path: Path, ending: str, *, anew: bool = True) -> None:
                 f"{path} exists, and may be a session that cannot be flown again; "
                 "name another file, or move that one away"
             )
+        if path.resolve() in [one.resolve() for one in read]:
+            raise UsageError(f"{path} is the log that is read; name another file")
         if not os.access(path, os.W_OK):
             raise UsageError(f"{path} exists, and you may not write to it; name another file")
     elif not os.access(above, os.W_OK | os.X_OK):

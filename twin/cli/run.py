@@ -102,7 +102,9 @@ class Run:
         effects = () if self.effects is None else parse_effects(self.effects)
         self._check()
         if self.rrd is not None:
-            check_writable(self.rrd, ".rrd", anew=not self._on_bench)
+            kind, _, log = self.plant.partition(":")
+            replayed = (Path(log),) if kind == "replay" else ()
+            check_writable(self.rrd, ".rrd", anew=not self._on_bench, read=replayed)
         with ExitStack() as stack:
             recorder = None
             if self.rrd is not None or self.spawn:
