@@ -42,7 +42,27 @@ GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
         ("t,x,y,z\n", "gyro.csv:1: has column names but no rows; check the export"),
         (
             "0,1,2,3\n1,1,2,3\n",
-            "gyro.csv:1: has a number in its first row; write the column names there",
+            "gyro.csv:1: has a number in its first row, '0,1,2,3'; write the column names there",
+        ),
+        (
+            "# bench 2, 3rd run\nt,x,y,z\n0,1,2,3\n",
+            "gyro.csv:1: begins with '# bench 2, 3rd run', which looks like a comment; delete what "
+            "stands above the column names",
+        ),
+        (
+            "IMU of the bench\nt,x,y,z\n0,1,2,3\n",
+            "log.toml:3: streams.gyro.file gives gyro no column beside 'IMU of the bench' for x, "
+            "y, z; give `rate` if the file has no times, else list the right ones in `columns`, "
+            "and in `axes` which of the stream they are",
+        ),
+        (
+            "t x y z\n0 1 2 3\n",
+            "gyro.csv:1: separates its columns by spaces, 't x y z'; save it with commas",
+        ),
+        (
+            "t,x,y,z\n2026-02-03T10:00:00.5,1,2,3\n",
+            "gyro.csv:2: column 't' holds '2026-02-03T10:00:00.5', a date; "
+            "export seconds (since 1970, say), or the table as .parquet with a timestamp",
         ),
         (
             "t;x;y;z\n0;1;2;3\n",

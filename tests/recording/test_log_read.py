@@ -63,6 +63,17 @@ def test_a_scale_is_no_second_conversion_where_the_unit_is_of_another_kind(
     np.testing.assert_allclose(log["gyro"].value[0], [1e-6, 2e-6, 3e-6])
 
 
+def test_names_that_numpy_marks_as_a_comment_are_names(folder_with, tmp_path: Path):
+    log = read_log(folder_with(tmp_path, GYRO, gyro="# t,x,y,z\n0,1,2,3\n1,4,5,6\n"))
+    np.testing.assert_array_equal(log["gyro"].value, [[1, 2, 3], [4, 5, 6]])
+
+
+def test_a_name_with_a_blank_is_one_column(folder_with, tmp_path: Path):
+    toml = '[streams.joint_rate]\nfile = "r.csv"\nrate = 10.0\n'
+    log = read_log(folder_with(tmp_path, toml, r="rate of pivot\n 1.0\n 2.0\n"))
+    np.testing.assert_array_equal(log["joint_rate"].value, [[1.0], [2.0]])
+
+
 def test_a_file_without_times_gets_them_from_rate_and_start(folder_with, tmp_path: Path):
     log = read_log(
         folder_with(

@@ -128,7 +128,7 @@ class Entry:
         clock = self._clock(file)
         columns, signs = _signed(self._columns(file), file.header)
         layout = LAYOUTS[0] if file.by_name and not self.columns else self.layout
-        names = self._names(columns, layout)
+        names = self._names(columns, layout, file)
         where = f"{self.name} ({self.path.name})"
         rows = mended(*self._numbers(file, clock, columns), file, columns, clock, where)
         value, repairs = rows.value * signs * self.unit.factor, rows.repairs
@@ -207,7 +207,7 @@ class Entry:
         table = file.numbers((clock, *columns))
         return table[:, 0] * self.time_factor, table[:, 1:]
 
-    def _names(self, columns: tuple[str, ...], layout: str) -> tuple[str, ...]:
+    def _names(self, columns: tuple[str, ...], layout: str, file: NumberFile) -> tuple[str, ...]:
         expected = self._expected(layout)
         names = self.axes or expected or columns
         for axis in self.axes if expected else ():
@@ -215,17 +215,22 @@ class Entry:
                 hint = f"use some of {', '.join(expected)}"
                 raise self.table.fail("axes", f"names {axis!r}", hint)
         if len(names) != len(columns) or not columns:
-            raise self._mismatch(columns, names)
+            raise self._mismatch(columns, names, file)
         return names if layout != "euler_zyx" else WXYZ
 
-    def _mismatch(self, columns: tuple[str, ...], names: tuple[str, ...]) -> Exception:
+    def _mismatch(
+        self, columns: tuple[str, ...], names: tuple[str, ...], file: NumberFile
+    ) -> Exception:
         listed = ", ".join(columns[:LISTED]) + (", ..." if len(columns) > LISTED else "")
+        given = f"{len(columns)} columns ({listed})"
+        if not columns:
+            given = f"no column beside {', '.join(map(repr, file.header[:LISTED]))}"
         remedy = "list the right ones in `columns`, and in `axes` which of the stream they are"
         if not (self.columns or self.time or "rate" in self.table):
             remedy = f"give `rate` if the file has no times, else {remedy}"
         return self.table.fail(
             "columns" if self.columns else "file",
-            f"gives {self.name} {len(columns)} columns ({listed}) for {', '.join(names)}",
+            f"gives {self.name} {given} for {', '.join(names) or 'its values'}",
             remedy,
         )
 

@@ -3,6 +3,7 @@
 import csv
 import io
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import BinaryIO
 
@@ -51,7 +52,7 @@ class CsvFile(NumberFile):
         except csv.Error as problem:
             raise LogError(path, f"has no column names ({problem})", "add them", line=1) from None
         super().__init__(path, [name.strip() for name in header])
-        _check_header(path, self.header)
+        _check_header(path, self.header, text, _second_line(self._content))
 
     def numbers(self, names: Sequence[str]) -> Array:
         for name in names:
@@ -90,6 +91,12 @@ class CsvFile(NumberFile):
         return self._not_finite(row, name, text[self.header.index(name)].strip())
 
     def _not_finite(self, row: int, name: str, text: str) -> LogError:
+        if _is_date(text):
+            return self.fault(
+                f"column {name!r} holds {_quoted(text)}, a date",
+                "export seconds (since 1970, say), or the table as .parquet with a timestamp",
+                row,
+            )
         return self.fault(
             f"column {name!r} holds {_quoted(text)}, which is no finite number",
             "write the number, or delete the row",
@@ -153,7 +160,38 @@ def _blocks(path: Path, file: BinaryIO) -> Iterator[bytes]:
     raise LogError(path, "is not text but binary", "export it as CSV", line=line)
 
 
-def _check_header(path: Path, header: tuple[str, ...]) -> None:
+def _second_line(content: bytes) -> str:
+    start = content.find(b"\n") + 1
+    stop = content.find(b"\n", start) if start else 0
+    return content[start : None if stop < 0 else stop].decode("utf-8").rstrip("\r")
+
+
+def _check_header(path: Path, header: tuple[str, ...], text: str, below: str) -> None:
+    """
+    Args:
+        path: of the file.
+        header: the names in its first row.
+        text: that row.
+        below: the next.
+    """
+    cells, spaced = below.split(","), below.split()
+    numbers = len(cells) == len(header) and all(map(_is_number, cells))
+    # numpy.savetxt puts the mark before the names themselves
+    if header and header[0].startswith("#") and not numbers:
+        raise LogError(
+            path,
+            f"begins with {_quoted(text)}, which looks like a comment",
+            "delete what stands above the column names",
+            line=1,
+        )
+    alone = len(header) == 1 and " " in header[0]
+    if alone and len(spaced) > 1 and all(map(_is_number, spaced)):
+        raise LogError(
+            path,
+            f"separates its columns by spaces, {_quoted(text)}",
+            "save it with commas",
+            line=1,
+        )
     if len(header) == 1:
         for mark, name in ((";", "semicolons"), ("\t", "tabs")):
             if mark in header[0]:
@@ -162,7 +200,10 @@ def _check_header(path: Path, header: tuple[str, ...]) -> None:
                 )
     if any(_is_finite(name) for name in header):
         raise LogError(
-            path, "has a number in its first row", "write the column names there", line=1
+            path,
+            f"has a number in its first row, {_quoted(text)}",
+            "write the column names there",
+            line=1,
         )
     for name in header:
         if header.count(name) > 1:
@@ -174,6 +215,18 @@ def _is_finite(text: str) -> bool:
         return bool(np.isfinite(float(text))) and "_" not in text
     except ValueError:
         return False
+
+
+def _is_number(text: str) -> bool:
+    return text.strip() in BLANKS or _is_finite(text)
+
+
+def _is_date(text: str) -> bool:
+    try:
+        datetime.fromisoformat(text)
+    except ValueError:
+        return False
+    return "-" in text or ":" in text
 
 
 def _quoted(text: str) -> str:
