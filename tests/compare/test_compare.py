@@ -1,6 +1,7 @@
 """What is hidden in a log is found in it, and nothing else is."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,6 +62,14 @@ def test_a_motor_of_which_the_log_says_nothing_is_said_to_be_taken_as_off(
     assert said.endswith(
         "this log has no torque of it: taken as off. Unless that is so, add command_joint_torque."
     )
+
+
+def test_gravity_is_the_one_that_the_log_states(swing: Swings, pendulum: Platform):
+    moon = replace(pendulum, gravity=0.5 * pendulum.gravity)
+    facts = {"environment": {"gravity": pendulum.gravity}}
+    there = replace(swing(seed=SEED), provenance=facts)
+    under = [sentences(compare(there, one, as_built=True)) for one in (pendulum, moon)]
+    assert under[0] == under[1], "predicted under the gravity of platform.toml"
 
 
 def test_a_late_command_is_said_with_its_delay(swing: Swings, pendulum: Platform):

@@ -7,7 +7,7 @@ import pytest
 
 from twin.errors import UsageError
 from twin.library import library
-from twin.platform import platform_of
+from twin.platform import in_gravity_of, load_platform, platform_of
 from twin.recording import Recording, read_log
 
 
@@ -60,6 +60,18 @@ def test_a_machine_that_is_nowhere_is_told_with_where_it_was_looked_for(log_of):
         f"; looked in {folder}, beside it, in {Path.cwd()} and among the shipped ones: correct "
         "`platform` in log.toml, or name the machine with --platform"
     )
+
+
+def test_logs_under_several_gravities_are_not_taken_together():
+    logs = [
+        Recording({}, {"source": name, "environment": {"gravity": value}})
+        for name, value in (("one", 9.81), ("two", 9.78))
+    ]
+    platform = load_platform("sads")
+    assert in_gravity_of([Recording({})], platform) is platform
+    assert in_gravity_of(logs[1:], platform).gravity == 9.78
+    with pytest.raises(UsageError, match=r"one has 9.81, two has 9.78 m/s\^2"):
+        in_gravity_of(logs, platform)
 
 
 def test_a_log_that_names_no_machine_is_told_what_would_do():

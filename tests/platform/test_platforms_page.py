@@ -19,6 +19,7 @@ from twin.model import compile_model
 from twin.plant import hardware_setup
 from twin.plant.guard.settings import GuardSettings
 from twin.platform import load, load_parts, load_platform, load_sensors
+from twin.recording import environment
 from twin.scaffold import KINDS, new_platform
 
 PAGE = (Path(__file__).parents[2] / "docs" / "platforms.md").read_text(encoding="utf-8")
@@ -118,7 +119,8 @@ def test_every_key_that_the_loader_takes_is_on_the_page_with_its_unit_and_defaul
 
 
 def test_no_key_of_the_loader_went_unheard(asked: set[Key]):
-    by_name = set[str]().union(*(literals(m, TYPES) for m in (load, load_parts, load_sensors)))
+    sources = (load, load_parts, load_sensors, environment)
+    by_name = set[str]().union(*(literals(module, TYPES) for module in sources))
     assert len(by_name) > 40
     assert by_name - {key.name for key in asked} == set(), "a machine of tests or models needs it"
 

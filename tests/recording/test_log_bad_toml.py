@@ -138,6 +138,15 @@ ROWS = "t,x,y,z\n0,1,2,3\n1,4,5,6\n2,7,8,9\n"
             "log.toml:2: streams.gyro.file is missing; add it",
         ),
         (
+            GYRO + "[environment]\nmagnetic_field = [22.0, 0.0, -42.0]\n",
+            "log.toml:5: environment.magnetic_field is [22.0, 0.0, -42.0] T, and the earth's is "
+            "25e-6 to 65e-6 T; give it in T: 1 uT is 1e-6 T, 1 G is 1e-4 T",
+        ),
+        (
+            GYRO + "[environment]\ngravity = 9810\n",
+            "log.toml:5: environment.gravity is 9810 m/s^2; it must lie between 0 and 100 m/s^2",
+        ),
+        (
             GYRO + "[environment]\nmagnetic_field = [1, 2]\n",
             "log.toml:5: environment.magnetic_field is [1, 2]; give 3 numbers in T",
         ),

@@ -38,7 +38,7 @@ class Diagnose:
         from twin.cli.output import check_writable, print_json, progress
         from twin.diagnose import check_logs, check_new, diagnose, extend, laws_in, validate
         from twin.errors import UsageError
-        from twin.platform import common_platform, load_platform
+        from twin.platform import common_platform, in_gravity_of, load_platform
         from twin.recording import open_log
         from twin.report import (
             diagnosed,
@@ -62,6 +62,7 @@ class Diagnose:
         other = None if self.validate is None else open_log(self.validate)
         every = logs if other is None else [*logs, other]
         machine = common_platform(every) if self.platform is None else load_platform(self.platform)
+        machine = in_gravity_of(every, machine)
         check_logs(every, machine)
         with progress() as say:
             found = diagnose(logs, machine, say=say)

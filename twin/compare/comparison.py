@@ -17,7 +17,7 @@ from twin.identify.momentum import momentum_fit
 from twin.identify.start import base_of, first_biases, first_theta
 from twin.model import compile_model
 from twin.noise import NoiseFinding, noise_findings
-from twin.platform import Platform, in_order_of
+from twin.platform import Platform, in_gravity_of, in_order_of
 from twin.predict.base import BaseParameters
 from twin.predict.body import Body, body_of
 from twin.predict.motion import motion_of
@@ -110,6 +110,7 @@ def compare(
     Raises:
         UsageError: the log lacks the streams that the prediction needs.
     """
+    platform = in_gravity_of([recording], platform)
     recording = in_order_of(platform, recording.without_truth())
     say("conventions and noise")
     conventions = tuple(check_conventions(recording, platform))

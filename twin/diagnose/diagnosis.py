@@ -24,7 +24,7 @@ from twin.identify.prediction_error import Fit, fit_disturbed
 from twin.identify.start import base_of, first_biases, first_theta
 from twin.model import compile_model
 from twin.noise import NoiseFinding, noise_findings
-from twin.platform import Platform
+from twin.platform import Platform, in_gravity_of
 from twin.predict.body import body_of
 from twin.predict.innovations import Innovations, Problem
 from twin.predict.motion import motion_of
@@ -96,6 +96,7 @@ def diagnose(
     """
     if not recordings:
         raise UsageError("no log is given")
+    platform = in_gravity_of(recordings, platform)
     check_logs(recordings, platform)
     say("conventions and noise")
     logs = [calibrated(recording.without_truth(), platform) for recording in recordings]

@@ -30,7 +30,7 @@ from twin.identify.scale import (
 )
 from twin.identify.start import base_of, first_biases, first_theta
 from twin.model import compile_model
-from twin.platform import Platform, in_order_of, taken_as_at_rest
+from twin.platform import Platform, in_gravity_of, in_order_of, taken_as_at_rest
 from twin.predict.base import BaseParameters
 from twin.predict.body import body_of
 from twin.predict.innovations import Problem, Unknowns
@@ -188,6 +188,7 @@ def ground_of(recordings: Sequence[Recording], platform: Platform) -> Ground:
     """Of some logs of a machine, as for `identify`."""
     if not recordings:
         raise UsageError("no log is given")
+    platform = in_gravity_of(recordings, platform)
     machine = compile_model(platform)
     ordered = [in_order_of(platform, recording.without_truth()) for recording in recordings]
     checked = [within_range(recording, platform) for recording in ordered]

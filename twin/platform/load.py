@@ -15,6 +15,7 @@ from twin.platform.load_parts import read_base, read_parts
 from twin.platform.load_sensors import read_sensor
 from twin.platform.mjcf import read_layout
 from twin.platform.parts import Array, PitchStop, Platform, StatedEffect
+from twin.recording.environment import read_field, read_gravity
 
 
 def load_platform(name: str | Path) -> Platform:
@@ -55,8 +56,8 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
     mass, inertia, offset = _mass_properties(mass_properties)
     step, control_rate = _timing(table)
     environment = table.table("environment", required=False)
-    gravity = environment.number("gravity", 9.81, low=0.0, unit="m/s^2")
-    field = environment.numbers("magnetic_field", 3, np.zeros(3), unit="T")
+    gravity = read_gravity(environment, 9.81)
+    field = read_field(environment, np.zeros(3))
     environment.close()
     frames = table.table("frames", required=False)
     paper_from_body = frames.numbers("paper_from_body", 4, np.array([1.0, 0.0, 0.0, 0.0]))

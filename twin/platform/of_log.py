@@ -1,6 +1,7 @@
 """The machine that a log was made on."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from twin.errors import UnknownName, UsageError
@@ -36,6 +37,26 @@ def platform_of(recording: Recording) -> Platform:
             "--platform"
         ) from None
     return load_platform(name)
+
+
+def in_gravity_of(recordings: Sequence[Recording], platform: Platform) -> Platform:
+    """The machine where logs of it were measured: under the gravity that they state.
+
+    Raises:
+        UsageError: they state several.
+    """
+    stated: dict[float, str] = {}
+    for recording in recordings:
+        gravity = (recording.provenance.get("environment") or {}).get("gravity")
+        if gravity is not None:
+            stated.setdefault(float(gravity), str(recording.provenance.get("source", "a log")))
+    if len(stated) > 1:
+        said = ", ".join(f"{source} has {gravity:g}" for gravity, source in stated.items())
+        raise UsageError(
+            f"logs are taken together under one gravity, and {said} m/s^2: correct `gravity` under "
+            "[environment] in their log.toml"
+        )
+    return replace(platform, gravity=next(iter(stated))) if stated else platform
 
 
 def other_machine(recording: Recording, platform: Platform) -> str:

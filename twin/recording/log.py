@@ -12,6 +12,7 @@ from twin.config import Table, read_toml
 from twin.errors import LogError, UnknownName
 from twin.library import find_model
 from twin.recording.entry import Entry
+from twin.recording.environment import read_field, read_gravity
 from twin.recording.formats import OpenFiles
 from twin.recording.recording import Recording, Series
 
@@ -90,11 +91,10 @@ def _found_at(place: Path) -> str | None:
 def _environment(table: Table) -> dict[str, Any]:
     environment = table.table("environment", required=False)
     known: dict[str, Any] = {}
-    if "magnetic_field" in environment:
-        field = environment.numbers("magnetic_field", 3, unit="T")
+    if (field := read_field(environment, None)) is not None:
         known["magnetic_field"] = field.tolist()
-    if "gravity" in environment:
-        known["gravity"] = environment.number("gravity", low=0.0, unit="m/s^2")
+    if (gravity := read_gravity(environment, None)) is not None:
+        known["gravity"] = gravity
     environment.close()
     return known
 
