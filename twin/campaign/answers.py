@@ -11,10 +11,11 @@ from scipy.special import ndtri
 
 from twin.campaign.comparison import Comparison, between_arms, between_campaigns
 from twin.campaign.conditions import Part, conditions
+from twin.campaign.dependence import dependences
 from twin.campaign.indices import Index, sobol_indices
 from twin.campaign.merit import METRICS
 from twin.campaign.results import Results
-from twin.campaign.statistics import Interval, bootstrap, high, holm, mean, median, rank_correlation
+from twin.campaign.statistics import Interval, bootstrap, high, holm, mean, median
 
 Array = NDArray[np.float64]
 
@@ -42,13 +43,13 @@ class Spread:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """How one metric goes with one factor, over the runs of an arm."""
+    """How one metric goes with one factor, over the machines of an arm."""
 
     arm: str
     metric: str
     factor: str
     correlation: Interval
-    """Of ranks."""
+    """Of ranks; with a factor on a grid, the mean of those that each machine has by itself."""
     certain: bool
     """Whether it is no chance, among all that were asked."""
 
@@ -102,7 +103,7 @@ def answers(results: Results, against: Results | None = None) -> Answers:
         results: of a campaign.
         against: of another one, whose metrics of the same names are compared.
     """
-    names, causes = [arm.name for arm in results.spec.arms], results.causes
+    names = [arm.name for arm in results.spec.arms]
     spreads: list[Spread] = []
     links: list[tuple[str, str, str, Interval, float]] = []
     for arm in names:
@@ -113,8 +114,7 @@ def answers(results: Results, against: Results | None = None) -> Answers:
                 continue
             spreads.append(_spread(arm, metric, column[known], results.sample[known]))
             own = known[results.free[known]]
-            for factor, values in causes.items():
-                found, p = rank_correlation(values[own], column[own])
+            for factor, found, p in dependences(results, own, column[own]):
                 if np.isfinite(found.value):
                     links.append((arm, metric, factor, found, p))
     corrected = holm(np.array([link[-1] for link in links]))

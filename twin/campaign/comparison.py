@@ -11,8 +11,9 @@ from twin.campaign.statistics import (
     Interval,
     bootstrap,
     holm,
-    paired_difference,
+    of_machines,
     ratio_of_means,
+    signed_ranks,
     unpaired_difference,
 )
 
@@ -28,10 +29,13 @@ class Comparison:
     metric: str
     pairs: int
     """Runs on the same machines that both have; 0 where the sets are not paired."""
+    machines: int
+    """Of these pairs: what the test counts, with the mean of a machine's pairs."""
     ratio: Interval
     """Of the mean of `other` to that of `one`."""
     wins: float
-    """Share of pairs in which `other` is smaller; of all couples where the sets are not paired."""
+    """Share of machines on which `other` is smaller on average; of all couples of a machine of each
+    set where these are not paired."""
     p: float
     """That there is no difference; corrected for the number of metrics."""
 
@@ -49,9 +53,10 @@ def between_arms(results: Results) -> tuple[Comparison, ...]:
                 continue
             x, y = column[left[known]], column[right[known]]
             ratio = ratio_of_pairs(x, y, results.sample[left[known]])
-            wins = float(np.mean(y < x) + 0.5 * np.mean(y == x))
-            p = paired_difference(x, y)
-            found.append(Comparison(one, other, metric, len(x), ratio, wins, p))
+            more = of_machines(y - x, results.machine[left[known]])
+            wins = float(np.mean(more < 0.0) + 0.5 * np.mean(more == 0.0))
+            p = signed_ranks(more)
+            found.append(Comparison(one, other, metric, len(x), len(more), ratio, wins, p))
     return _corrected(found)
 
 
@@ -90,10 +95,10 @@ def between_campaigns(results: Results, against: Results) -> tuple[Comparison, .
             x_known, y_known = np.isfinite(x), np.isfinite(y)
             if min(x_known.sum(), y_known.sum()) < 5:
                 continue
-            x, y = x[x_known], y[y_known]
-            ratio = ratio_of_means(
-                (x, results.sample[rows][x_known]), (y, against.sample[others][y_known])
-            )
+            x, y, rows, others = x[x_known], y[y_known], rows[x_known], others[y_known]
+            ratio = ratio_of_means((x, results.sample[rows]), (y, against.sample[others]))
+            x = of_machines(x, results.machine[rows])
+            y = of_machines(y, against.machine[others])
             order = np.sort(x)
             above = len(x) - np.searchsorted(order, y, side="right")
             ties = np.searchsorted(order, y, side="right") - np.searchsorted(order, y)
@@ -103,6 +108,7 @@ def between_campaigns(results: Results, against: Results) -> tuple[Comparison, .
                     f"{results.folder.name}: {one}",
                     f"{against.folder.name}: {other}",
                     metric,
+                    0,
                     0,
                     ratio,
                     wins,

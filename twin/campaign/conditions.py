@@ -10,13 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.campaign.comparison import paired_rows, ratio_of_pairs
+from twin.campaign.dependence import dependences, grids_within
 from twin.campaign.results import Results
-from twin.campaign.statistics import Interval, holm, rank_correlation
+from twin.campaign.statistics import Interval, holm
 
 Array = NDArray[np.float64]
 
 PARTS = 5
 """Of a factor's range, of as many machines each."""
+FEWEST = 5
+"""Machines of a part."""
 STRONG = 0.3
 """Rank correlation of the ratio with a factor, from which on it is worth a table."""
 CERTAIN = 0.05
@@ -44,16 +47,17 @@ def conditions(results: Results) -> tuple[Part, ...]:
     Only metrics that are above zero have ratios of single machines, whose ranks tell.
     """
     asked: list[tuple[int, int, str, str, float, float]] = []
-    causes = results.causes
-    arms = range(len(results.spec.arms))
+    arms, grids = range(len(results.spec.arms)), grids_within(results)
     for a, b in combinations(arms, 2):
         for metric in results.metrics:
             left, x, y = _pairs(results, a, b, metric)
-            if len(x) < 5 * PARTS or min(x.min(), y.min()) <= 0.0:
+            machines = len(np.unique(results.machine[left]))
+            if machines < FEWEST or min(x.min(), y.min()) <= 0.0:
                 continue
-            for factor, values in causes.items():
-                found, p = rank_correlation(values[left], y / x)
-                if np.isfinite(found.value):
+            for factor, found, p in dependences(results, left, y / x):
+                # every machine is in each part of a grid
+                enough = factor.strip("|") in grids or machines >= FEWEST * PARTS
+                if enough and np.isfinite(found.value):
                     asked.append((a, b, metric, factor, abs(found.value), p))
     corrected = holm(np.array([one[-1] for one in asked]))
     strongest: dict[tuple[int, int, str], tuple[float, str]] = {}
@@ -72,19 +76,28 @@ def _parts(results: Results, a: int, b: int, metric: str, factor: str) -> list[P
     values = results.causes[factor][left]
     one, other = (results.spec.arms[number].name for number in (a, b))
     found: list[Part] = []
-    for rows in _split(values):
+    within = factor.strip("|") in grids_within(results)
+    for rows in _split(values, np.arange(len(left)) if within else results.machine[left]):
         ratio = ratio_of_pairs(x[rows], y[rows], results.sample[left][rows])
         ends = float(values[rows].min()), float(values[rows].max())
         found.append(Part(one, other, metric, factor, *ends, len(rows), ratio))
     return found
 
 
-def _split(values: Array) -> list[NDArray[np.intp]]:
-    """Rows of each part; values of a grid, if they are few, are parts of their own."""
+def _split(values: Array, together: NDArray[np.int64]) -> list[NDArray[np.intp]]:
+    """Rows of each part; values of a grid, if they are few, are parts of their own.
+
+    Args:
+        values: (n,).
+        together: (n,) rows of one of these have one value, and stay in one part.
+    """
     different = np.unique(values)
     if len(different) <= PARTS:
         return [np.flatnonzero(values == value) for value in different]
-    return [part for part in np.array_split(np.argsort(values, kind="stable"), PARTS) if part.size]
+    order = np.argsort(values, kind="stable")
+    _, first, place = np.unique(together, return_index=True, return_inverse=True)
+    parts = np.array_split(np.argsort(values[first], kind="stable"), PARTS)
+    return [order[np.isin(place[order], part)] for part in parts if part.size]
 
 
 def _pairs(results: Results, a: int, b: int, metric: str) -> tuple[NDArray[np.intp], Array, Array]:

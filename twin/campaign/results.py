@@ -41,6 +41,16 @@ class Results:
         return self.run // (self.spec.points * self.spec.together)
 
     @property
+    def machine(self) -> NDArray[np.int64]:
+        """(n,) which machine a run is of: the independent draws, as tests count them.
+
+        Runs of one machine differ by arm, point of the grids and noise. Where nothing is drawn, all
+        runs are of one and differ by noise alone, which is each run's own: each then stands for
+        itself, beside those of the other arms.
+        """
+        return self.run // (self.spec.points if self.spec.dispersed else len(self.spec.arms))
+
+    @property
     def free(self) -> NDArray[np.bool_]:
         """(n,) whether a run's factors are drawn for themselves; in a Saltelli design most are
         another run's but for one."""

@@ -1,7 +1,7 @@
 """Statistics of metrics: bootstrap intervals, rank correlations, tests of a difference.
 
 Runs of one sample are flown on the same machine and are no independent draws: whatever is resampled
-is resampled by samples.
+is resampled by samples, and whatever is tested is one number a machine.
 """
 
 from collections.abc import Callable
@@ -130,16 +130,61 @@ def rank_correlation(one: Array, other: Array) -> tuple[Interval, float]:
     return Interval(rho, float(low), float(high)), float(found.pvalue)
 
 
-def paired_difference(one: Array, other: Array) -> float:
-    """p-value of Wilcoxon's signed-rank test: that pairs (n,) differ by nothing but chance."""
-    difference = other - one
-    if not difference.any():
+def correlation_within(table: Array, levels: Array) -> tuple[Interval, float]:
+    """Mean over machines of the rank correlation that each has by itself, and the p-value of none.
+
+    The interval resamples machines. The test is Wilcoxon's signed-rank test on the machines' slopes
+    against the levels' ranks; of two levels that is the test of pairs. (Page's test of a trend
+    takes the runs of a machine for independent: where half of the machines rise and half fall, it
+    finds a trend in every second campaign.)
+
+    Args:
+        table: (machines, blocks, k), NaN where there is none; a block is correlated by itself, and
+            a machine has the mean of its blocks.
+        levels: (k,) what it is correlated with.
+    """
+    known = np.isfinite(table)
+    one, other = (_centred_ranks(np.where(known, values, np.nan)) for values in (table, levels))
+    across = np.sum(other**2, axis=-1)
+    told = across > 0.0  # a block of a single level says nothing
+    machines = told.any(axis=-1)
+    size = np.sqrt(np.sum(one**2, axis=-1) * across)
+    rho = np.sum(one * other, axis=-1) / np.where(size > 0.0, size, 1.0)
+    # from the lowest, so that the slope of what does not change is 0 and no rounding
+    lowest = np.min(table, axis=-1, keepdims=True, initial=np.inf, where=known)
+    rise = np.where(known, table - lowest, 0.0)
+    slope = np.sum(rise * other, axis=-1) / np.where(told, across, 1.0)
+    own, slopes = (
+        np.sum(values[machines], axis=-1) / np.sum(told[machines], axis=-1)
+        for values in (rho, slope)
+    )
+    if len(own) < 5 or not own.any():
+        return Interval(np.nan, np.nan, np.nan), 1.0
+    return bootstrap((own,), np.arange(len(own)), mean), signed_ranks(slopes)
+
+
+def _centred_ranks(table: Array) -> Array:
+    """Over the last axis, less their mean; 0 where there is no number."""
+    ranks = stats.rankdata(table, axis=-1, nan_policy="omit")
+    middle = 0.5 * (np.count_nonzero(np.isfinite(table), axis=-1, keepdims=True) + 1.0)
+    return np.nan_to_num(ranks - middle)
+
+
+def of_machines(values: Array, machine: NDArray[np.int64]) -> Array:
+    """(m,) mean of the values (n,) of each machine, by its number (n,), ascending."""
+    _, place, counts = np.unique(machine, return_inverse=True, return_counts=True)
+    return np.bincount(place, weights=values) / counts
+
+
+def signed_ranks(differences: Array) -> float:
+    """p-value of Wilcoxon's signed-rank test: that (n,), one a machine, lie evenly about 0."""
+    if not differences.any():
         return 1.0
-    return float(stats.wilcoxon(difference).pvalue)
+    return float(stats.wilcoxon(differences).pvalue)
 
 
 def unpaired_difference(one: Array, other: Array) -> float:
-    """p-value of the Mann-Whitney test: that two sets of runs come of one distribution."""
+    """p-value of the Mann-Whitney test: that two sets of machines come of one distribution."""
     if np.ptp(np.concatenate([one, other])) == 0.0:
         return 1.0
     return float(stats.mannwhitneyu(one, other).pvalue)

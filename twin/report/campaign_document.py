@@ -57,6 +57,7 @@ def campaign_document(found: Answers) -> dict[str, Any]:
                 "other": one.other,
                 "metric": one.metric,
                 "pairs": one.pairs,
+                "machines": one.machines,
                 "ratio_of_means": one.ratio.document(),
                 "smaller_in": one.wins,
                 "p": one.p,

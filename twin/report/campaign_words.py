@@ -52,7 +52,7 @@ def verdicts(found: Answers) -> list[str]:
 def comparison_words(one: Comparison) -> str:
     """One comparison as a sentence."""
     words = METRICS[one.metric].words
-    how = f"on {one.pairs} machines that both met" if one.pairs else "on machines of their own"
+    how = f"on {one.machines} machines that both met" if one.pairs else "on machines of their own"
     if not one.p < PROVEN:
         return f"{words}: no difference between {one.one} and {one.other} is proven {how}."
     ratio = one.ratio
