@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.campaign.spec import Spec
+from twin.effects import file_of
 from twin.errors import CampaignError
 from twin.library import find_controller
 
@@ -146,22 +147,32 @@ class Folder:
 
 
 def _facts(spec: Spec) -> dict[str, Any]:
-    files: dict[str, str] = {}
-    for arm in spec.arms:
-        folder = arm.platform.folder
-        for file in sorted(folder.iterdir()):
-            if file.is_file():
-                files[f"{arm.platform.name.partition(':')[0]}/{file.name}"] = _hash(file)
-        if spec.procedure == "run":
-            law = find_controller(arm.controller)
-            files[law.name] = _hash(law)
     return {
         "specification": hashlib.sha256(spec.text.encode()).hexdigest(),
         "runs": spec.runs,
         "shards": spec.shards,
-        "files": files,
+        "files": {name: _hash(file) for name, file in _files(spec).items()},
         "versions": versions(),
     }
+
+
+def _files(spec: Spec) -> dict[str, Path]:
+    """What results depend on beside packages, by what the specification calls it.
+
+    Not by the file's own name, which two arms may share, nor by where it lies: the folder may move
+    to another computer together with them.
+    """
+    files: dict[str, Path] = {}
+    for arm in spec.arms:
+        for file in sorted(arm.platform.folder.iterdir()):
+            if file.is_file():
+                files[f"platform {arm.machine}: {file.name}"] = file
+        if spec.procedure == "run":
+            files[f"controller {arm.controller}"] = find_controller(arm.controller)
+        for effect in arm.effects:
+            if (own := file_of(effect.kind)) is not None:
+                files[f"effect {effect.called}"] = own
+    return files
 
 
 def versions() -> dict[str, str]:

@@ -66,7 +66,8 @@ def _arm(row: Table, table: Table, name: str, procedure: Procedure, target: floa
     def owner(key: str) -> Table:
         return row if key in row else table
 
-    platform = _named(owner("platform"), "platform", load_platform, text("platform", None))
+    machine = text("platform", None)
+    platform = _named(owner("platform"), "platform", load_platform, machine)
     effects = _effects(table, platform)
     with_all = _with_effects(table, platform, effects)
     estimator = text("estimator", usual_estimator(platform))
@@ -103,6 +104,7 @@ def _arm(row: Table, table: Table, name: str, procedure: Procedure, target: floa
     )
     return Arm(
         name=name or controller,
+        machine=machine,
         platform=with_all,
         known=platform,
         controller=controller,
@@ -138,14 +140,14 @@ def _given(table: Table) -> list[DispersedEffect]:
         shown = table.table(name)  # what is only looked at counts as asked for
         aims = [key for key in inner.keys if key not in known and isinstance(shown.raw(key), dict)]
         if kind.takes and aims:
-            found += [_dispersed(kind, aim, inner.table(aim)) for aim in aims]
+            found += [_dispersed(name, kind, aim, inner.table(aim)) for aim in aims]
             inner.close()
         else:
-            found.append(_dispersed(kind, "", inner))
+            found.append(_dispersed(name, kind, "", inner))
     return found
 
 
-def _dispersed(kind: type[Effect], target: str, table: Table) -> DispersedEffect:
+def _dispersed(called: str, kind: type[Effect], target: str, table: Table) -> DispersedEffect:
     factors: list[Factor] = []
     stem = f"effects.{kind.name}" + (f".{target}" if target else "")
     for known in kind.parameters():
@@ -161,7 +163,7 @@ def _dispersed(kind: type[Effect], target: str, table: Table) -> DispersedEffect
     names = [entry.name for entry in kind.settings()]
     settings = {name: _setting(table.raw(name)) for name in names if name in table}
     table.close()
-    return DispersedEffect(kind, target, settings, tuple(factors))
+    return DispersedEffect(called, kind, target, settings, tuple(factors))
 
 
 def _setting(value: Any) -> Any:
@@ -174,7 +176,7 @@ def _as_stated(effect: Effect) -> DispersedEffect:
     rows = zip(effect.names, units, effect.values.tolist(), strict=True)
     factors = tuple(Factor(f"{stem}.{name}", unit, Fixed(v)) for name, unit, v in rows)
     settings = {entry.name: getattr(effect, entry.name) for entry in effect.settings()}
-    return DispersedEffect(type(effect), effect.target, settings, factors)
+    return DispersedEffect(effect.name, type(effect), effect.target, settings, factors)
 
 
 def _with_effects(

@@ -42,6 +42,8 @@ class Factor:
 class DispersedEffect:
     """An effect whose parameters are factors."""
 
+    called: str
+    """Name or file, as the specification has it."""
     kind: type[Effect]
     target: str
     settings: Mapping[str, Any]
@@ -63,6 +65,8 @@ class Arm:
     """One of the ways that a campaign compares; a campaign without comparison has one."""
 
     name: str
+    machine: str
+    """Name or folder of the platform, as the specification has it."""
     platform: Platform
     """With the effects of all runs at their middle, and with those that it states itself."""
     known: Platform

@@ -3,6 +3,7 @@
 from twin.effects.catalogue import catalogue as catalogue
 from twin.effects.catalogue import effect_named as effect_named
 from twin.effects.catalogue import effect_names as effect_names
+from twin.effects.catalogue import file_of as file_of
 from twin.effects.effect import Domain as Domain
 from twin.effects.effect import Effect as Effect
 from twin.effects.effect import Parameter as Parameter

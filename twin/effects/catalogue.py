@@ -71,6 +71,12 @@ def effect_named(name: str, *, own_files: bool = True) -> type[Effect]:
     raise UnknownName("effect", name, effect_names())
 
 
+def file_of(kind: type[Effect]) -> Path | None:
+    """The file of an effect that somebody brought; none of one that is built in."""
+    path = Path(inspect.getfile(kind)).resolve()
+    return None if path.is_relative_to(_FOLDER.resolve()) else path
+
+
 @cache
 def _built_in() -> dict[str, str]:
     """Folder of each effect by its name."""
