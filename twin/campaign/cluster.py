@@ -117,7 +117,7 @@ class Cluster:
         except ImportError as problem:
             raise ClusterError(
                 f"a worker of {self.address} cannot import {problem.name}; install "
-                "airbearing-twin[cluster] where the workers run"
+                "the extra `cluster` where the workers run"
             ) from None
         if isinstance(got, Refused):
             raise ClusterError(f"a worker on {got.host} cannot fly the campaign: {got.sentence}")
@@ -170,7 +170,7 @@ def connected(address: str) -> Generator[Cluster]:
         from distributed import Client
     except ImportError:
         raise UsageError(
-            "a cluster needs Dask, which is not installed: pip install 'airbearing-twin[cluster]'"
+            "a cluster needs Dask, which is not installed: pip install '.[cluster]'"
         ) from None
     # it tells connections that come and go line by line; what matters of them is told here
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
