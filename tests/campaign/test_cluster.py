@@ -219,7 +219,7 @@ def test_a_campaign_without_dask_says_what_to_install(file, tmp_path, monkeypatc
     monkeypatch.setitem(sys.modules, "distributed", None)
     words = ["campaign", str(file), str(tmp_path / "out"), "--cluster", "tcp://lab:8786"]
     assert main(words) == 2
-    assert "pip install 'airbearing-twin[cluster]'" in capsys.readouterr().err
+    assert "pip install '.[cluster]'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     assert main([*words, "--workers", "2"]) == 2
     assert "--cluster does not go with --workers" in capsys.readouterr().err
