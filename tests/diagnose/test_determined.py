@@ -9,7 +9,7 @@ from twin.diagnose.diagnosis import plain_of
 from twin.effects.thrusters.thruster_misalignment import ThrusterMisalignment
 from twin.effects.wheels.wheel_misalignment import WheelMisalignment
 from twin.platform import load_platform
-from twin.predict.effect_columns import slopes_of
+from twin.predict.effects.columns import slopes_of
 
 SEED = 20261123
 

@@ -10,8 +10,8 @@ from twin.diagnose.extension import give_joints
 from twin.library import library
 from twin.model import compile_model
 from twin.platform import load_platform
-from twin.predict.base import base_parameters
-from twin.predict.joint_parameters import joint_parameters
+from twin.predict.parameters.base import base_parameters
+from twin.predict.parameters.joints import joint_parameters
 
 
 def test_joints_are_written_with_the_damping_and_stiffness_that_were_fitted(tmp_path: Path):

@@ -18,8 +18,8 @@ from twin.effects.on_sensor import shown
 from twin.model import compile_model
 from twin.platform import load_platform
 from twin.predict.body import Body, body_of
-from twin.predict.effect_forces import middles, plain_forces
-from twin.predict.motion import motion_of
+from twin.predict.effects.forces import middles, plain_forces
+from twin.predict.log.motion import motion_of
 from twin.recording import open_log
 from twin.signals import Samples
 

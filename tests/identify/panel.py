@@ -19,12 +19,12 @@ from twin.identify import identify
 from twin.identify.identification import Identification
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
-from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
-from twin.predict.innovations import Problem, Unknowns
-from twin.predict.motion import motion_of
-from twin.predict.sensor_columns import clock_lag, scale_factor
-from twin.predict.states import States
+from twin.predict.log.motion import motion_of
+from twin.predict.parameters.base import base_parameters
+from twin.predict.path.states import States
+from twin.predict.sensors.columns import clock_lag, scale_factor
+from twin.predict.whitening.innovations import Problem, Unknowns
 from twin.recording import Recording
 
 

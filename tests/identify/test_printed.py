@@ -8,8 +8,8 @@ import pytest
 from twin.identify import identify
 from twin.identify.excitation import excitation_of
 from twin.model import compile_model
-from twin.predict.base import base_parameters
-from twin.predict.motion import motion_of
+from twin.predict.log.motion import motion_of
+from twin.predict.parameters.base import base_parameters
 from twin.recording import Recording
 from twin.report import identified
 

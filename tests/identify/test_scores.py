@@ -9,9 +9,9 @@ from twin.identify import identify
 from twin.model import compile_model
 from twin.plant.simulated import SimulatedPlant
 from twin.predict.body import body_of
-from twin.predict.innovations import Problem
-from twin.predict.motion import motion_of
-from twin.predict.sensor_columns import clock_lag, scale_factor
+from twin.predict.log.motion import motion_of
+from twin.predict.sensors.columns import clock_lag, scale_factor
+from twin.predict.whitening.innovations import Problem
 from twin.recording import Recording
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twin.errors import TwinError
-from twin.predict.chain import chain, growth
-from twin.predict.linearised import Linearised
+from twin.predict.whitening.chain import chain, growth
+from twin.predict.whitening.linearised import Linearised
 
 
 def random_chain(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.platform import load_platform
-from twin.predict.outputs import noise_of
+from twin.predict.sensors.outputs import noise_of
 from twin.recording import Recording, Series
 
 ASTROS = load_platform("astros")

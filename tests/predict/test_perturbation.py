@@ -10,13 +10,13 @@ from twin.effects.body.bearing_coulomb_friction import BearingCoulombFriction
 from twin.identify.prediction_error import fit
 from twin.model import compile_model
 from twin.platform import Platform
-from twin.predict import sensor_faults
-from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
-from twin.predict.innovations import Problem
-from twin.predict.motion import motion_of
-from twin.predict.perturbation import Added, Perturbation
-from twin.predict.push import Push
+from twin.predict.effects.perturbation import Added, Perturbation
+from twin.predict.log.motion import motion_of
+from twin.predict.parameters.base import base_parameters
+from twin.predict.path.push import Push
+from twin.predict.sensors import faults
+from twin.predict.whitening.innovations import Problem
 from twin.recording import Recording
 
 SEED = 20261121
@@ -107,7 +107,7 @@ def test_a_lags_column_does_not_see_what_a_law_commands_afterwards(
     body = predictor(swing(seed=SEED, duration=2.0), pendulum)
     base = base_parameters(body.machine)
     path = body.rollouts.paths(base.model(base.as_stated), body.start.one())
-    lag = Added.to(body, (sensor_faults.clock_lag("joint_rate"),))
+    lag = Added.to(body, (faults.clock_lag("joint_rate"),))
     instant = body.grid.steps // 2
     later = replace(path, rate=path.rate.copy())
     later.rate[:, :, instant + 1 :] += 1.0
@@ -154,11 +154,11 @@ def test_a_late_stream_and_a_wrong_scale_are_fitted_together(swing: Swings, pend
     rate = log["joint_rate"]
     wrong = replace(rate, time=rate.time + 0.02, value=rate.value * 1.03)
     log = replace(log, streams={**log.streams, "joint_rate": wrong})
-    faults = [
-        sensor_faults.clock_lag("joint_rate"),
-        sensor_faults.scale_factor("joint_rate", 0),
+    wrongs = [
+        faults.clock_lag("joint_rate"),
+        faults.scale_factor("joint_rate", 0),
     ]
-    strength, sigma = fitted(problem_of(log, pendulum, faults))
+    strength, sigma = fitted(problem_of(log, pendulum, wrongs))
     assert np.all(np.abs(strength - [0.02, 0.03]) < 4.0 * sigma)
     assert np.all(sigma < 2e-3)
 

@@ -11,12 +11,12 @@ from twin.effects import parse_effects
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
-from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
-from twin.predict.effect_columns import perturbations_of, strengths_of
-from twin.predict.innovations import Problem
-from twin.predict.motion import motion_of
-from twin.predict.retrace import retraced
+from twin.predict.effects.columns import perturbations_of, strengths_of
+from twin.predict.effects.retrace import retraced
+from twin.predict.log.motion import motion_of
+from twin.predict.parameters.base import base_parameters
+from twin.predict.whitening.innovations import Problem
 from twin.recording import Recording
 
 SEED = 20261121

@@ -17,12 +17,12 @@ from twin.loop import fly
 from twin.model import compile_model
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
-from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
-from twin.predict.innovations import Problem
-from twin.predict.motion import motion_of
-from twin.predict.push import Push
-from twin.predict.sensed import SENSED
+from twin.predict.log.motion import motion_of
+from twin.predict.parameters.base import base_parameters
+from twin.predict.path.push import Push
+from twin.predict.sensors.sensed import SENSED
+from twin.predict.whitening.innovations import Problem
 from twin.recording import Recording
 from twin.reference import parse_reference
 from twin.stream.recorder import MemoryRecorder

@@ -8,8 +8,8 @@ from twin.identify import identify
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
 from twin.predict.body import body_of
-from twin.predict.motion import motion_of
-from twin.predict.outputs import Output
+from twin.predict.log.motion import motion_of
+from twin.predict.sensors.outputs import Output
 from twin.recording import Recording
 
 SEED = 20261122

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tests.predict.flights import flown, predictor
-from twin.predict import rollouts
-from twin.predict.base import base_parameters
-from twin.predict.rollouts import STEP
+from twin.predict.parameters.base import base_parameters
+from twin.predict.path import rollouts
+from twin.predict.path.rollouts import STEP
 
 SEED = 20261123
 

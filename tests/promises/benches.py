@@ -19,7 +19,7 @@ from twin.effects import Effect, Order, SeriesEffect, able, catalogue, with_effe
 from twin.errors import PlatformError, UsageError
 from twin.model import compile_model
 from twin.platform import Platform, Sensor, load_platform
-from twin.predict.effect_columns import amplitudes
+from twin.predict.effects.columns import amplitudes
 from twin.recording import Recording
 
 GRADES = {"fine": (1e-4, 1e-4), "middle": (1e-3, 1e-3), "coarse": (4.4e-3, 3.5e-2)}

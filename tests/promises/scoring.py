@@ -11,7 +11,7 @@ from twin.diagnose.search import TIED, price
 from twin.diagnose.weighing import Weighing
 from twin.effects import Effect
 from twin.effects.body.liquid_slosh import LiquidSlosh
-from twin.predict.effect_columns import amplitudes
+from twin.predict.effects.columns import amplitudes
 
 SURE = 0.9
 """Confidence beyond which a wrong name is worse than none."""

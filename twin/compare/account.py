@@ -1,7 +1,7 @@
 """One way to set a model's parameters on a log, and what it then misses.
 
 A motion that follows the model exactly, where that leaves no more than noise; else segments
-predicted apart, each with a noise of its own (`twin.predict.apart`).
+predicted apart, each with a noise of its own (`twin.predict.whitening.apart`).
 """
 
 from collections.abc import Sequence
@@ -16,9 +16,9 @@ from scipy.stats import t as student
 from twin.compare.misfit import Misfit, is_noise, misfits, misfits_of
 from twin.compare.symptoms import Symptom
 from twin.identify.prediction_error import NORMAL, fit
-from twin.predict.apart import Apart, apart, fit_apart
 from twin.predict.body import Exact
-from twin.predict.innovations import Eliminated, Innovations, Problem, Unknowns
+from twin.predict.whitening.apart import Apart, apart, fit_apart
+from twin.predict.whitening.innovations import Eliminated, Innovations, Problem, Unknowns
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from twin import rotation
 from twin.compare.account import Account
-from twin.predict.base import ENTRIES, hinge_axis
+from twin.predict.parameters.base import ENTRIES, hinge_axis
 
 Array = NDArray[np.float64]
 

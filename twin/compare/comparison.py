@@ -18,9 +18,9 @@ from twin.identify.start import base_of, first_biases, first_theta
 from twin.model import compile_model
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of, in_order_of
-from twin.predict.base import BaseParameters
 from twin.predict.body import Body, body_of
-from twin.predict.motion import motion_of
+from twin.predict.log.motion import motion_of
+from twin.predict.parameters.base import BaseParameters
 from twin.recording import Recording
 
 Array = NDArray[np.float64]

@@ -11,9 +11,9 @@ from twin.compare.account import Account, follow, imitated, loosen
 from twin.compare.misfit import is_noise
 from twin.compare.selection import Score, Screen
 from twin.compare.symptoms import Symptom
-from twin.predict.base import BaseParameters
 from twin.predict.body import Body
-from twin.predict.innovations import Problem, Unknowns
+from twin.predict.parameters.base import BaseParameters
+from twin.predict.whitening.innovations import Problem, Unknowns
 
 Array = NDArray[np.float64]
 Pose = Callable[[Sequence[Symptom]], Problem]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.compare.account import Account
 from twin.predict.body import Body
-from twin.predict.innovations import Innovations
-from twin.predict.states import States
+from twin.predict.path.states import States
+from twin.predict.whitening.innovations import Innovations
 
 Array = NDArray[np.float64]
 

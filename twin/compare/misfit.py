@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from twin.noise.quantisation import resolution_of
-from twin.predict.innovations import Innovations, Problem
+from twin.predict.whitening.innovations import Innovations, Problem
 
 Array = NDArray[np.float64]
 

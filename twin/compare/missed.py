@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.compare.account import Account
-from twin.predict.segments import Segment
+from twin.predict.path.segments import Segment
 
 STANDS_OUT = 10.0
 """A stretch is disturbed when its residual is so many times the median stretch's."""

@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from twin.compare.comparison import Comparison
 from twin.identify.prediction_error import most_likely
-from twin.predict.innovations import Problem
-from twin.predict.unexplained import Unexplained, unexplained_torque
+from twin.predict.whitening.innovations import Problem
+from twin.predict.whitening.unexplained import Unexplained, unexplained_torque
 
 Array = NDArray[np.float64]
 

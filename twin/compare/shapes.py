@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.predict.body import Body
-from twin.predict.motion import Motion
+from twin.predict.log.motion import Motion
 
 Array = NDArray[np.float64]
 Shape = Callable[[Body], Array]

@@ -8,9 +8,9 @@ import numpy as np
 
 from twin.compare import shapes
 from twin.compare.shapes import on_base
-from twin.predict import sensor_faults
 from twin.predict.body import Body
-from twin.predict.perturbation import Perturbation
+from twin.predict.effects.perturbation import Perturbation
+from twin.predict.sensors import faults
 
 
 class Domain(Enum):
@@ -246,7 +246,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
             f"a constant error of {stream}",
             f"{stream} off by {{}}",
             unit,
-            lambda i: sensor_faults.bias(stream, i, unit),
+            lambda i: faults.bias(stream, i, unit),
         )
     if rate:
         fault(
@@ -254,7 +254,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
             f"an error of {stream} that grows with time",
             f"{stream} drifting by {{}}",
             f"{unit}/s",
-            lambda i: sensor_faults.drift(stream, i, unit),
+            lambda i: faults.drift(stream, i, unit),
         )
     if stream != "attitude" and (len(body.outputs) > 1 or _inside(body)):
         fault(
@@ -262,7 +262,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
             f"another scale of {stream}",
             f"{stream} scaled by {{}} too much",
             "1",
-            lambda i: sensor_faults.scale_factor(stream, i),
+            lambda i: faults.scale_factor(stream, i),
         )
     if stream == "gyro":
         fault(
@@ -270,7 +270,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
             "a gyro turned in its mount",
             "a gyro turned by {} in its mount",
             "rad",
-            lambda i: sensor_faults.misalignment(stream, i),
+            lambda i: faults.misalignment(stream, i),
         )
     if stream == "attitude":
         fault(
@@ -278,7 +278,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
             "an attitude sensor turned in its mount",
             "an attitude sensor turned by {} in its mount",
             "rad",
-            lambda i: sensor_faults.bias(stream, i, unit),
+            lambda i: faults.bias(stream, i, unit),
         )
     if len(body.outputs) == 1 and not any(name.startswith("command") for name in body.recording):
         # nothing to be late against: another start of the motion is as good
@@ -288,7 +288,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
         f"{stream} late against the others",
         f"{stream} late by {{}}",
         "s",
-        lambda _: sensor_faults.clock_lag(stream),
+        lambda _: faults.clock_lag(stream),
         Domain.clock,
         1,
     )
@@ -297,7 +297,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
         f"a clock of {stream} that runs at another rate",
         f"a clock of {stream} that runs fast by {{}}",
         "s/s",
-        lambda _: sensor_faults.clock_drift(stream),
+        lambda _: faults.clock_drift(stream),
         Domain.clock,
         1,
     )

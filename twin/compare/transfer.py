@@ -7,7 +7,7 @@ import numpy as np
 from twin.compare.account import Account, follow, loosen
 from twin.compare.comparison import Comparison
 from twin.compare.explanation import Strength
-from twin.predict.innovations import Problem
+from twin.predict.whitening.innovations import Problem
 
 
 @dataclass(frozen=True)

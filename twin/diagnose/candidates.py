@@ -22,8 +22,8 @@ from twin.errors import TwinError
 from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.body import Body
-from twin.predict.effect_columns import SMALL, amplitudes, perturbations_of
-from twin.predict.perturbation import Perturbation
+from twin.predict.effects.columns import SMALL, amplitudes, perturbations_of
+from twin.predict.effects.perturbation import Perturbation
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from twin.diagnose.search import EVEN, TIED, Search
 from twin.diagnose.told import told
 from twin.effects import Effect
 from twin.identify.prediction_error import NORMAL
-from twin.predict.effect_columns import amplitudes
+from twin.predict.effects.columns import amplitudes
 
 Array = NDArray[np.float64]
 

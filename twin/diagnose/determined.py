@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from twin.diagnose.weighing import KNOWN, SLIGHT
 from twin.effects import BiasEffect, Effect
-from twin.predict.base import BaseParameters
 from twin.predict.body import Body
-from twin.predict.effect_columns import amplitudes, strengths_of
-from twin.predict.innovations import Problem, Unknowns
-from twin.predict.perturbation import Perturbation
+from twin.predict.effects.columns import amplitudes, strengths_of
+from twin.predict.effects.perturbation import Perturbation
+from twin.predict.parameters.base import BaseParameters
+from twin.predict.whitening.innovations import Problem, Unknowns
 
 BLURRED = 1e-2
 """A component of which less than this share is left beside base and the others stays as it is."""

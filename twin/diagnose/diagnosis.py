@@ -26,8 +26,8 @@ from twin.model import compile_model
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of
 from twin.predict.body import body_of
-from twin.predict.innovations import Innovations, Problem
-from twin.predict.motion import motion_of
+from twin.predict.log.motion import motion_of
+from twin.predict.whitening.innovations import Innovations, Problem
 from twin.recording import Recording
 
 Say = Callable[[str], None]

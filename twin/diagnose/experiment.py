@@ -24,9 +24,9 @@ from twin.identify.start import first_biases
 from twin.model import compile_model
 from twin.platform import Platform, Sensor
 from twin.predict.body import Body, body_of
-from twin.predict.effect_columns import perturbations_of, strengths_of
-from twin.predict.innovations import Innovations, Problem
-from twin.predict.motion import motion_of
+from twin.predict.effects.columns import perturbations_of, strengths_of
+from twin.predict.log.motion import motion_of
+from twin.predict.whitening.innovations import Innovations, Problem
 from twin.recording import Recording
 
 Array = NDArray[np.float64]

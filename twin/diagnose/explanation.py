@@ -19,14 +19,14 @@ from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import BiasEffect, Effect
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
-from twin.predict.apart import Apart, apart, fit_apart
-from twin.predict.base import BaseParameters
 from twin.predict.body import Body, Exact
-from twin.predict.effect_columns import amplitudes, slopes_of, strengths_of, with_strengths
-from twin.predict.innovations import Innovations, Problem, Unknowns
-from twin.predict.perturbation import Formed, Perturbation, formed, with_formed
-from twin.predict.reference import references_of
-from twin.predict.retrace import retraced
+from twin.predict.effects.columns import amplitudes, slopes_of, strengths_of, with_strengths
+from twin.predict.effects.perturbation import Formed, Perturbation, formed, with_formed
+from twin.predict.effects.reference import references_of
+from twin.predict.effects.retrace import retraced
+from twin.predict.parameters.base import BaseParameters
+from twin.predict.whitening.apart import Apart, apart, fit_apart
+from twin.predict.whitening.innovations import Innovations, Problem, Unknowns
 
 Array = NDArray[np.float64]
 

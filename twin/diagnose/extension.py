@@ -16,7 +16,7 @@ from twin.effects import Effect
 from twin.errors import UsageError
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
-from twin.predict.base import BaseParameters
+from twin.predict.parameters.base import BaseParameters
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from twin.errors import UsageError
 from twin.identify.excitation import BLIND
 from twin.identify.prediction_error import NORMAL
 from twin.platform import Platform
-from twin.predict.base import BaseParameters
 from twin.predict.body import Body
-from twin.predict.ranges import within_range
+from twin.predict.log.ranges import within_range
+from twin.predict.parameters.base import BaseParameters
 from twin.recording import Recording
 from twin.units import printed
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.diagnose.weighing import Trace
-from twin.predict.perturbation import Perturbation
+from twin.predict.effects.perturbation import Perturbation
 
 TORQUE = "torque"
 """What is not a sensor's error."""

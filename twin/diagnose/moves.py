@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from twin.diagnose.layout import Layout
 from twin.effects import Effect
-from twin.predict.effect_columns import amplitudes
-from twin.predict.perturbation import Perturbation
+from twin.predict.effects.columns import amplitudes
+from twin.predict.effects.perturbation import Perturbation
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from twin.diagnose.weighing import Weighing
 from twin.effects import Effect, able, with_effects
 from twin.errors import TwinError
 from twin.model import compile_model
-from twin.predict.effect_columns import amplitudes, of_drive, strengths_of, with_strengths
+from twin.predict.effects.columns import amplitudes, of_drive, strengths_of, with_strengths
 
 Say = Callable[[str], None]
 

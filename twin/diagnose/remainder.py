@@ -15,8 +15,8 @@ from scipy.stats import chi2, norm
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.weighing import Trace, Weighing
 from twin.predict.body import Body
-from twin.predict.effect_forces import middles, on_grid
-from twin.predict.perturbation import Perturbation
+from twin.predict.effects.forces import middles, on_grid
+from twin.predict.effects.perturbation import Perturbation
 
 Array = NDArray[np.float64]
 

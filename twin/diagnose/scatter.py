@@ -17,7 +17,7 @@ from twin.diagnose.search import FALSE_ALARM, price
 from twin.effects import Effect, ScatterEffect, catalogue, effects_of
 from twin.effects.effect import targets
 from twin.identify.prediction_error import NORMAL
-from twin.predict.shaking import added_variance
+from twin.predict.log.shaking import added_variance
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from twin.diagnose.law import Law
 from twin.effects.on_sensor import levels_of, product_of, rates_of, shown_by, units_of
 from twin.predict.body import Body
-from twin.predict.outputs import Output
-from twin.predict.perturbation import Perturbation
+from twin.predict.effects.perturbation import Perturbation
+from twin.predict.sensors.outputs import Output
 from twin.signals import STREAMS
 
 Array = NDArray[np.float64]

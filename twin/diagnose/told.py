@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.diagnose.explanation import Explanation
-from twin.predict.effect_columns import amplitudes, slopes_of
+from twin.predict.effects.columns import amplitudes, slopes_of
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.diagnose.law import TORQUE, Law
 from twin.predict.body import Body
-from twin.predict.effect_forces import as_measured, middles, on_grid
-from twin.predict.perturbation import Perturbation
+from twin.predict.effects.forces import as_measured, middles, on_grid
+from twin.predict.effects.perturbation import Perturbation
 
 Array = NDArray[np.float64]
 _XYZ = ("x", "y", "z")

@@ -13,14 +13,14 @@ from twin.identify.prediction_error import fit
 from twin.identify.start import first_biases
 from twin.model import compile_model
 from twin.platform import Platform
-from twin.predict.apart import fit_apart
 from twin.predict.body import Body, body_of
-from twin.predict.effect_columns import perturbations_of, strengths_of
-from twin.predict.innovations import Problem
-from twin.predict.motion import motion_of
-from twin.predict.perturbation import Perturbation
-from twin.predict.reference import references_of
-from twin.predict.retrace import retraced
+from twin.predict.effects.columns import perturbations_of, strengths_of
+from twin.predict.effects.perturbation import Perturbation
+from twin.predict.effects.reference import references_of
+from twin.predict.effects.retrace import retraced
+from twin.predict.log.motion import motion_of
+from twin.predict.whitening.apart import fit_apart
+from twin.predict.whitening.innovations import Problem
 from twin.recording import Recording
 
 

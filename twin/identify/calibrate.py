@@ -5,8 +5,8 @@ from dataclasses import replace
 from twin.errors import UsageError
 from twin.identify.identification import identify
 from twin.platform import Platform, in_order_of
-from twin.predict.ranges import within_range
-from twin.predict.scales import sought
+from twin.predict.log.ranges import within_range
+from twin.predict.log.scales import sought
 from twin.recording import Recording
 
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.identify.scale import Scale
 from twin.model import Machine
-from twin.predict.base import BaseParameters
-from twin.predict.motion import Motion
+from twin.predict.log.motion import Motion
+from twin.predict.parameters.base import BaseParameters
 from twin.recording import Recording
 
 Array = NDArray[np.float64]

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from twin.model import Machine
-from twin.predict.drive_faults import STREAM, less_drive_faults
-from twin.predict.outputs import noise_of
-from twin.predict.profiles import from_mean, profile
+from twin.predict.drive.faults import STREAM, less_drive_faults
+from twin.predict.drive.profiles import from_mean, profile
+from twin.predict.sensors.outputs import noise_of
 from twin.recording import Recording
 
 ANGLE = "gimbal_angle"

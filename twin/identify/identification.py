@@ -31,13 +31,13 @@ from twin.identify.scale import (
 from twin.identify.start import base_of, first_biases, first_theta
 from twin.model import compile_model
 from twin.platform import Platform, in_gravity_of, in_order_of, taken_as_at_rest
-from twin.predict.base import BaseParameters
 from twin.predict.body import body_of
-from twin.predict.innovations import Problem, Unknowns
-from twin.predict.motion import motion_of
-from twin.predict.perturbation import Perturbation
-from twin.predict.ranges import within_range
-from twin.predict.scales import Scaled
+from twin.predict.effects.perturbation import Perturbation
+from twin.predict.log.motion import motion_of
+from twin.predict.log.ranges import within_range
+from twin.predict.log.scales import Scaled
+from twin.predict.parameters.base import BaseParameters
+from twin.predict.whitening.innovations import Problem, Unknowns
 from twin.recording import Recording
 
 Array = NDArray[np.float64]

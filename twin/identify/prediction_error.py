@@ -15,7 +15,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from twin.errors import TwinError
-from twin.predict.innovations import Innovations, Problem, Unknowns
+from twin.predict.whitening.innovations import Innovations, Problem, Unknowns
 
 Array = NDArray[np.float64]
 

@@ -17,23 +17,23 @@ from numpy.typing import NDArray
 
 from twin.errors import UsageError
 from twin.model import Machine
-from twin.predict.base import BaseParameters
-from twin.predict.base_forces import base_forces
-from twin.predict.drive import Inputs
-from twin.predict.kalman import Local
-from twin.predict.linearised import Linearised
-from twin.predict.motion import Motion
-from twin.predict.outputs import Grid, outputs_of
-from twin.predict.push import Push
-from twin.predict.rollouts import STEP, Rollouts
-from twin.predict.segments import command_step, grid_of
-from twin.predict.sensed import senses_of
-from twin.predict.shaking import shaking
-from twin.predict.states import States
-from twin.predict.tangent import carried_forces
-from twin.predict.tanks import pressure
-from twin.predict.unread import pushed
-from twin.predict.wander import random_walk, wander
+from twin.predict.drive.inputs import Inputs
+from twin.predict.drive.tanks import pressure
+from twin.predict.drive.unread import pushed
+from twin.predict.drive.wander import random_walk, wander
+from twin.predict.log.motion import Motion
+from twin.predict.log.shaking import shaking
+from twin.predict.parameters.base import BaseParameters
+from twin.predict.parameters.base_forces import base_forces
+from twin.predict.path.push import Push
+from twin.predict.path.rollouts import STEP, Rollouts
+from twin.predict.path.segments import command_step, grid_of
+from twin.predict.path.states import States
+from twin.predict.path.tangent import carried_forces
+from twin.predict.sensors.outputs import Grid, outputs_of
+from twin.predict.sensors.sensed import senses_of
+from twin.predict.whitening.kalman import Local
+from twin.predict.whitening.linearised import Linearised
 from twin.recording import Recording, Series
 from twin.signals import DERIVED
 

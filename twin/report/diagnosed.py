@@ -14,7 +14,7 @@ from twin.diagnose.validation import Validation
 from twin.identify.excitation import not_excited
 from twin.identify.prediction_error import NORMAL
 from twin.platform import taken_as_at_rest
-from twin.predict.effect_columns import amplitudes
+from twin.predict.effects.columns import amplitudes
 from twin.report.next_experiment import experiment_sentence
 from twin.report.words import MEANINGFUL
 from twin.units import fitting, printed, three_digits

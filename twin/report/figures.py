@@ -13,7 +13,7 @@ from twin.compare.free_run import FreeRun
 from twin.compare.missing_torque import missing_torque
 from twin.compare.shapes import standstill
 from twin.compare.symptoms import Domain
-from twin.predict.unexplained import Unexplained
+from twin.predict.whitening.unexplained import Unexplained
 from twin.report.style import FIGURE, INK, PALETTE, SOFT, svg
 from twin.units import fitting
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from twin.identify import Identification, Misfit
 from twin.platform import taken_as_at_rest
-from twin.predict.base import NAMES
+from twin.predict.parameters.base import NAMES
 from twin.recording import Recording
 from twin.report.words import pair
 from twin.units import printed, three_digits

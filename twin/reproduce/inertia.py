@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.predict.base import ENTRIES
+from twin.predict.parameters.base import ENTRIES
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from twin.identify import Settings, identify
 from twin.platform import Platform
-from twin.predict.base import ENTRIES
+from twin.predict.parameters.base import ENTRIES
 from twin.recording import Recording
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from twin.loop import fly
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
-from twin.predict.base import ENTRIES
+from twin.predict.parameters.base import ENTRIES
 from twin.recording import Recording, Series
 from twin.reference import Hold, Multisine
 from twin.reproduce.flown import About, hanging

@@ -1,0 +1,399 @@
+"""What drives a prediction: held commands and measured joints, as forces on the physics grid."""
+
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, cast
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import exprel
+
+from twin import rotation
+from twin.drives import apply_field
+from twin.effects import Effect
+from twin.errors import UsageError
+from twin.model import Machine
+from twin.plant.gas import thruster_arms
+from twin.plant.limits import Limits
+from twin.platform import Platform, Sensor
+from twin.predict.drive.faults import less_drive_faults
+from twin.predict.drive.profiles import Course, profile
+from twin.predict.drive.travelled import travelled
+from twin.predict.drive.unread import between_readings
+from twin.predict.log.motion import Motion, smoothed_series
+from twin.predict.path.segments import Segment
+from twin.recording import Recording, Series
+
+Array = NDArray[np.float64]
+
+RESTED = 0.5
+"""A mass whose drive has not moved it for so long has come to rest, and been read there [s]."""
+STILL = 1e-9
+"""To which it has not [m]."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Of one segment, on the physics grid that starts with it."""
+
+    force: Array
+    """(steps, nv) generalised forces, constant over each step [N m, N]."""
+    control: Array
+    """(steps, nu) of MuJoCo's actuators: the moments of coils [A m^2], and on a base that floats
+    away the forces of thrusters [N]; the others' are 0."""
+    joint_position: Array
+    """(nq,) where the joints that are not the base start; the base's entries are 0."""
+    joint_velocity: Array
+    """(nv,) likewise."""
+
+
+class Inputs:
+    """The drives of a recording.
+
+    Commands hold from their stamp to the next; a step in which one changes gets the mean over the
+    step, so that the impulse is exact. A wheel is driven by its commanded torque where that was
+    recorded, or by its commanded duty: that share of its torque limit is what its motor gives at
+    rest, and the damping of its joint is what its back EMF takes. Its speed is then a state,
+    measured or not. Where only its speed was recorded, it is a state all the same, under a torque
+    of which nothing is known but its size; the smoothed reading only says along which path to
+    linearise. A stage follows its measured position, between its samples the drive's profile. Coils
+    turn the body in the field as MuJoCo has its attitude, thrusters push at their arms; the gas
+    that they take weighs nothing. The angle of a gimbal is a state: it goes at the commanded rate,
+    else at one of which nothing is known but its size. Rotors keep their speed.
+    """
+
+    def __init__(self, machine: Machine, recording: Recording) -> None:
+        self.machine = machine
+        self.model = machine.model
+        self.used: tuple[str, ...] = ()
+        platform = machine.platform
+        _refuse_what_is_not_predicted(platform)
+        self._joint = self._stream(recording, "command_joint_torque", 1)
+        self._wheel_torque = self._stream(recording, "command_wheel_torque", len(platform.wheels))
+        if self._wheel_torque is None:
+            duty = self._stream(recording, "command_wheel_duty", len(platform.wheels))
+            self._wheel_torque = None if duty is None else self._torque_at_rest(duty)
+        self._wheel_speed: tuple[Series, Series] | None = None
+        speed = self._stream(recording, "wheel_speed", len(platform.wheels))
+        if speed is not None:
+            self._wheel_speed = smoothed_series(speed)
+        elif self._wheel_torque is not None:
+            self._wheel_speed = self._unmeasured(self._wheel_torque, recording)
+        self._dipole = self._stream(recording, "command_dipole", 3 * bool(platform.magnetorquers))
+        self._thrust = self._stream(recording, "command_thruster", len(platform.thrusters))
+        self.field_world = field_world(recording, platform)
+        """(3,) the field that the coils feel [T]."""
+        self.stage_course: Course | None = None
+        """Of stages that were told to move, and seen."""
+        self.stage_doubt: Series | None = None
+        """(m, stages) of where they were after each reading, if not on that course [m^2 s]."""
+        self._stage = self._stages(recording)
+        width = len(platform.gimbals)
+        self._gimbal_told = self._stream(recording, "command_gimbal_rate", width)
+        self._gimbal_seen = self._stream(recording, "gimbal_angle", width)
+        self._gimbal = self._gimbals()
+
+    @property
+    def wheels_predicted(self) -> bool:
+        """Whether the wheels' speed is a state, an output if measured."""
+        return self._wheel_speed is not None
+
+    @property
+    def wheels_undriven(self) -> bool:
+        """Whether nobody recorded what drove the wheels: their speed is measured, their torque is
+        white noise of the intensity that the speed shows."""
+        return self._wheel_torque is None and self._wheel_speed is not None
+
+    @property
+    def gimbals_undriven(self) -> bool:
+        """Whether nobody recorded what drove the gimbals: their rate is white noise of the
+        intensity that their angle shows."""
+        return "command_gimbal_rate" not in self.used
+
+    @cached_property
+    def gimbal_error(self) -> Series | None:
+        """The gimbals' measured angle beside the one that they were told to have, as far as no
+        fault of their drives explains it."""
+        told, seen = self._gimbal_told, self._gimbal_seen
+        if told is None or seen is None:
+            return seen
+        there, _ = profile(self.machine, "command_gimbal_rate", told)
+        return less_drive_faults(self.machine, told, there, seen)
+
+    def prepare(self, model: mujoco.MjModel) -> None:
+        """Leave all torque on undriven wheels to what their speed shows; let coils feel the log's
+        field."""
+        machine = self.machine
+        if self.wheels_undriven:
+            model.dof_damping[machine.wheel_dof] = 0.0
+        if self._dipole is not None:
+            platform = replace(machine.platform, magnetic_field=self.field_world)
+            apply_field(platform, model, machine.magnetorquer_actuator.tolist())
+
+    def drive(self, segment: Segment) -> Drive:
+        """Forces and joint states of a segment."""
+        machine, step = self.machine, self.machine.platform.step
+        steps = max(int(np.ceil((segment.stop - segment.start) / step - 1e-6)), 1)
+        edges = segment.edges(step, steps)
+        force = np.zeros((steps, machine.model.nv))
+        position = machine.model.qpos0.copy()
+        position[machine.base_qpos] = 0.0
+        velocity = np.zeros(machine.model.nv)
+        if self._joint is not None:
+            force[:, machine.base_dof] += held_mean(self._joint, edges)
+        if self._wheel_speed is not None:
+            velocity[machine.wheel_dof] = self._wheel_speed[0].interpolated_at(edges[:1])[0]
+        if self._wheel_torque is not None:
+            force[:, machine.wheel_dof] += held_mean(self._wheel_torque, edges)
+        elif self._wheel_speed is not None:
+            speed = self._wheel_speed[0].interpolated_at(edges)
+            rotor = np.array([wheel.inertia for wheel in machine.platform.wheels])
+            force[:, machine.wheel_dof] += rotor * (np.diff(speed, axis=0) / step)
+        if self._stage is not None:
+            place, rate = (series.interpolated_at(edges) for series in self._stage)
+            position[machine.stage_qpos] = place[0]
+            velocity[machine.stage_dof] = rate[0]
+            force[:, machine.stage_dof] += machine.stage_inertia * np.diff(rate, axis=0) / step
+        if self._gimbal is not None:
+            angle, rate = (series.interpolated_at(edges) for series in self._gimbal)
+            position[machine.gimbal_qpos] = angle[0]
+            velocity[machine.gimbal_dof] = rate[0]
+            force[:, machine.gimbal_dof] += machine.gimbal_inertia * np.diff(rate, axis=0) / step
+        velocity[machine.rotor_dof] = [rotor.speed for rotor in machine.platform.rotors]
+        control = np.zeros((steps, machine.model.nu))
+        if self._dipole is not None:
+            moments = Limits(machine.platform).coils(held_mean(self._dipole, edges))
+            control[:, machine.magnetorquer_actuator] = moments
+        if self._thrust is not None:
+            thrust = self.thrust(edges)
+            if machine.thruster_actuator.size:
+                control[:, machine.thruster_actuator] = thrust
+            else:
+                force[:, machine.base_dof] += thrust @ thruster_arms(machine)
+        return Drive(force, control, position, velocity)
+
+    def commanded(self, edges: Array, motion: Motion) -> Array:
+        """(m, nv) mean of the commanded torques between m + 1 edges in time [N m], along a motion:
+        it says where coils stand in the field. Of gimbals, the commanded rates [rad/s]."""
+        machine = self.machine
+        force = np.zeros((len(edges) - 1, machine.model.nv))
+        if self._joint is not None:
+            force[:, machine.base_dof] = held_mean(self._joint, edges)
+        if self._wheel_torque is not None:
+            force[:, machine.wheel_dof] = held_mean(self._wheel_torque, edges)
+        force[:, machine.gimbal_dof] = self.gimbal_rate(edges) * (not self.gimbals_undriven)
+        if self._dipole is not None:
+            attitude = motion.at(0.5 * (edges[:-1] + edges[1:])).position
+            field_body = rotation.rotate(rotation.conjugate(attitude), self.field_world)
+            force[:, machine.base_dof] += rotation.cross(held_mean(self._dipole, edges), field_body)
+        if self._thrust is not None:
+            force[:, machine.base_dof] += self.thrust(edges) @ thruster_arms(machine)
+        return force
+
+    def gimbal_rate(self, edges: Array) -> Array:
+        """(m, gimbals) mean between m + 1 edges in time [rad/s]."""
+        if self._gimbal is None:
+            return np.zeros((len(edges) - 1, 0))
+        rate = self._gimbal[1].interpolated_at(edges)
+        return 0.5 * (rate[1:] + rate[:-1])
+
+    def thrust(self, edges: Array) -> Array:
+        """(m, thrusters) mean commanded force between m + 1 edges in time [N]."""
+        if self._thrust is None:
+            return np.zeros((len(edges) - 1, len(self.machine.platform.thrusters)))
+        return held_mean(self._thrust, edges)
+
+    def joint_states(self, times: Array) -> tuple[Array, Array, Array]:
+        """qpos (m, nq), qvel and qacc (m, nv) of the joints that are not the base, as measured."""
+        machine = self.machine
+        position = np.tile(machine.model.qpos0, (len(times), 1))
+        velocity, acceleration = np.zeros((2, len(times), machine.model.nv))
+        if self._wheel_speed is not None:
+            speed, change = self._wheel_speed
+            velocity[:, machine.wheel_dof] = speed.interpolated_at(times)
+            acceleration[:, machine.wheel_dof] = change.interpolated_at(times)
+        if self._stage is not None:
+            place, rate = self._stage
+            position[:, machine.stage_qpos] = place.interpolated_at(times)
+            velocity[:, machine.stage_dof] = rate.interpolated_at(times)
+        if self._gimbal is not None:
+            angle, turning = self._gimbal
+            position[:, machine.gimbal_qpos] = angle.interpolated_at(times)
+            velocity[:, machine.gimbal_dof] = turning.interpolated_at(times)
+        velocity[:, machine.rotor_dof] = [rotor.speed for rotor in machine.platform.rotors]
+        return position, velocity, acceleration
+
+    def _stages(self, recording: Recording) -> tuple[Series, Series] | None:
+        """Position and rate: as told, moved to where they were measured; else as measured."""
+        width = len(self.machine.platform.stages)
+        seen = self._stream(recording, "stage_position", width)
+        told = self._stream(recording, "command_stage_position", width)
+        self.stage_seen = seen
+        if seen is not None and (told is None or not np.ptp(told.value, axis=0).any()):
+            step = self.machine.platform.step
+            time = np.arange(seen.time[0], seen.time[-1] + step, step)
+            return travelled(seen, self._counter, time)
+        if told is None:
+            return None
+        first = None if seen is None else seen.interpolated_at(told.time[:1])[0]
+        place, rate = profile(self.machine, "command_stage_position", told, first)
+        if seen is None:
+            return place, rate
+        self.stage_course = Course(self.machine, told, place)
+        return self._followed(place, rate, seen)
+
+    def with_stages(self, effect: Effect, *, counted: bool = True) -> "Inputs":
+        """The same, had an effect been at work on the command of stages that are seen: between what
+        a counter tells of a micrometre they then went otherwise.
+
+        Args:
+            effect: on the command.
+            counted: whether they went where they were counted, besides.
+        """
+        assert self.stage_course is not None
+        assert self.stage_seen is not None
+        same, there = copy(self), self.stage_course.otherwise(effect)
+        same.stage_doubt = None
+        same._stage = same._followed(*there, self.stage_seen) if counted else there
+        return same
+
+    def counted_with(self, effect: Effect) -> bool:
+        """Whether counters show no more than rounding of where stages are with such an effect."""
+        assert self.stage_course is not None
+        assert self.stage_seen is not None
+        place, _ = self.stage_course.otherwise(effect)
+        return bool(self._rounded(self._error(place, self.stage_seen)).all())
+
+    def _followed(self, place: Series, rate: Series, seen: Series) -> tuple[Series, Series]:
+        """Position and rate, moved to where the stages were measured."""
+        error = self._error(place, seen)
+        rounded = self._rounded(error)
+        if rounded.all():
+            return place, rate
+        # where it rests as told that is known better than it is counted
+        moved = place.interpolated_at(seen.time) - place.interpolated_at(seen.time - RESTED)
+        rested = np.abs(moved) < STILL
+        error = replace(error, value=np.where(rested & rounded, 0.0, error.value))
+        digit = 0.0 if self._counter is None else self._counter.resolution
+        self.stage_doubt = between_readings(error, digit)
+        left, left_rate = travelled(error, self._counter, place.time)
+        return (
+            replace(place, value=place.value + left.value),
+            replace(rate, value=rate.value + left_rate.value),
+        )
+
+    def _error(self, place: Series, seen: Series) -> Series:
+        return replace(seen, value=seen.value - place.interpolated_at(seen.time))
+
+    def _rounded(self, error: Series) -> NDArray[np.bool_]:
+        """(m, stages) which readings may be rounded from where they should be."""
+        if self._counter is None:
+            return np.zeros(error.value.shape, bool)
+        return np.abs(error.value) <= self._counter.resolution
+
+    @property
+    def _counter(self) -> Sensor | None:
+        return self.machine.platform.sensors.get("stage_position")
+
+    def _gimbals(self) -> tuple[Series, Series] | None:
+        """Angle and rate: as told, moved to where they were measured; else as measured.
+
+        Raises:
+            UsageError: the log says neither.
+        """
+        told, seen = self._gimbal_told, self._gimbal_seen
+        if told is None:
+            if self.machine.platform.gimbals and seen is None:
+                raise UsageError(
+                    "the log has neither gimbal_angle nor command_gimbal_rate, without which the "
+                    f"motion of {self.machine.platform.name} cannot be predicted"
+                )
+            return None if seen is None else smoothed_series(seen)
+        angle, rate = profile(self.machine, "command_gimbal_rate", told)
+        if seen is not None:
+            error = replace(seen, value=seen.value - angle.interpolated_at(seen.time))
+            left = smoothed_series(error)[0].interpolated_at(angle.time)
+            angle = replace(angle, value=angle.value + left)
+        return angle, rate
+
+    def _torque_at_rest(self, duty: Series) -> Series:
+        """Of the wheels' motors [N m], from their duty."""
+        limit = np.array([wheel.torque_limit for wheel in self.machine.platform.wheels])
+        return Series(duty.time, duty.value * limit, duty.columns, "N m")
+
+    def _unmeasured(self, torque: Series, recording: Recording) -> tuple[Series, Series]:
+        """Speed and acceleration of wheels that start at rest on a body that stands still: where
+        the prediction of wheels begins that nobody measured."""
+        platform = self.machine.platform
+        rotor = np.array([wheel.inertia for wheel in platform.wheels])
+        damping = self.model.dof_damping[self.machine.wheel_dof]
+        time = np.arange(recording.start, recording.stop + platform.tick, platform.tick)
+        pull = held_mean(torque, time) / rotor
+        decay = np.exp(-damping / rotor * platform.tick)
+        reach = platform.tick * exprel(-damping / rotor * platform.tick)
+        speed = np.zeros((len(time), len(rotor)))
+        for i, rise in enumerate(pull):
+            speed[i + 1] = decay * speed[i] + reach * rise
+        change = np.asarray(np.gradient(speed, platform.tick, axis=0), dtype=np.float64)
+        return (
+            Series(time, speed, torque.columns, "rad/s"),
+            Series(time, change, torque.columns, "rad/s/s"),
+        )
+
+    def _stream(self, recording: Recording, name: str, width: int) -> Series | None:
+        if width == 0 or name not in recording:
+            return None
+        series = recording[name]
+        if len(series) == 1 and name.startswith("command_") and series.time[0] < recording.stop:
+            # it holds until the next, so to the end
+            stands = np.append(series.time, recording.stop)
+            series = replace(series, time=stands, value=np.repeat(series.value, 2, axis=0))
+        if len(series) < 2:
+            return None
+        if len(series.columns) != width:
+            raise UsageError(
+                f"the log's {name} has {len(series.columns)} columns, but "
+                f"{self.machine.platform.name} has {width} such parts"
+            )
+        self.used = (*self.used, name)
+        return series
+
+
+def field_world(recording: Recording, platform: Platform) -> Array:
+    """(3,) the field that a log states, or the platform [T]."""
+    environment = cast(Mapping[str, Any], recording.provenance.get("environment") or {})
+    stated = environment.get("magnetic_field", platform.magnetic_field)
+    return np.asarray(stated, dtype=np.float64)
+
+
+def _refuse_what_is_not_predicted(platform: Platform) -> None:
+    """
+    Raises:
+        UsageError: the machine moves by means that a prediction does not know.
+    """
+    base = platform.base
+    if base.kind == "free" or base.joint in base.locked:
+        why = "falls free" if base.kind == "free" else f"has its joint {base.joint!r} locked"
+        raise UsageError(
+            f"{platform.name} {why}, which cannot be predicted from a log yet; use a log (or a "
+            "variant) of a body that turns in its bearing"
+        )
+
+
+def held_mean(series: Series, edges: Array) -> Array:
+    """Mean of the held value over each interval between edges, shape (len(edges) - 1, k)."""
+    stamps = series.time
+    held = np.concatenate([series.value[:1], series.value])
+    bounds = np.concatenate([[min(edges[0], stamps[0]) - 1.0], stamps, [edges[-1] + 1.0]])
+    keep = np.concatenate([[True], np.diff(bounds) > 0.0])
+    lengths = np.diff(bounds)
+    impulse = np.concatenate(
+        [np.zeros((1, held.shape[1])), np.cumsum(held * np.maximum(lengths, 0.0)[:, None], axis=0)]
+    )
+    at_edges = np.stack(
+        [np.interp(edges, bounds[keep], column[keep]) for column in impulse.T], axis=-1
+    )
+    return np.diff(at_edges, axis=0) / np.diff(edges)[:, None]

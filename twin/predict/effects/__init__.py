@@ -1,0 +1,1 @@
+"""Effects of the catalogue as forces and columns of a prediction."""

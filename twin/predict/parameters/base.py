@@ -1,0 +1,221 @@
+"""The base parameters of a machine: its inertia and mass moment, as numbers to be fitted.
+
+Seen are J and m r about the centre of rotation, never the mass itself. A hinge sees J about its
+axis and the two components of m r across it, unless it stands upright; a ball joint sees all 6 + 3.
+What its joints take of the motion may follow.
+"""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import TwinError
+from twin.model import Machine, MassProperties, set_mass_properties
+from twin.predict.parameters.joints import JointParameter
+
+Array = NDArray[np.float64]
+
+ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Of the inertia tensor, in the order xx yy zz xy xz yz."""
+
+NAMES = ("Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz", "mr_x", "mr_y", "mr_z")
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """Fitted numbers theta and how J and m r follow from them: stated + map (theta - as_stated)."""
+
+    machine: Machine
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    as_stated: Array
+    """(p,) as platform.toml states them."""
+    scale: Array
+    """(p,) a typical change of each, for finite differences and conditioning."""
+    map: Array
+    """(9, p) onto Jxx Jyy Jzz Jxy Jxz Jyz, mr_x mr_y mr_z."""
+    joints: tuple[JointParameter, ...] = ()
+    """What the last entries of theta are, as far as they are not J and m r."""
+
+    def with_joints(self, joints: tuple[JointParameter, ...]) -> "BaseParameters":
+        """With parameters of joints as further entries of theta."""
+        stated = np.array([joint.stated for joint in joints])
+        return replace(
+            self,
+            names=self.names + tuple(joint.name for joint in joints),
+            units=self.units + tuple(joint.unit for joint in joints),
+            as_stated=np.concatenate([self.as_stated, stated]),
+            scale=np.concatenate([self.scale, np.abs(stated)]),
+            map=np.concatenate([self.map, np.zeros((9, len(joints)))], axis=1),
+            joints=self.joints + joints,
+        )
+
+    def entries(self, theta: Array) -> Array:
+        """(9,) J and m r [kg m^2, kg m]."""
+        return _stated(self.machine) + self.map @ (theta - self.as_stated)
+
+    def theta(self, entries: Array) -> Array:
+        """The numbers whose entries come nearest to (9,) J and m r."""
+        change = entries - _stated(self.machine)
+        return self.as_stated + np.linalg.lstsq(self.map, change, rcond=None)[0]
+
+    def model(self, theta: Array) -> mujoco.MjModel:
+        """A copy of the machine's model with these parameters.
+
+        Raises:
+            TwinError: a moment of inertia would not be positive.
+        """
+        entries = self.entries(theta)
+        inertia = np.empty((3, 3))
+        for value, (i, j) in zip(entries[:6], ENTRIES, strict=True):
+            inertia[i, j] = inertia[j, i] = value
+        offset = entries[6:]
+        smallest = float(np.linalg.eigvalsh(inertia)[0])
+        if smallest <= 0.0:
+            raise TwinError(f"an inertia with principal moment {smallest:.3g} kg m^2 is no body's")
+        # About a fixed point the mass itself does no work; enough of it keeps any m r physical.
+        mass = max(self.machine.platform.mass, 4.0 * float(offset @ offset) / smallest)
+        model = copy.copy(self.machine.model)
+        try:
+            wanted = MassProperties(mass, inertia, offset)
+            set_mass_properties(model, self.machine.base_body, wanted, rigid=False)
+        except ValueError as problem:
+            raise TwinError(f"the fitted base is no rigid body: {problem}") from None
+        first = len(theta) - len(self.joints)
+        for joint, value in zip(self.joints, theta[first:].tolist(), strict=True):
+            joint.put(model, value)
+        return model
+
+    def table(self, theta: Array, covariance: Array, quantile: float) -> Mapping[str, Any]:
+        """`base` of the command line's JSON: value, low, high; null where the log cannot see."""
+        entries = self.entries(theta)
+        spread = self.map @ covariance @ self.map.T
+        half = quantile * np.sqrt(np.maximum(np.diag(spread), 0.0))
+        seen = np.abs(self.map).sum(axis=1) > 0.0
+        if self.machine.platform.base.kind == "hinge":
+            # the others only follow, so that the body stays one
+            axis = hinge_axis(self.machine)
+            seen[:6] = [abs(axis[i] * axis[j]) > 1e-9 for i, j in ENTRIES]
+        bounds = [
+            [
+                float(v + sign * h) if s else None
+                for v, h, s in zip(entries, half, seen, strict=True)
+            ]
+            for sign in (-1.0, 1.0)
+        ]
+        values = [float(value) for value in entries]
+        return {
+            "inertia": {
+                "value": _square(values[:6]),
+                "low": _square(bounds[0][:6]),
+                "high": _square(bounds[1][:6]),
+                "unit": "kg m^2",
+            },
+            "center_of_mass_offset": {
+                "value": values[6:],
+                "low": bounds[0][6:],
+                "high": bounds[1][6:],
+                "unit": "kg m",
+            },
+        }
+
+    @property
+    def not_excited(self) -> tuple[str, ...]:
+        """Entries of J and m r that no motion of this joint shows."""
+        if self.machine.platform.base.kind == "ball":
+            return ()
+        axis = hinge_axis(self.machine)
+        hidden = [f"J but about the axis {_axis(axis)}"]
+        if _upright(axis):
+            return (*hidden, "m r")
+        return (*hidden, f"m r along the axis {_axis(axis)}")
+
+
+def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True) -> BaseParameters:
+    """What logs of this machine can show of its base.
+
+    Args:
+        machine: compiled.
+        torque: whether they have a known torque, on a hinge. Without one only J / (m r) shows; then
+            m r keeps its stated length, for it is what a scale and a ruler tell.
+        angle: whether they have the angle of a hinge. With its rate alone nobody knows from where
+            it counts, and so not which way m r points.
+    """
+    stated = _stated(machine)
+    units = ("kg m^2",) * 6 + ("kg m",) * 3
+    if machine.platform.base.kind == "ball":
+        size = np.trace(machine.platform.inertia) / 3.0
+        reach = machine.platform.mass * 1e-3
+        scale = np.array([size] * 6 + [reach] * 3)
+        return BaseParameters(machine, NAMES, units, stated, scale, np.eye(9))
+    axis = hinge_axis(machine)
+    about_axis = float(axis @ machine.platform.inertia @ axis)
+    # J keeps its stated proportions; only the moment about the axis is seen
+    columns = [np.concatenate([stated[:6] / about_axis, np.zeros(3)])]
+    starts, names = [about_axis], ["J"]
+    directions = _across(axis)
+    moment = stated[6:] - (axis @ stated[6:]) * axis
+    if _upright(axis):
+        directions = ()
+    elif not torque and np.linalg.norm(moment) > 0.0:
+        # what is across m r turns it and keeps its length
+        turned = np.cross(axis, moment) / np.linalg.norm(moment)
+        directions = (turned,) if angle else ()
+    for name, across in zip(("mr_1", "mr_2"), directions, strict=False):
+        columns.append(np.concatenate([np.zeros(6), across]))
+        starts.append(float(across @ stated[6:]))
+        single = int(np.argmax(np.abs(across)))
+        names.append(NAMES[6 + single] if across[single] > 1.0 - 1e-9 else name)
+    reach = max(float(np.linalg.norm(stated[6:])), 1e-3 * machine.platform.mass)
+    return BaseParameters(
+        machine,
+        tuple(names),
+        ("kg m^2", *["kg m"] * len(directions)),
+        np.array(starts),
+        np.array([about_axis, *[reach] * len(directions)]),
+        np.stack(columns, axis=-1),
+    )
+
+
+def hinge_axis(machine: Machine) -> Array:
+    """(3,) the hinge's axis in body axes at angle 0."""
+    joint = machine.model.body_jntadr[machine.base_body]
+    data = mujoco.MjData(machine.model)
+    mujoco.mj_kinematics(machine.model, data)
+    return data.xaxis[joint].copy()
+
+
+def _upright(axis: Array) -> bool:
+    """Whether gravity has no moment about a hinge."""
+    return bool(abs(axis[2]) > 1.0 - 1e-9)
+
+
+def _across(axis: Array) -> tuple[Array, ...]:
+    """Two unit vectors across the axis; body axes themselves where they are."""
+    free = [unit for unit in np.eye(3) if abs(unit @ axis) < 1e-9]
+    first = free[0] if free else np.linalg.svd(axis[None])[2][1]
+    second = free[1] if len(free) > 1 else np.cross(axis, first)
+    return first, second
+
+
+def _stated(machine: Machine) -> Array:
+    platform = machine.platform
+    tensor = [platform.inertia[i, j] for i, j in ENTRIES]
+    return np.concatenate([tensor, platform.center_of_mass_offset])
+
+
+def _square(entries: list[Any]) -> list[list[Any]]:
+    xx, yy, zz, xy, xz, yz = entries
+    return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+
+
+def _axis(axis: Array) -> str:
+    single = int(np.argmax(np.abs(axis)))
+    if abs(axis[single]) > 1.0 - 1e-9:
+        return "xyz"[single]
+    return "(" + ", ".join(f"{part:.3g}" for part in axis) + ")"

@@ -1,0 +1,1 @@
+"""What sensors should show of a path, and how their faults change that."""

@@ -1,0 +1,1 @@
+"""The states taken out: white innovations and their columns."""

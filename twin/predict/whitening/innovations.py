@@ -1,0 +1,378 @@
+"""Logs and unknowns in, whitened innovations and their columns out; the states are gone.
+
+Shared by all logs: the base, and the strengths of what was added to the model. A log's own: its
+sensors' constant errors, held by the spread that platform.toml states of them, and its states, of
+which nothing is known beforehand.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.predict.body import Body, Exact
+from twin.predict.effects.perturbation import Added, Perturbation, formed, with_formed
+from twin.predict.parameters.base import BaseParameters
+from twin.predict.path.push import Push
+from twin.predict.path.states import States
+from twin.predict.whitening.chain import Chain, chain, growth
+from twin.predict.whitening.kalman import whitened
+from twin.predict.whitening.linearised import Linearised
+
+Array = NDArray[np.float64]
+
+WEAK = 1.0
+"""A base parameter is held where it is stated with so many of its scales: what the logs do not show
+stays there, and what they show does not notice."""
+HELD = 1e-9
+"""Likewise of a base that is not to move."""
+
+NO_GROWTH = 0.1
+"""The log-determinant has no slope worth its cost where the growth of the motion times the
+uncertainty of the base, in its scales, is less: it moves the base by that many standard deviations
+at most."""
+NEARBY = 0.3
+"""Standard deviations to the other end of a finite difference of the log-determinant."""
+
+
+class Eliminated(Protocol):
+    """A log whose states are gone."""
+
+    @property
+    def rows(self) -> Array:
+        """(m, 1 + u) residual and columns."""
+        ...
+
+    @property
+    def segment(self) -> NDArray[np.intp]:
+        """(m,) the segment that each row comes from."""
+        ...
+
+    def states(self, change: Array) -> Array:
+        """(S, x) best starts for a change (u,) of the shared unknowns."""
+        ...
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Where a prediction stands."""
+
+    theta: Array
+    """(p,) base parameters."""
+    biases: tuple[Array, ...]
+    """(b,) of each log."""
+    starts: tuple[States, ...]
+    """(segments, .) of each log."""
+    strengths: Array
+    """(a,) of the perturbations."""
+
+    def moved(self, change: Array, links: Sequence[Eliminated]) -> "Unknowns":
+        """After a change of theta, biases and strengths, the states at their best for it."""
+        p, a = len(self.theta), len(self.strengths)
+        edges = p + np.cumsum([0, *map(len, self.biases)])
+        own = [change[i:j] for i, j in zip(edges, edges[1:], strict=False)]
+        added = change[edges[-1] : edges[-1] + a]
+        return Unknowns(
+            self.theta + change[:p],
+            tuple(b + d for b, d in zip(self.biases, own, strict=True)),
+            tuple(
+                start.moved(link.states(np.concatenate([change[:p], d, added])))
+                for start, link, d in zip(self.starts, links, own, strict=True)
+            ),
+            self.strengths + added,
+        )
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """A prediction linearised: rows + columns (change of theta, biases, strengths) is white,
+    variance 1."""
+
+    at: Unknowns
+    exact: tuple[Exact, ...]
+    """Of each log."""
+    intensity: float
+    """Of the white torque about each base axis of the machine as stated that is taken into account
+    [(N m)^2 s]."""
+    linear: tuple[Linearised, ...]
+    """Of each log, with that torque and its states."""
+    chains: tuple[Chain, ...]
+    """Of each log, without."""
+    residual: Array
+    """(m,)."""
+    columns: Array
+    """(m, p + all biases + a), then what was only added to be scored."""
+    cluster: NDArray[np.intp]
+    """(m,) which segment of which log a row comes from; -1: what was known beforehand."""
+    samples: int
+    """Numbers predicted."""
+    logarithm: float
+    """Log-determinant of the covariance that was divided out."""
+    tilt: Array
+    """(.,) how it grows with each unknown; see `Problem.tilted`."""
+
+    @property
+    def covariance(self) -> Array:
+        """Of all that has a column."""
+        size = 1.0 / np.linalg.norm(self.columns, axis=0)
+        triangle = np.linalg.inv(np.linalg.qr(self.columns * size, mode="r"))
+        return triangle @ triangle.T * np.outer(size, size)
+
+    @property
+    def chi2(self) -> float:
+        """Of the states' best values, all else as it stands."""
+        return float(self.residual @ self.residual)
+
+    @property
+    def cost(self) -> float:
+        """Twice the negative log-likelihood, up to a constant, after a Gauss-Newton step."""
+        step = self.step()
+        left = self.residual + self.columns @ step
+        return float(left @ left + self.tilt @ step) + self.logarithm
+
+    def step(self) -> Array:
+        """Gauss-Newton's change of theta, biases and strengths."""
+        size = 1.0 / np.linalg.norm(self.columns, axis=0)
+        step = -np.linalg.lstsq(self.columns * size, self.residual, rcond=None)[0] * size
+        return step - 0.5 * self.covariance @ self.tilt if self.tilt.any() else step
+
+    def moved(self, change: Array) -> Unknowns:
+        """The unknowns after a change of them, the states at their best for it."""
+        return self.at.moved(change, self.chains)
+
+    def left(self) -> list[Array]:
+        """(S, N) what is left of each log's rows when its states are at their best."""
+        return [
+            line.residual
+            + np.einsum("snx,sx->sn", line.state, link.states(np.zeros(line.shared.shape[-1])))
+            for line, link in zip(self.linear, self.chains, strict=True)
+        ]
+
+
+class Problem:
+    """Logs of one machine, predicted together."""
+
+    def __init__(
+        self,
+        bodies: Sequence[Body],
+        base: BaseParameters,
+        perturbations: Sequence[Perturbation] = (),
+        *,
+        held: bool = False,
+        strengths_held: bool = False,
+    ) -> None:
+        """Pose it.
+
+        Args:
+            bodies: the logs.
+            base: what is fitted of the machine.
+            perturbations: what is fitted besides, each by its strength.
+            held: leave the base where a fit starts.
+            strengths_held: likewise the strengths of which nothing is known beforehand.
+        """
+        self.bodies = tuple(bodies)
+        self.base = base
+        self.perturbations = tuple(perturbations)
+        self.held = held
+        self.strengths_held = strengths_held
+        self._added = [Added.to(body, self.perturbations) for body in self.bodies]
+
+    def start(
+        self, theta: Array, biases: Sequence[Array], strengths: Array | None = None
+    ) -> Unknowns:
+        """With the states as smoothed, and strengths of 0 unless given."""
+        if strengths is None:
+            strengths = np.zeros(len(self.perturbations))
+        return Unknowns(theta, tuple(biases), tuple(body.start for body in self.bodies), strengths)
+
+    def innovations(self, at: Unknowns, intensity: float = 0.0) -> Innovations:
+        """Predict and linearise.
+
+        Raises:
+            TwinError: no rigid body has such a base.
+        """
+        return self.whiten(at, self.exact(at), intensity)
+
+    def exact(self, at: Unknowns) -> tuple[Exact, ...]:
+        """Predict and linearise each log, as if the motion were exact.
+
+        Raises:
+            TwinError: no rigid body has such a base.
+        """
+        exact: list[Exact] = []
+        for body, added, bias, start in zip(
+            self.bodies, self._added, at.biases, at.starts, strict=True
+        ):
+            one = body.linearise(self.base, at.theta, bias, start, added.push(at.strengths))
+            if len(at.strengths):
+                faulty = added.rows(one.path, at.strengths) - body.rows(one.path)[0]
+                residual = one.linear.residual + faulty
+                one = replace(one, linear=replace(one.linear, residual=residual))
+            exact.append(_with(one, added, at.strengths))
+        return tuple(exact)
+
+    def push(self, log: int, strengths: Array) -> Push:
+        """What the perturbations add to the forces on a log's machine."""
+        return self._added[log].push(strengths)
+
+    def pushes(self, log: int, strengths: Array) -> dict[str, Array]:
+        """The same, of each perturbation by its name."""
+        added = self._added[log]
+        return {
+            one.name: added.forces[..., i] * strengths[i]
+            for i, one in enumerate(added.perturbations)
+            if one.force is not None
+        }
+
+    def with_perturbations(
+        self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]
+    ) -> tuple[Exact, ...]:
+        """What was linearised there with further columns, of strengths that are 0; to be whitened.
+
+        The last entries of a step over their standard deviations are score tests.
+        """
+        return with_formed(exact, formed(self.bodies, exact, perturbations))
+
+    def with_columns(self, now: Innovations, columns: Sequence[Array]) -> Innovations:
+        """With further unknowns, shared by all logs, that no motion depends on: a sensor's.
+
+        The last entries of its step over their standard deviations are score tests.
+
+        Args:
+            now: where to add them.
+            columns: of each log (S, N, c), d residual / d unknown.
+        """
+        exact = [
+            replace(one, linear=one.linear.with_columns(more))
+            for one, more in zip(now.exact, columns, strict=True)
+        ]
+        more = self.whiten(now.at, exact, now.intensity)
+        none = np.zeros(more.columns.shape[1] - len(now.tilt))
+        return replace(more, tilt=np.concatenate([now.tilt, none]))
+
+    def tilted(self, now: Innovations) -> Innovations:
+        """With the slope of the log-determinant, which Gauss-Newton leaves out.
+
+        Where a motion is unstable, each sample of it is predicted from those before it the worse
+        the faster it grows, so a likelihood that leaves this out takes its base for one that grows
+        faster than it does: by a standard deviation where the sensors are coarse. A stable one has
+        no such slope, and is given none; nor is one that a torque disturbs, where the intensity of
+        that torque takes its share of it.
+        """
+        if now.intensity > 0.0:
+            return now
+        sigma = np.sqrt(np.diag(now.covariance))[: len(now.at.theta)]
+        growing = sum(growth(one.linear) for one in now.exact)
+        if growing * float(np.max(sigma / self.base.scale)) < NO_GROWTH:
+            return now
+        tilt = np.zeros(now.columns.shape[1])
+        for index, size in enumerate(NEARBY * sigma):
+            change = np.zeros(len(tilt))
+            change[index] = size
+            nearby = self._logarithm(now.moved(change), now.intensity)
+            tilt[index] = (nearby - now.logarithm) / size
+        return replace(now, tilt=tilt)
+
+    def _logarithm(self, at: Unknowns, intensity: float) -> float:
+        """Log-determinant of the covariance at some unknowns."""
+        total = 0.0
+        for body, added, start in zip(self.bodies, self._added, at.starts, strict=True):
+            exact = body.along(self.base, at.theta, start, added.push(at.strengths))
+            linear, own = _disturbed(exact, intensity)
+            total += own + chain(linear).logarithm
+        return total
+
+    def whiten(self, at: Unknowns, exact: Sequence[Exact], intensity: float) -> Innovations:
+        """What was linearised at some unknowns, under a white torque of this intensity."""
+        linear: list[Linearised] = []
+        logarithm = 0.0
+        for one in exact:
+            white, own = _disturbed(one, intensity)
+            logarithm += own
+            linear.append(white)
+        chains = [chain(one) for one in linear]
+        logarithm += sum(link.logarithm for link in chains)
+        added = exact[0].linear.shared.shape[-1] - len(at.theta) - len(at.biases[0])
+        stacked, cluster = self.stacked(at, chains, added)
+        return Innovations(
+            at,
+            tuple(exact),
+            intensity,
+            tuple(linear),
+            tuple(chains),
+            stacked[:, 0],
+            stacked[:, 1:],
+            cluster,
+            sum(body.samples for body in self.bodies),
+            logarithm,
+            np.zeros(stacked.shape[1] - 1),
+        )
+
+    def stacked(
+        self, at: Unknowns, links: Sequence[Eliminated], added: int
+    ) -> tuple[Array, NDArray[np.intp]]:
+        """Rows (m, 1 + unknowns) of all logs and of what is known beforehand; see `Innovations`.
+
+        Args:
+            at: where they were linearised.
+            links: the logs.
+            added: how many columns they have after theta and their biases.
+
+        Returns:
+            The rows, and which segment of which log each comes from.
+        """
+        p, biases = len(at.theta), sum(map(len, at.biases))
+        weak = (HELD if self.held else WEAK) * self.base.scale
+        away = 0.0 * at.theta if self.held else at.theta - self.base.as_stated
+        width = p + biases + added
+        blocks = [np.column_stack([away / weak, np.diag(1.0 / weak)] + [np.zeros((p, width - p))])]
+        cluster = [np.full(p, -1)]
+        rows = self._known_strengths(at)
+        if len(rows):
+            known = np.zeros((len(rows), 1 + width))
+            known[:, 0] = rows[:, 0]
+            known[:, 1 + p + biases : p + biases + rows.shape[1]] = rows[:, 1:]
+            blocks.append(known)
+            cluster.append(np.full(len(rows), -1))
+        first, before = p, 0
+        for body, link, bias in zip(self.bodies, links, at.biases, strict=True):
+            rows = np.concatenate([link.rows, _prior(bias, body.bias_scale, p, added)])
+            own = np.zeros((len(rows), 1 + width))
+            own[:, : 1 + p] = rows[:, : 1 + p]
+            own[:, 1 + first : 1 + first + len(bias)] = rows[:, 1 + p : 1 + p + len(bias)]
+            own[:, 1 + p + biases :] = rows[:, 1 + p + len(bias) :]
+            blocks.append(own)
+            cluster += [link.segment + before, np.full(len(bias), -1)]
+            first += len(bias)
+            before += body.grid.segments
+        return np.concatenate(blocks), np.concatenate(cluster)
+
+    def _known_strengths(self, at: Unknowns) -> Array:
+        """Rows (k, 1 + a) of what is known of the strengths beforehand."""
+        spread = np.array([one.spread for one in self.perturbations])
+        away = np.where(np.isfinite(spread), at.strengths / spread, 0.0)
+        if self.strengths_held:
+            spread = np.where(np.isfinite(spread), spread, HELD)
+        return np.column_stack([away, np.diag(1.0 / spread)])[np.isfinite(spread)]
+
+
+def _with(one: Exact, added: Added, strengths: Array) -> Exact:
+    """With the columns of perturbations."""
+    if not len(strengths):
+        return one
+    return replace(one, linear=one.linear.with_columns(*added.columns(one, strengths)))
+
+
+def _disturbed(one: Exact, intensity: float) -> tuple[Linearised, float]:
+    """Under a white torque of this intensity about each base axis; the log-determinant."""
+    if intensity == 0.0 and not one.local.wander.any():
+        return one.linear, 0.0
+    return whitened(one.linear, one.local, np.full(one.local.pushed.shape[-1], intensity))
+
+
+def _prior(bias: Array, scale: Array, p: int, added: int) -> Array:
+    """Rows (b, 1 + p + b + added) that hold biases at 0 by what is stated of them."""
+    none = np.zeros((len(bias), p)), np.zeros((len(bias), added))
+    return np.column_stack([bias / scale, none[0], np.diag(1.0 / scale), none[1]])

@@ -1,0 +1,96 @@
+"""White innovations where the motion itself is noisy: a Kalman filter within each segment.
+
+Each segment's filter starts from a known state, so it runs beside the others, all in one pass; what
+it says is affine in that state and in the shared unknowns, and `chain` puts the segments together.
+Its gain depends on the path only, so residual and columns go through as right-hand sides of one
+filter.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.predict.whitening.linearised import Linearised
+from twin.predict.whitening.spread import root
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Local:
+    """How noise travels: S segments, K grid instants, W rows an instant, x numbers of a state."""
+
+    measured: Array
+    """(S, K, W, x) d(measured / noise) / d(state at the instant)."""
+    carried: Array
+    """(S, K - 1, x, x) from one instant to the next."""
+    pushed: Array
+    """(S, x, c) change of the state by a unit impulse on each of c degrees of freedom."""
+    step: float
+    """[s]."""
+    wander: Array
+    """(S, K - 1, x, x) covariance that a state gains in each step whatever else is at work: wheels'
+    unknown torques, gimbals' unknown rates."""
+    drift: Array
+    """(S, K - 1, x) by how much the expected motion leaves the nominal path in each step."""
+
+
+def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linearised, float]:
+    """With white generalised forces of these intensities at work.
+
+    Args:
+        linear: of a motion without noise.
+        local: along the same paths.
+        intensity: (c,) [(N m)^2 s].
+
+    Returns:
+        The same with innovations for residuals, and the log-determinant of their covariance.
+    """
+    segments, instants, width, x = local.measured.shape
+    stack = np.concatenate([linear.state, linear.residual[..., None], linear.shared], axis=-1)
+    # all of an instant together, as the filter goes through them
+    stack = np.ascontiguousarray(stack).reshape(segments, instants, width, -1)
+    force = local.pushed * (intensity * local.step)
+    noise = force @ local.pushed.transpose(0, 2, 1)
+    mean = np.zeros((segments, x, stack.shape[-1]))
+    spread = np.zeros((segments, x, x))
+    white = stack.copy()
+    logarithm = 0.0
+    telling = np.any(local.measured != 0.0, axis=(0, 3))
+    for k in range(instants):
+        if k:
+            carry = local.carried[:, k - 1]
+            mean = carry @ mean
+            mean[..., x] += local.drift[:, k - 1]
+            spread = carry @ spread @ carry.transpose(0, 2, 1) + noise + local.wander[:, k - 1]
+        rows = np.flatnonzero(telling[k])
+        if not rows.size:
+            continue
+        h = local.measured[:, k, rows]
+        across = h @ spread
+        covariance = across @ h.transpose(0, 2, 1) + np.eye(len(rows))
+        lower = root(covariance)
+        both = np.concatenate([stack[:, k, rows] - h @ mean, across], axis=-1)
+        both = np.linalg.solve(lower, both)
+        told = both[..., : stack.shape[-1]]
+        white[:, k, rows] = told
+        gain = both[..., stack.shape[-1] :].transpose(0, 2, 1)
+        mean = mean + gain @ told
+        spread = spread - gain @ gain.transpose(0, 2, 1)
+        logarithm += 2.0 * float(np.log(np.diagonal(lower, axis1=1, axis2=2)).sum())
+    white = white.reshape(segments, instants * width, -1)
+    ends = mean[:-1]
+    return (
+        replace(
+            linear,
+            state=white[..., :x],
+            residual=white[..., x],
+            shared=white[..., x + 1 :],
+            transition=linear.transition + ends[..., :x],
+            jump=linear.jump + ends[..., x],
+            jump_shared=linear.jump_shared + ends[..., x + 1 :],
+            spread=spread[:-1],
+        ),
+        logarithm,
+    )
