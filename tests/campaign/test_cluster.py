@@ -109,7 +109,7 @@ def test_a_worker_that_has_nothing_of_ours_says_so(file, tmp_path):
         processes.worker(bare=True)
         with (
             connected(processes.address) as cluster,
-            pytest.raises(ClusterError, match=r"cannot import twin.*airbearing-twin\[cluster\]"),
+            pytest.raises(ClusterError, match=r"cannot import twin.*the extra `cluster`"),
         ):
             execute(
                 read_spec(file), Folder(tmp_path / "o"), workers=0, tell=silent, cluster=cluster
