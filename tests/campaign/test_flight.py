@@ -140,8 +140,7 @@ def test_gains_that_differ_fly_in_one_batch(name, spec_of):
     assert laws._passes(law, load_platform(machine), gains), "no Python for each run"
 
 
-def test_a_law_that_takes_no_columns_flies_in_batches_of_its_own(tmp_path, spec_of):
-    source = """
+OWN = """
 from dataclasses import dataclass, field
 import math
 import numpy as np
@@ -150,13 +149,20 @@ from twin.controller import Controller
 @dataclass(frozen=True)
 class Own(Controller[int]):
     gain: float = field(default=1.0, metadata={"unit": "1"})
+    def __post_init__(self):
+        object.__setattr__(self, "once", 1e-3 * self.gain)
     def init(self, platform, n):
         return n
     def update(self, state, estimate, target, time):
-        return {"command_dipole": np.full((state, 3), 1e-3 * math.tanh(self.gain))}, state
+        return {"command_dipole": np.full((state, 3), DIPOLE)}, state
 """
+DIPOLES = {"that takes no columns": "1e-3 * math.tanh(self.gain)", "made with them": "self.once"}
+
+
+@pytest.mark.parametrize("kind", DIPOLES)
+def test_a_law_that_cannot_have_its_gains_as_columns_flies_in_batches(kind, tmp_path, spec_of):
     path = tmp_path / "own.py"
-    path.write_text(source, encoding="utf-8")
+    path.write_text(OWN.replace("DIPOLE", DIPOLES[kind]), encoding="utf-8")
     spec = spec_of(
         ('"mass_magnetic_pid"', repr(str(path))),
         ("derivative = { grid = [1e-3, 2e-3] }", "gain = { uniform = [1.0, 2.0] }"),
@@ -166,33 +172,6 @@ class Own(Controller[int]):
     assert laws.batches(spec.arms[0], gains, 4) == [[0], [1], [2], [3]]
     came = flown(spec, drawn)
     assert len({one.metrics["rate_rms"] for one in came.values()}) == 4
-
-
-def test_a_law_that_computes_with_its_gains_once_flies_in_batches_of_its_own(tmp_path, spec_of):
-    source = """
-from dataclasses import dataclass, field
-import numpy as np
-from twin.controller import Controller
-
-@dataclass(frozen=True)
-class Own(Controller[int]):
-    gain: float = field(default=1.0, metadata={"unit": "A m^2"})
-    def __post_init__(self):
-        object.__setattr__(self, "dipole", self.gain * np.array([1e-3, 0.0, 0.0]))
-    def init(self, platform, n):
-        return n
-    def update(self, state, estimate, target, time):
-        return {"command_dipole": np.tile(self.dipole, (state, 1))}, state
-"""
-    path = tmp_path / "own.py"
-    path.write_text(source, encoding="utf-8")
-    spec = spec_of(
-        ('"mass_magnetic_pid"', repr(str(path))),
-        ("derivative = { grid = [1e-3, 2e-3] }", "gain = { uniform = [1.0, 2.0] }"),
-    )
-    drawn = draw(spec, range(4))
-    gains = {"gain": drawn.values["gains.gain"]}
-    assert laws.batches(spec.arms[0], gains, 4) == [[0], [1], [2], [3]]
 
 
 @pytest.mark.slow
