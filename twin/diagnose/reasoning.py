@@ -35,7 +35,7 @@ FEW = 3
 """Causes that one of them, of another shape, may be: more stand in for something else."""
 NEARLY = 0.7
 """Share of what a cause gains from where on one that a fit may change is fitted in its place."""
-PLAIN = 2000.0
+UNMISTAKABLE = 2000.0
 """Gain of a cause that leaves nothing, from where on no other's shape is tried in its place: what
 passes for noise is too little for another one to have gained nearly as much."""
 ASTRAY = 0.1
@@ -154,7 +154,7 @@ def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
     if not 1 <= len(line.now.effects) <= FEW or not now.follows:
         return line
     chosen, single = search.best(), len(line.now.effects) == 1
-    if single and search.weighing.weigh(chosen).gain > PLAIN and line.left.chance > DOUBTFUL:
+    if single and search.weighing.weigh(chosen).gain > UNMISTAKABLE and line.left.chance > DOUBTFUL:
         return line
     for index in _near(search, chosen) if single else chosen:
         first = len(now.own)
