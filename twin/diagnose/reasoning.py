@@ -77,7 +77,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     say("causes weighed")
     search = search_from(plain, every)
     lost = plain.follows and not plain.converged
-    line = _led(plain, search, every, say) if lost else None
+    line = (_led if lost else _sole)(plain, search, every, say)
     if line is None or line.left.chance < DOUBTFUL:
         # what rings or blows at another frequency than usual looks like many causes
         several = len(search.best()) > 1
@@ -130,6 +130,30 @@ def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: 
         return None
     line = Line(best, search_from(best, asked), asked)
     return line if line.left.chance > DOUBTFUL else _searched(best, line.search, asked, say)
+
+
+def _sole(
+    plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say
+) -> Line | None:
+    """A cause that no other is mistaken for, fitted alone where columns promise it others beside.
+
+    What it lacks where its columns were formed, and not what rings or has no name, is then what
+    several causes stand in for, and none of that need be asked.
+    """
+    chosen = search.best()
+    if len(chosen) < 2 or not plain.follows:
+        return None
+    gain = {index: search.weighing.weigh((index,)).gain for index in chosen}
+    best = max(chosen, key=lambda index: gain[index])
+    if gain[best] < max(UNMISTAKABLE, NEARLY * search.weighing.weigh(chosen).gain):
+        return None
+    (guess,) = _guesses(plain, asked, search.weighing, (best,))
+    say(f"fitting {guess.label} alone")
+    alone = _followed(plain, (guess,))
+    if alone is None or remainder(alone).chance < DOUBTFUL:
+        return None
+    say("causes weighed")
+    return Line(alone, search_from(alone, asked), asked)
 
 
 def _lawful(
