@@ -40,6 +40,11 @@ ROUGH, SHARP = 0.5, 0.05
 WORTHWHILE = 10.0
 """By how much a disturbance must lower twice the negative log-likelihood to be believed: by chance
 it does so once in a thousand logs."""
+CLOSE = 1.0
+"""Decades to which the least intensity that does harm is found."""
+HARDLY = 0.1
+"""Part of what is worthwhile that a tenth of a worthwhile torque gains in any case; a tenth of that
+is nothing."""
 WORSE = 1.5
 """A step is halved when chi-square grows by more than this factor; that of a disturbed motion, when
 the logs become less likely."""
@@ -111,6 +116,8 @@ def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
         start: where to begin if that fit has not converged.
     """
     now = exact.innovations if exact.converged else problem.innovations(start)
+    if exact.converged and not _strays(problem, now):
+        return exact
     roughly = most_likely(problem, now, DECADES, ROUGH)
     if exact.converged and roughly.cost > now.cost - 0.5 * WORTHWHILE:
         return exact
@@ -218,20 +225,40 @@ def most_likely(
         decades: between which it is sought, per squared scale of the base.
         within: how many decades it may be off.
     """
-    size = float(np.max(problem.base.scale)) ** 2
-
-    def with_decade(decade: float) -> Innovations:
-        return problem.whiten(exact.at, exact.exact, size * 10.0**decade)
-
-    def restricted(now: Innovations) -> float:
-        size = np.linalg.norm(now.columns, axis=0)
-        triangle = np.linalg.qr(now.columns / size, mode="r")
-        return now.cost + 2.0 * float(np.log(np.abs(np.diag(triangle)) * size).sum())
-
     best = minimize_scalar(
-        lambda decade: restricted(with_decade(float(decade))),
+        lambda decade: _restricted(_under(problem, exact, float(decade))),
         bounds=decades,
         method="bounded",
         options={"xatol": within},
     )
-    return with_decade(float(best.x))
+    return _under(problem, exact, float(best.x))
+
+
+def _strays(problem: Problem, exact: Innovations) -> bool:
+    """Whether a torque of any intensity may be worthwhile in logs that were predicted without one.
+
+    A tenth of what is there gains a fifth as much; far more does harm, and far less nothing.
+    Between these two it is looked for by halves.
+    """
+    none, (low, high) = _restricted(exact), DECADES
+    least = HARDLY * WORTHWHILE
+    while high - low > CLOSE:
+        middle = 0.5 * (low + high)
+        worse = _restricted(_under(problem, exact, middle)) - none
+        if worse < -least:
+            return True
+        low, high = (middle, high) if worse < HARDLY * least else (low, middle)
+    return False
+
+
+def _under(problem: Problem, exact: Innovations, decade: float) -> Innovations:
+    """Under a torque of that intensity, per squared scale of the base."""
+    size = float(np.max(problem.base.scale)) ** 2
+    return problem.whiten(exact.at, exact.exact, size * 10.0**decade)
+
+
+def _restricted(now: Innovations) -> float:
+    """-2 log of the restricted likelihood, up to a constant."""
+    size = np.linalg.norm(now.columns, axis=0)
+    triangle = np.linalg.qr(now.columns / size, mode="r")
+    return now.cost + 2.0 * float(np.log(np.abs(np.diag(triangle)) * size).sum())

@@ -30,9 +30,9 @@ HELD = 1e-9
 """Likewise of a base that is not to move."""
 
 NO_GROWTH = 0.1
-"""The log-determinant has no slope worth its cost where the growth of the motion times the
-uncertainty of the base, in its scales, is less: it moves the base by that many standard deviations
-at most."""
+"""The log-determinant has no slope worth its cost along a base parameter where the growth of the
+motion times its uncertainty, in its scale, is less: it moves that by so many standard deviations at
+most."""
 NEARBY = 0.3
 """Standard deviations to the other end of a finite difference of the log-determinant."""
 
@@ -265,14 +265,12 @@ class Problem:
             return now
         sigma = np.sqrt(np.diag(now.covariance))[: len(now.at.theta)]
         growing = sum(growth(one.linear) for one in now.exact)
-        if growing * float(np.max(sigma / self.base.scale)) < NO_GROWTH:
-            return now
         tilt = np.zeros(now.columns.shape[1])
-        for index, size in enumerate(NEARBY * sigma):
+        for index in np.flatnonzero(growing * sigma / self.base.scale >= NO_GROWTH):
             change = np.zeros(len(tilt))
-            change[index] = size
+            change[index] = NEARBY * sigma[index]
             nearby = self._logarithm(now.moved(change), now.intensity)
-            tilt[index] = (nearby - now.logarithm) / size
+            tilt[index] = (nearby - now.logarithm) / change[index]
         return replace(now, tilt=tilt)
 
     def _logarithm(self, at: Unknowns, intensity: float) -> float:
