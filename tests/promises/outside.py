@@ -141,19 +141,21 @@ def _explained(measure: Yardstick, law: Effect) -> tuple[float, float, str]:
     silent = weighing.showing(weighing.signature(last, law.values))
     gains = [silent.weigh((i,)).gain if weighing.shown(i) else 0.0 for i in range(last)]
     whole, worst = silent.weigh((last,)).gain, int(np.argmax(gains))
-    return whole, gains[worst] / whole, every[worst].label
+    return whole, gains[worst] / max(whole, gains[worst], 1e-300), every[worst].label
 
 
 def law_for(bench: Bench, kind: type[Effect], evidence: float) -> Effect:
     """Of such a size that this evidence remains when the best cause has taken its share.
 
     Raises:
-        OutOfReach: a cause of the catalogue explains more than half of it here.
+        OutOfReach: a cause of the catalogue explains more than half of it here, or the base all.
     """
     law = kind.typical()
     if law.unfit(machine(bench)):
         raise OutOfReach(f"{bench.words} cannot have it")
     whole, share, label = explained(bench, law)
+    if whole == 0.0:
+        raise OutOfReach(f"{law.name} does nothing here that a change of the base does not")
     if share > MOST:
         raise OutOfReach(f"not outside the catalogue here: {label} explains {share:.0%} of it")
     size = float(np.sqrt(evidence / (whole * (1.0 - share))))
