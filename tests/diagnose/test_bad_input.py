@@ -183,6 +183,42 @@ def test_streams_on_two_clocks_are_told(log, said):
     assert "share no time" in text
 
 
+@pytest.mark.parametrize("command", ["show", "identify", "compare"])
+@pytest.mark.parametrize(
+    ("stream", "factor", "moved", "problem"),
+    [("gyro", 1.0, 1000.0, "share no time"), ("command_wheel_torque", 1e3, 0.0, "looks like mN m")],
+)
+def test_what_no_verdict_is_built_on_no_other_command_takes_either(
+    log, capsys, command, stream, factor, moved, problem
+):
+    def wrong(_: str, table: Array) -> Array:
+        return np.column_stack([table[:, 0] + moved, factor * (table[:, 1:] + 0.01)])
+
+    spoil(log, wrong, stream)
+    capsys.readouterr()
+    code = main([command, str(log)])
+    out, err = capsys.readouterr()
+    assert problem in (out if command == "show" else err)
+    assert code == (0 if command == "show" else 2)
+
+
+def test_a_log_that_leans_beyond_the_stop_is_not_of_that_machine(log, said):
+    def leaning(_: str, table: Array) -> Array:
+        half = 0.5 * np.radians(80.0) * np.sin(table[:, 0])
+        zero = np.zeros_like(half)
+        return np.column_stack([table[:, 0], np.cos(half), np.sin(half), zero, zero])
+
+    def turning(_: str, table: Array) -> Array:
+        rate = np.radians(80.0) * np.cos(table[:, 0])
+        return np.column_stack([table[:, 0], rate, 0.0 * rate, 0.0 * rate])
+
+    spoil(log, leaning, "attitude")
+    spoil(log, turning, "gyro")
+    code, text = said(log)
+    assert code == 2
+    assert "[tilt_stop]" in text
+
+
 @pytest.mark.parametrize(
     ("platform", "problem"),
     [

@@ -20,6 +20,7 @@ from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of, in_order_of
 from twin.predict.body import Body, body_of
 from twin.predict.log.motion import motion_of
+from twin.predict.log.possible import check_possible
 from twin.predict.parameters.base import BaseParameters
 from twin.recording import Recording
 
@@ -108,10 +109,12 @@ def compare(
         say: told what is being done.
 
     Raises:
-        UsageError: the log lacks the streams that the prediction needs.
+        UsageError: the log lacks the streams that the prediction needs, they share no time, or it
+            leans beyond the machine's stop.
     """
     platform = in_gravity_of([recording], platform)
     recording = in_order_of(platform, recording.without_truth())
+    check_possible(recording, platform)
     say("conventions and noise")
     conventions = tuple(check_conventions(recording, platform))
     recording = corrected(recording, list(conventions))

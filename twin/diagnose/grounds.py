@@ -11,6 +11,7 @@ from twin.identify.excitation import BLIND
 from twin.identify.prediction_error import NORMAL
 from twin.platform import Platform
 from twin.predict.body import Body
+from twin.predict.log.possible import OF_MOTION, OF_PARTS, check_possible
 from twin.predict.log.ranges import within_range
 from twin.predict.parameters.base import BaseParameters
 from twin.recording import Recording
@@ -18,23 +19,9 @@ from twin.units import printed
 
 Array = NDArray[np.float64]
 
-OF_PARTS = {
-    "wheels": ("wheel_speed", "command_wheel_torque", "command_wheel_speed", "command_wheel_duty"),
-    "stages": ("stage_position", "command_stage_position"),
-    "gimbals": ("gimbal_angle", "gimbal_rate", "command_gimbal_rate"),
-    "thrusters": ("command_thruster",),
-    "magnetorquers": ("command_dipole",),
-}
-"""Streams that only a machine with such parts has."""
-
-OF_MOTION = ("attitude", "inclinometer", "gyro", "joint_angle", "joint_rate")
-"""Streams that show how the base moves."""
-
 OF_RATE = ("gyro", "joint_rate")
 """Those of them whose sensors have a range that a machine can leave."""
 
-BEYOND = 10.0
-"""Times what a part can do at which its unit is doubted."""
 CLIPPED = 0.02
 """Share of all rows that must be at an end to speak of it."""
 ENOUGH = 60
@@ -60,10 +47,9 @@ def check_logs(recordings: Sequence[Recording], platform: Platform) -> None:
                 "look at its unit, or at the range in platform.toml"
             )
         _check_parts(recording, platform)
-        _check_sizes(recording, platform)
         _check_alive(recording)
         _check_ranges(recording)
-        _check_clocks(recording, platform)
+        check_possible(recording, platform)
 
 
 def check_numbers(bodies: Sequence[Body], base: BaseParameters) -> None:
@@ -113,28 +99,6 @@ def _check_parts(recording: Recording, platform: Platform) -> None:
                 )
 
 
-def _check_sizes(recording: Recording, platform: Platform) -> None:
-    """No part gives ten times what it can: then it is the unit."""
-    torque = [wheel.torque_limit for wheel in platform.wheels]
-    travel = [max(np.abs(stage.travel)) for stage in platform.stages]
-    limits = {
-        "command_wheel_torque": torque,
-        "stage_position": travel,
-        "command_stage_position": travel,
-    }
-    for name, most in limits.items():
-        if name not in recording or not len(recording[name]):
-            continue
-        series = recording[name]
-        reached, able = float(np.abs(series.value).max()), float(max(most, default=np.inf))
-        if reached > BEYOND * able:
-            raise UsageError(
-                f"{_source(recording)}: {name} reaches {reached:.3g} {series.unit}, where "
-                f"{platform.name} can at most {able:.3g} {series.unit}: it looks like "
-                f"m{series.unit}, read as {series.unit}; state its unit in log.toml"
-            )
-
-
 def _check_alive(recording: Recording) -> None:
     for name in OF_MOTION:
         if name not in recording or len(recording[name]) < 2:
@@ -173,26 +137,6 @@ def _clipped(values: Array, at: NDArray[np.bool_]) -> bool:
     lengths = np.diff(np.flatnonzero(np.diff(np.r_[False, at, False].astype(int))))[::2]
     many = np.count_nonzero(at) > max(CLIPPED * len(at), 10.0 * float(other))
     return bool(many and np.count_nonzero(lengths >= STRETCH) >= 2)
-
-
-def _check_clocks(recording: Recording, platform: Platform) -> None:
-    """All that the prediction uses must share time with what shows the motion."""
-    hinge = platform.base.kind == "hinge"
-    shows = next((s for s in (OF_MOTION[3:] if hinge else OF_MOTION[:2]) if s in recording), None)
-    if shows is None:
-        return
-    main = recording[shows].time
-    for name in (*OF_MOTION, *platform.commands, *(s for two in OF_PARTS.values() for s in two)):
-        if name not in recording or len(recording[name]) == 0:
-            continue
-        time = recording[name].time
-        # what was commanded before still holds
-        if time[0] >= main[-1] or (time[-1] <= main[0] and not name.startswith("command_")):
-            raise UsageError(
-                f"{_source(recording)}: {name} runs from {time[0]:.6g} to {time[-1]:.6g} s, "
-                f"{shows} from {main[0]:.6g} to {main[-1]:.6g} s; they share no time: bring them "
-                "to one clock"
-            )
 
 
 def _source(recording: Recording) -> str:

@@ -34,6 +34,7 @@ from twin.platform import Platform, in_gravity_of, in_order_of, taken_as_at_rest
 from twin.predict.body import body_of
 from twin.predict.effects.perturbation import Perturbation
 from twin.predict.log.motion import motion_of
+from twin.predict.log.possible import check_possible
 from twin.predict.log.ranges import within_range
 from twin.predict.log.scales import Scaled
 from twin.predict.parameters.base import BaseParameters
@@ -192,6 +193,8 @@ def ground_of(recordings: Sequence[Recording], platform: Platform) -> Ground:
     machine = compile_model(platform)
     ordered = [in_order_of(platform, recording.without_truth()) for recording in recordings]
     checked = [within_range(recording, platform) for recording in ordered]
+    for recording, _ in checked:
+        check_possible(recording, platform)
     turned = [as_measured(recording, machine) for recording, _ in checked]
     scaled = scaled_together([log for log, _ in turned], platform)
     logs = [log.recording for log in scaled]

@@ -22,6 +22,7 @@ from twin.predict.drive.tanks import pressure
 from twin.predict.drive.unread import pushed
 from twin.predict.drive.wander import random_walk, wander
 from twin.predict.log.motion import Motion
+from twin.predict.log.possible import check_within_stop
 from twin.predict.log.shaking import shaking
 from twin.predict.parameters.base import BaseParameters
 from twin.predict.parameters.base_forces import base_forces
@@ -39,8 +40,8 @@ from twin.signals import DERIVED
 
 Array = NDArray[np.float64]
 
-LESS = 0.005
-"""Share by which a noise must be smaller than it was taken to be, for a fit to be done again."""
+OTHER = 0.005
+"""Share by which a noise must differ from what it was taken to be, for a fit to be done again."""
 
 EXACT = 0.1
 """By how many of its standard deviations a longer step may move an estimate at the very most."""
@@ -126,7 +127,7 @@ class Body:
         """
         outputs = tuple(o.with_noise_of(part) for o, part in zip(self.outputs, left, strict=True))
         pairs = zip(outputs, self.outputs, strict=True)
-        if all(np.all(new.noise > (1.0 - LESS) * old.noise) for new, old in pairs):
+        if all(np.allclose(new.noise, old.noise, rtol=OTHER, atol=0.0) for new, old in pairs):
             return self
         known = copy.copy(self)
         known.outputs = outputs
@@ -358,7 +359,11 @@ def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:
 
     Commands change between steps, not within them, and the step is at most 25 ms; where halving it
     could move an estimate by more than a tenth of its standard deviation, it is the platform's.
+
+    Raises:
+        UsageError: the log leans beyond the machine's stop.
     """
+    check_within_stop(recording, machine.platform, motion)
     step = command_step(machine, recording)
     grid = grid_of(machine, recording, motion, step)
     coarse = Body(machine, recording, motion, grid)

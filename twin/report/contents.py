@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.conventions import ConventionAdvice, convention_advice
-from twin.errors import UnknownName
+from twin.errors import TwinError, UnknownName
 from twin.noise import StreamNoise, measure_noise, noise_findings
 from twin.noise.clock import GAP
 from twin.platform import Platform, in_order_of, taken_as_at_rest
+from twin.predict.log.motion import motion_of
+from twin.predict.log.possible import ImpossibleLog, check_possible, check_within_stop
 from twin.recording import Recording, Series
 from twin.signals import DERIVED, LOGGED, stream_named
 from twin.units import fitting, printed, three_digits
@@ -95,6 +97,7 @@ def contents_of(
         findings += (_unused(name) for name in recording if not _known(name))
     if platform is not None:
         findings += taken_as_at_rest([recording], platform)
+        findings += _impossible(recording, platform)
     if problem:
         findings.append(f"Nothing was held against the machine: {problem}.")
     return Contents(
@@ -285,3 +288,15 @@ def _gaps_document(stream: StreamContents) -> dict[str, Any]:
         "longest": clock.longest_gap,
         "at": stream.gaps[:LISTED],
     }
+
+
+def _impossible(recording: Recording, platform: Platform) -> list[str]:
+    """Why the log cannot be of that machine, if read as it stands."""
+    try:
+        check_possible(recording, platform)
+        check_within_stop(recording, platform, motion_of(recording, platform))
+    except ImpossibleLog as problem:
+        return [f"{problem}."]
+    except TwinError:  # without the streams that show a motion
+        pass
+    return []

@@ -206,7 +206,8 @@ class Output:
         """Its noise found again, in what a prediction leaves.
 
         A control law that answers to noise, and the rounding of what moves slowly, look like more
-        of it than there is.
+        of it than there is; a torque that is held while few samples are taken, like less. More than
+        platform.toml states is not believed: it may be what the model lacks.
 
         Args:
             left: (m, k) residual of a prediction that follows the log.
@@ -215,12 +216,8 @@ class Output:
             return self
         noise, worth = noise_left(self.time, self.value, left * self.noise)
         noise, worth = with_claim(self.claimed, noise, worth, len(self.time))
-        less = noise < self.noise
-        return replace(
-            self,
-            noise=np.where(less, noise, self.noise),
-            worth=np.where(less, worth, self.worth),
-        )
+        noise = np.minimum(noise, np.maximum(self.claimed, self.noise))
+        return replace(self, noise=noise, worth=np.where(noise != self.noise, worth, self.worth))
 
     @property
     def scatters(self) -> bool:

@@ -1,0 +1,105 @@
+"""Whether a log can be of its machine at all: what its parts did, its clocks, its stop."""
+
+import numpy as np
+
+from twin.errors import UsageError
+from twin.platform import Platform
+from twin.predict.log.motion import Motion
+from twin.recording import Recording
+
+OF_PARTS = {
+    "wheels": ("wheel_speed", "command_wheel_torque", "command_wheel_speed", "command_wheel_duty"),
+    "stages": ("stage_position", "command_stage_position"),
+    "gimbals": ("gimbal_angle", "gimbal_rate", "command_gimbal_rate"),
+    "thrusters": ("command_thruster",),
+    "magnetorquers": ("command_dipole",),
+}
+"""Streams that only a machine with such parts has."""
+
+OF_MOTION = ("attitude", "inclinometer", "gyro", "joint_angle", "joint_rate")
+"""Streams that show how the base moves."""
+
+
+class ImpossibleLog(UsageError):
+    """A log that cannot be of its machine, both as they stand."""
+
+
+BEYOND = 10.0
+"""Times what a part can do at which its unit is doubted."""
+BEYOND_STOP = np.radians(1.0)
+"""By how much a stop may give way, or a level be off, before a log cannot be true of it [rad]."""
+
+
+def check_possible(recording: Recording, platform: Platform) -> None:
+    """Whether a log can be of a machine, before anything is made of it.
+
+    Raises:
+        ImpossibleLog: parts did ten times what they can, or streams share no time.
+    """
+    _check_sizes(recording, platform)
+    _check_clocks(recording, platform)
+
+
+def _check_sizes(recording: Recording, platform: Platform) -> None:
+    """No part gives ten times what it can: then it is the unit."""
+    torque = [wheel.torque_limit for wheel in platform.wheels]
+    travel = [max(np.abs(stage.travel)) for stage in platform.stages]
+    limits = {
+        "command_wheel_torque": torque,
+        "stage_position": travel,
+        "command_stage_position": travel,
+    }
+    for name, most in limits.items():
+        if name not in recording or not len(recording[name]):
+            continue
+        series = recording[name]
+        reached, able = float(np.abs(series.value).max()), float(max(most, default=np.inf))
+        if reached > BEYOND * able:
+            raise ImpossibleLog(
+                f"{_source(recording)}: {name} reaches {reached:.3g} {series.unit}, where "
+                f"{platform.name} can at most {able:.3g} {series.unit}: it looks like "
+                f"m{series.unit}, read as {series.unit}; state its unit in log.toml"
+            )
+
+
+def _check_clocks(recording: Recording, platform: Platform) -> None:
+    """All that the prediction uses must share time with what shows the motion."""
+    hinge = platform.base.kind == "hinge"
+    shows = next((s for s in (OF_MOTION[3:] if hinge else OF_MOTION[:2]) if s in recording), None)
+    if shows is None:
+        return
+    main = recording[shows].time
+    for name in (*OF_MOTION, *platform.commands, *(s for two in OF_PARTS.values() for s in two)):
+        if name not in recording or len(recording[name]) == 0:
+            continue
+        time = recording[name].time
+        # what was commanded before still holds
+        if time[0] >= main[-1] or (time[-1] <= main[0] and not name.startswith("command_")):
+            raise ImpossibleLog(
+                f"{_source(recording)}: {name} runs from {time[0]:.6g} to {time[-1]:.6g} s, "
+                f"{shows} from {main[0]:.6g} to {main[-1]:.6g} s; they share no time: bring them "
+                "to one clock"
+            )
+
+
+def check_within_stop(recording: Recording, platform: Platform, motion: Motion) -> None:
+    """A motion that goes on beyond the stop is not that of a body which the stop holds.
+
+    Raises:
+        ImpossibleLog: it leans further than that, and where.
+    """
+    if platform.base.kind != "ball" or not np.isfinite(platform.stop_angle):
+        return
+    lean = platform.lean(motion.position)
+    most = int(np.argmax(lean))
+    if lean[most] > platform.stop_angle + BEYOND_STOP:
+        raise ImpossibleLog(
+            f"{_source(recording)}: {platform.name} leans {np.degrees(lean[most]):.3g} deg at "
+            f"{motion.time[most]:.4g} s, and platform.toml has a stop at "
+            f"{np.degrees(platform.stop_angle):.3g} deg: set the angle of [tilt_stop] to where it "
+            "touches, or leave the stop out"
+        )
+
+
+def _source(recording: Recording) -> str:
+    return str(recording.provenance.get("source", "the log"))
