@@ -86,3 +86,13 @@ def test_a_rows_bits_do_not_depend_on_how_many_rows_there_are(rng):
         for count in (2, 3, 7, 64):
             part = function(*(argument[:count] for argument in arguments))
             assert np.array_equal(part, whole[:count]), function.__name__
+
+
+def test_the_least_turn_takes_an_axis_to_the_same_place_without_turning_about_it(rng):
+    axis = rotation.rotate(random_quaternions(rng, 1)[0], np.array([0.0, 0.0, 1.0]))
+    turns = rng.uniform(-1.5, 1.5, (50, 3))
+    least = rotation.least_turn(turns, axis)
+    there = [Rotation.from_rotvec(turn).apply(axis) for turn in turns]
+    np.testing.assert_allclose(Rotation.from_rotvec(least).apply(axis), there, atol=1e-12)
+    np.testing.assert_allclose(least @ axis, 0.0, atol=1e-12)
+    assert np.all(np.linalg.norm(least, axis=1) <= np.linalg.norm(turns, axis=1) + 1e-12)

@@ -147,3 +147,13 @@ def to_euler_zyx(q: Array) -> Array:
     pitch = np.arcsin(np.clip(2.0 * (w * y - x * z), -1.0, 1.0))
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     return np.stack([yaw, pitch, roll], axis=-1)
+
+
+def least_turn(turn: Array, axis: Array) -> Array:
+    """The smallest rotation vectors (..., 3) that take a unit axis (3,) where `turn` (..., 3)
+    takes it."""
+    there = rotate(from_rotation_vector(turn), np.broadcast_to(axis, turn.shape))
+    across = cross(np.broadcast_to(axis, there.shape), there)
+    sine = np.linalg.norm(across, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, (there @ axis)[..., None])
+    return np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0) * across

@@ -111,7 +111,9 @@ def causes_of(now: Explanation, search: Search, *, unexplained: bool) -> tuple[C
         share = _share(rivals) * (NAMELESS if unexplained else 1.0)
         alone = search.evidence((index,))
         ties = ties_of(search, instead, search.apart(now.own, index))
-        found.append(Cause(effect, free, half, beside, evidence, alone, share, ties))
+        least = effect.least(now.bodies[0].machine.platform)
+        told_of = free | np.isfinite(known.deviations)
+        found.append(Cause(least, told_of, half, beside, evidence, alone, share, ties))
     return tuple(sorted(found, key=lambda cause: -cause.evidence))
 
 

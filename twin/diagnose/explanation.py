@@ -128,10 +128,9 @@ class Explanation:
     def instead(self, effects: Sequence[Effect], laws: Sequence[Law] = ()) -> "Explanation":
         """Other effects and laws, fitted from where this one stands."""
         found = explain(self.following, self.base, effects, self.at, laws, follows=self.follows)
-        if isinstance(self.now, Innovations) and isinstance(found.now, Innovations):
-            likelier = abs(self.cost - found.cost) / self.samples
-            if likelier < NEAR:
-                found._formed.update(self._formed)
+        follow = isinstance(self.now, Innovations) and isinstance(found.now, Innovations)
+        if follow and abs(self.cost - found.cost) < NEAR * self.samples:
+            found._formed.update(self._formed)
         return found
 
     def disturbed(self) -> "Explanation":
@@ -298,7 +297,8 @@ def explain(
     Raises:
         TwinError: no rigid body has the base that the iteration starts from.
     """
-    now, away = _explained(tuple(bodies), base, tuple(effects), start, laws, follows=follows)
+    effects = tuple(effect.least(bodies[0].machine.platform) for effect in effects)
+    now, away = _explained(tuple(bodies), base, effects, start, laws, follows=follows)
     shaped = any(not amplitudes(effect).all() for effect in effects)
     for _ in range(AGAIN if shaped and follows else 0):
         if away < AWAY:

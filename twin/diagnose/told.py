@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.diagnose.explanation import Explanation
+from twin.diagnose.moves import unseen
+from twin.effects import Effect
+from twin.platform import Platform
 from twin.predict.effects.columns import amplitudes, slopes_of
 
 Array = NDArray[np.float64]
@@ -15,6 +18,9 @@ Array = NDArray[np.float64]
 LEANS = 0.2
 """Standard deviations by which a component moves with one that no log tells, if that is wrong by
 its own size, from where on it is told only beside that."""
+
+NEARBY = 1e-4
+"""Of its typical size, to the other end of a finite difference."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +58,30 @@ def told(now: Explanation) -> tuple[Told, ...]:
     inverse = scale[:edge, None] * np.linalg.pinv(triangle[:edge, :edge], rcond=1e-12)
     moves = (inverse @ triangle[:edge, edge:] / scale[edge:])[own]
     wrong = np.concatenate([np.maximum(np.abs(e.values), e.scale()) for e in now.effects])[held]
-    deviations = np.full(len(free), np.nan)
-    deviations[free] = np.linalg.norm(inverse[own], axis=1)
-    leaning = np.zeros(len(free), dtype=bool)
-    leaning[free] = np.abs(moves) @ wrong > LEANS * deviations[free]
-    edges = np.cumsum([len(ones) for ones in now.free])[:-1]
-    parts = zip(np.split(deviations, edges), np.split(leaning, edges), strict=True)
-    return tuple(Told(each, leans) for each, leans in parts)
+    known, moved = np.zeros((len(free), edge)), np.zeros((len(free), len(wrong)))
+    known[free], moved[free] = inverse[own], moves
+    hidden = np.concatenate(unseen(now.effects, now.free, now.most))
+    known[hidden] = inverse[edge - len(now.at.strengths) + now.layout.rests :][: hidden.sum()]
+    found: list[Told] = []
+    first = 0
+    for effect, ones in zip(now.effects, now.free, strict=True):
+        rows = slice(first, first := first + len(ones))
+        share = _least_by(effect, platform)
+        deviations = np.linalg.norm(share @ known[rows], axis=1)
+        leaning = np.abs(share @ moved[rows]) @ wrong > LEANS * deviations
+        # what is held is told where it goes with what is not
+        tells = (np.abs(share) @ ones) > 0.0
+        found.append(Told(np.where(tells, deviations, np.nan), leaning & tells))
+    return tuple(found)
+
+
+def _least_by(effect: Effect, platform: Platform) -> Array:
+    """(p, p) how the smallest effect that does the same goes with the components of one."""
+    if effect.least(platform) is effect:
+        return np.eye(len(effect.values))
+    columns: list[Array] = []
+    for unit in np.diag(NEARBY * effect.scale()):
+        ends = [np.clip(effect.values + side * unit, *effect.bounds()) for side in (-1.0, 1.0)]
+        before, after = (effect.with_values(end).least(platform).values for end in ends)
+        columns.append((after - before) / np.sum(ends[1] - ends[0]))
+    return np.column_stack(columns)

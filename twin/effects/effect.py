@@ -211,6 +211,11 @@ class Effect(abc.ABC):
         sizes = [one.size for one in known]
         return np.repeat(low, sizes), np.repeat(high, sizes)
 
+    def least(self, platform: Platform) -> Self:
+        """The smallest that does the same: a turn about a wheel's own axis does nothing, and a fit
+        may find any."""
+        return self
+
     def absent(self) -> Self:
         """The same with every amplitude at 0: what it adds to a model stays, and does nothing."""
         gone = {

@@ -1,6 +1,7 @@
 """Thrusters that do not point where the drawing has them."""
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from twin.effects.effect import Domain, parameter
 from twin.effects.on_body import Array, BodyEffect
 from twin.platform import Platform, Thruster
-from twin.rotation import conjugate, from_rotation_vector, multiply, rotate
+from twin.rotation import conjugate, from_rotation_vector, least_turn, multiply, rotate
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,10 @@ class ThrusterMisalignment(BodyEffect):
         low=-1.5,
         high=1.5,
     )
+
+    def least(self, platform: Platform) -> Self:
+        (axis,) = [one.direction for one in platform.thrusters if one.name == self.target]
+        return replace(self, rotation=tuple(least_turn(np.array(self.rotation), axis).tolist()))
 
     def edit_model(self, model: mujoco.MjModel, platform: Platform) -> None:
         data = mujoco.MjData(model)

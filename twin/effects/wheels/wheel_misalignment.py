@@ -1,6 +1,7 @@
 """A wheel that is mounted askew."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from twin.effects.effect import Domain, parameter
 from twin.effects.on_body import BodyEffect, body_of_joint
 from twin.platform import Platform
-from twin.rotation import from_rotation_vector, multiply, rotate
+from twin.rotation import from_rotation_vector, least_turn, multiply, rotate
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,10 @@ class WheelMisalignment(BodyEffect):
         low=-1.5,
         high=1.5,
     )
+
+    def least(self, platform: Platform) -> Self:
+        (axis,) = [one.axis for one in platform.wheels if one.name == self.target]
+        return replace(self, rotation=tuple(least_turn(np.array(self.rotation), axis).tolist()))
 
     def edit_model(self, model: mujoco.MjModel, platform: Platform) -> None:
         turn = from_rotation_vector(np.array(self.rotation))
