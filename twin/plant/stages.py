@@ -8,6 +8,7 @@ less than a tenth of limit * step^2.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +38,17 @@ def plan(
     Returns:
         Accelerations held in each step (n, steps, s) [m/s^2], position and speed at the end.
     """
-    if len(position) == 1:
-        return _plan_one(position, speed, target, steps, step, max_speed, max_acceleration)
     acceleration = np.zeros((len(position), steps, position.shape[1]))
+    if len(position) == 1:
+        # of a few numbers NumPy's calls cost far more than the sums
+        position, speed = position.copy(), speed.copy()
+        for i, (fastest, limit) in enumerate(zip(max_speed, max_acceleration, strict=True)):
+            drive = _Drive(float(target[0, i]), float(fastest), float(limit), step)
+            pulls, position[0, i], speed[0, i] = drive.plan(
+                float(position[0, i]), float(speed[0, i]), steps
+            )
+            acceleration[0, :, i] = pulls
+        return acceleration, position, speed
     for k in range(steps):
         pull = _time_optimal(position - target, speed, max_acceleration, step)
         pull = np.clip(pull, (-max_speed - speed) / step, (max_speed - speed) / step)
@@ -65,33 +74,41 @@ def _time_optimal(distance: Array, speed: Array, limit: Array, step: float) -> A
     return -limit * np.clip(a / d, -1.0, 1.0)
 
 
-def _plan_one(
-    position: Array,
-    speed: Array,
-    target: Array,
-    steps: int,
-    step: float,
-    max_speed: Array,
-    max_acceleration: Array,
-) -> tuple[Array, Array, Array]:
-    """The same for one run, to the bit: of a few numbers NumPy's calls cost six times the sums."""
-    acceleration = np.zeros((1, steps, position.shape[1]))
-    position, speed = position.copy(), speed.copy()
-    each = zip(position[0], speed[0], target[0], max_speed, max_acceleration, strict=True)
-    for i, numbers in enumerate(each):
-        x, v, goal, fastest, limit = map(float, numbers)
-        d = limit * step * step
-        for k in range(steps):
-            moved = step * v
-            y = (x - goal) + 0.5 * moved
-            far = moved + math.copysign(1.0, y) * (math.sqrt(d * (d + 8.0 * abs(y))) - d) * 0.5
-            a = moved + y if abs(y) <= d else far
-            pull = -limit * min(max(a / d, -1.0), 1.0)
-            pull = min(max(pull, (-fastest - v) / step), (fastest - v) / step)
-            x = x + step * v + 0.5 * step * step * pull
-            v = v + step * pull
-            acceleration[0, k, i] = pull
-            if abs(x - goal) < 10.0 * _ARRIVED and abs(v) < _ARRIVED / step:
-                x, v = goal, 0.0
-        position[0, i], speed[0, i] = x, v
-    return acceleration, position, speed
+class _Drive(NamedTuple):
+    """One stage of one run: the same law as for arrays, to the bit."""
+
+    target: float
+    """[m]."""
+    max_speed: float
+    """[m/s]."""
+    max_acceleration: float
+    """[m/s^2]."""
+    step: float
+    """[s]."""
+
+    def plan(self, position: float, speed: float, steps: int) -> tuple[list[float], float, float]:
+        """Accelerations held in each step [m/s^2], position [m] and speed [m/s] at the end."""
+        step = self.step
+        pulls: list[float] = []
+        for _ in range(steps):
+            pull = self._time_optimal(position - self.target, speed)
+            pull = max(pull, (-self.max_speed - speed) / step)
+            pull = min(pull, (self.max_speed - speed) / step)
+            position = position + step * speed + 0.5 * step * step * pull
+            speed = speed + step * pull
+            pulls.append(pull)
+            near = abs(position - self.target) < 10.0 * _ARRIVED
+            if near and abs(speed) < _ARRIVED / step:
+                position, speed = self.target, 0.0
+        return pulls, position, speed
+
+    def _time_optimal(self, distance: float, speed: float) -> float:
+        d = self.max_acceleration * self.step * self.step
+        moved = self.step * speed
+        y = distance + 0.5 * moved
+        if abs(y) <= d:
+            a = moved + y
+        else:
+            root = math.sqrt(d * (d + 8.0 * abs(y)))
+            a = moved + math.copysign(1.0, y) * (root - d) * 0.5
+        return -self.max_acceleration * min(max(a / d, -1.0), 1.0)
