@@ -11,7 +11,7 @@ from twin.identify.excitation import BLIND
 from twin.identify.prediction_error import NORMAL
 from twin.platform import Platform
 from twin.predict.body import Body
-from twin.predict.log.possible import OF_MOTION, OF_PARTS, check_possible
+from twin.predict.log.possible import OF_MOTION, OF_PARTS, check_possible, source_of
 from twin.predict.log.ranges import within_range
 from twin.predict.parameters.base import BaseParameters
 from twin.recording import Recording
@@ -20,7 +20,7 @@ from twin.units import printed
 Array = NDArray[np.float64]
 
 OF_RATE = ("gyro", "joint_rate")
-"""Those of them whose sensors have a range that a machine can leave."""
+"""Streams of motion whose sensors have a range that a machine can leave."""
 
 CLIPPED = 0.02
 """Share of all rows that must be at an end to speak of it."""
@@ -43,8 +43,8 @@ def check_logs(recordings: Sequence[Recording], platform: Platform) -> None:
         empty = [name for name, series in recording.items() if not len(series)]
         if empty:
             raise UsageError(
-                f"{_source(recording)}: {'; '.join(said)}; nothing is left of {', '.join(empty)}: "
-                "look at its unit, or at the range in platform.toml"
+                f"{source_of(recording)}: {'; '.join(said)}; nothing is left of "
+                f"{', '.join(empty)}: look at its unit, or at the range in platform.toml"
             )
         _check_parts(recording, platform)
         _check_alive(recording)
@@ -94,7 +94,7 @@ def _check_parts(recording: Recording, platform: Platform) -> None:
         for name in streams:
             if name in recording and bool(np.any(recording[name].value)):
                 raise UsageError(
-                    f"{_source(recording)} has {name}, but {platform.name} has no {parts}: name "
+                    f"{source_of(recording)} has {name}, but {platform.name} has no {parts}: name "
                     "the log's own machine, or add the parts to its folder"
                 )
 
@@ -106,7 +106,7 @@ def _check_alive(recording: Recording) -> None:
         value = recording[name].value
         if bool((value == value[:1]).all()):
             raise UsageError(
-                f"{_source(recording)}: {name} is the same in all {len(value)} rows, which tells "
+                f"{source_of(recording)}: {name} is the same in all {len(value)} rows, which tells "
                 "nothing of a machine that moves; if the sensor was off, leave the stream out"
             )
 
@@ -124,7 +124,7 @@ def _check_ranges(recording: Recording) -> None:
                     continue
                 size = printed(abs(end), series.unit)
                 raise UsageError(
-                    f"{_source(recording)}: {np.count_nonzero(at)} of {len(at)} rows of {name} "
+                    f"{source_of(recording)}: {np.count_nonzero(at)} of {len(at)} rows of {name} "
                     f"{column} are exactly {printed(end, series.unit)} and none is beyond: it "
                     f"looks like the end of the sensor's range. State `range` = {abs(end):.6g} "
                     f"({size}) under [sensors.{name}] in platform.toml, and such rows are left out"
@@ -137,7 +137,3 @@ def _clipped(values: Array, at: NDArray[np.bool_]) -> bool:
     lengths = np.diff(np.flatnonzero(np.diff(np.r_[False, at, False].astype(int))))[::2]
     many = np.count_nonzero(at) > max(CLIPPED * len(at), 10.0 * float(other))
     return bool(many and np.count_nonzero(lengths >= STRETCH) >= 2)
-
-
-def _source(recording: Recording) -> str:
-    return str(recording.provenance.get("source", "the log"))

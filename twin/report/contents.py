@@ -95,16 +95,17 @@ def contents_of(
     findings = [finding.sentence for finding in noise_findings(recording, platform)]
     if recording.provenance.get("kind") == "log":
         findings += (_unused(name) for name in recording if not _known(name))
+    advice = convention_advice(recording, platform)
     if platform is not None:
         findings += taken_as_at_rest([recording], platform)
-        findings += _impossible(recording, platform)
+        findings += _impossible(recording, platform, read_rightly=not advice.findings)
     if problem:
         findings.append(f"Nothing was held against the machine: {problem}.")
     return Contents(
         source,
         recording,
         tuple(_stream(recording, name) for name in recording),
-        convention_advice(recording, platform),
+        advice,
         tuple(findings),
     )
 
@@ -290,11 +291,12 @@ def _gaps_document(stream: StreamContents) -> dict[str, Any]:
     }
 
 
-def _impossible(recording: Recording, platform: Platform) -> list[str]:
-    """Why the log cannot be of that machine, if read as it stands."""
+def _impossible(recording: Recording, platform: Platform, *, read_rightly: bool) -> list[str]:
+    """Why the log cannot be of that machine; how it leans says nothing where it is read wrongly."""
     try:
         check_possible(recording, platform)
-        check_within_stop(recording, platform, motion_of(recording, platform))
+        if read_rightly:
+            check_within_stop(recording, platform, motion_of(recording, platform))
     except ImpossibleLog as problem:
         return [f"{problem}."]
     except TwinError:  # without the streams that show a motion

@@ -19,15 +19,14 @@ OF_PARTS = {
 OF_MOTION = ("attitude", "inclinometer", "gyro", "joint_angle", "joint_rate")
 """Streams that show how the base moves."""
 
-
-class ImpossibleLog(UsageError):
-    """A log that cannot be of its machine, both as they stand."""
-
-
 BEYOND = 10.0
 """Times what a part can do at which its unit is doubted."""
 BEYOND_STOP = np.radians(1.0)
 """By how much a stop may give way, or a level be off, before a log cannot be true of it [rad]."""
+
+
+class ImpossibleLog(UsageError):
+    """A log that cannot be of its machine, both as they stand."""
 
 
 def check_possible(recording: Recording, platform: Platform) -> None:
@@ -56,7 +55,7 @@ def _check_sizes(recording: Recording, platform: Platform) -> None:
         reached, able = float(np.abs(series.value).max()), float(max(most, default=np.inf))
         if reached > BEYOND * able:
             raise ImpossibleLog(
-                f"{_source(recording)}: {name} reaches {reached:.3g} {series.unit}, where "
+                f"{source_of(recording)}: {name} reaches {reached:.3g} {series.unit}, where "
                 f"{platform.name} can at most {able:.3g} {series.unit}: it looks like "
                 f"m{series.unit}, read as {series.unit}; state its unit in log.toml"
             )
@@ -76,7 +75,7 @@ def _check_clocks(recording: Recording, platform: Platform) -> None:
         # what was commanded before still holds
         if time[0] >= main[-1] or (time[-1] <= main[0] and not name.startswith("command_")):
             raise ImpossibleLog(
-                f"{_source(recording)}: {name} runs from {time[0]:.6g} to {time[-1]:.6g} s, "
+                f"{source_of(recording)}: {name} runs from {time[0]:.6g} to {time[-1]:.6g} s, "
                 f"{shows} from {main[0]:.6g} to {main[-1]:.6g} s; they share no time: bring them "
                 "to one clock"
             )
@@ -94,12 +93,14 @@ def check_within_stop(recording: Recording, platform: Platform, motion: Motion) 
     most = int(np.argmax(lean))
     if lean[most] > platform.stop_angle + BEYOND_STOP:
         raise ImpossibleLog(
-            f"{_source(recording)}: {platform.name} leans {np.degrees(lean[most]):.3g} deg at "
+            f"{source_of(recording)}: {platform.name} leans {np.degrees(lean[most]):.3g} deg at "
             f"{motion.time[most]:.4g} s, and platform.toml has a stop at "
             f"{np.degrees(platform.stop_angle):.3g} deg: set the angle of [tilt_stop] to where it "
-            "touches, or leave the stop out"
+            "touches, or leave the stop out; if it never leaned so far, `twin show` tells what is "
+            "read wrongly"
         )
 
 
-def _source(recording: Recording) -> str:
+def source_of(recording: Recording) -> str:
+    """What a log is called in a message."""
     return str(recording.provenance.get("source", "the log"))
