@@ -77,3 +77,19 @@ def test_what_one_size_says_whole_leans_on_nothing():
     (known,), (spread,) = told(now), now.covariances
     assert not known.leaning.any()
     assert known.deviations == pytest.approx(np.sqrt(np.diag(spread)), rel=1e-3)
+
+
+def test_a_wheel_askew_is_told_by_the_smallest_turn_whatever_the_guess_turned_about_its_own_axis():
+    across = (0.0, 6e-3, -4e-3)
+    kind = effect_named("wheel_misalignment").typical()
+    hidden, guess = (
+        replace(kind, target="w1", rotation=turn) for turn in (across, (0.5, *across[1:]))
+    )
+    found = fitted(hidden, guess)
+    (known,), least = told(found), found.effects[0].least(SADS)
+    print(least.words(), known)
+    assert np.isnan(known.deviations).tolist() == [True, False, False]
+    error = np.abs(least.values - across)
+    assert error[0] < 1e-12
+    assert np.all(error[1:] < 4.0 * known.deviations[1:])
+    assert np.all(known.deviations[1:] < 0.5 * np.abs(across[1:]))

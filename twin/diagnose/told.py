@@ -20,7 +20,8 @@ LEANS = 0.2
 its own size, from where on it is told only beside that."""
 
 NEARBY = 1e-4
-"""Of its typical size, to the other end of a finite difference."""
+"""Of a component's typical size, to the other end of a finite difference; and what of a difference
+is none."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,12 @@ def told(now: Explanation) -> tuple[Told, ...]:
     found: list[Told] = []
     first = 0
     for effect, ones in zip(now.effects, now.free, strict=True):
-        rows = slice(first, first := first + len(ones))
+        part = slice(first, first := first + len(ones))
         share = _least_by(effect, platform)
-        deviations = np.linalg.norm(share @ known[rows], axis=1)
-        leaning = np.abs(share @ moved[rows]) @ wrong > LEANS * deviations
+        deviations = np.linalg.norm(share @ known[part], axis=1)
+        leaning = np.abs(share @ moved[part]) @ wrong > LEANS * deviations
         # what is held is told where it goes with what is not
-        tells = (np.abs(share) @ ones) > 0.0
+        tells = (np.abs(share) @ ones) > NEARBY
         found.append(Told(np.where(tells, deviations, np.nan), leaning & tells))
     return tuple(found)
 

@@ -35,8 +35,10 @@ class ThrusterMisalignment(BodyEffect):
     )
 
     def least(self, platform: Platform) -> Self:
-        (axis,) = [one.direction for one in platform.thrusters if one.name == self.target]
-        return replace(self, rotation=tuple(least_turn(np.array(self.rotation), axis).tolist()))
+        axes = [one.direction for one in platform.thrusters if one.name == self.target]
+        if not axes:  # of all, which have no axis in common
+            return self
+        return replace(self, rotation=tuple(least_turn(np.array(self.rotation), axes[0]).tolist()))
 
     def edit_model(self, model: mujoco.MjModel, platform: Platform) -> None:
         data = mujoco.MjData(model)

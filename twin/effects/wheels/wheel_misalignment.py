@@ -35,8 +35,10 @@ class WheelMisalignment(BodyEffect):
     )
 
     def least(self, platform: Platform) -> Self:
-        (axis,) = [one.axis for one in platform.wheels if one.name == self.target]
-        return replace(self, rotation=tuple(least_turn(np.array(self.rotation), axis).tolist()))
+        axes = [one.axis for one in platform.wheels if one.name == self.target]
+        if not axes:  # of all, which have no axis in common
+            return self
+        return replace(self, rotation=tuple(least_turn(np.array(self.rotation), axes[0]).tolist()))
 
     def edit_model(self, model: mujoco.MjModel, platform: Platform) -> None:
         turn = from_rotation_vector(np.array(self.rotation))
