@@ -141,7 +141,7 @@ def _explained(measure: Yardstick, law: Effect) -> tuple[float, float, str]:
     silent = weighing.showing(weighing.signature(last, law.values))
     gains = [silent.weigh((i,)).gain if weighing.shown(i) else 0.0 for i in range(last)]
     whole, worst = silent.weigh((last,)).gain, int(np.argmax(gains))
-    return whole, gains[worst] / max(whole, gains[worst], 1e-300), every[worst].label
+    return whole, gains[worst] / whole if whole else 0.0, every[worst].label
 
 
 def law_for(bench: Bench, kind: type[Effect], evidence: float) -> Effect:

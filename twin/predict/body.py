@@ -40,7 +40,7 @@ from twin.signals import DERIVED
 
 Array = NDArray[np.float64]
 
-OTHER = 0.005
+CHANGED = 0.005
 """Share by which a noise must differ from what it was taken to be, for a fit to be done again."""
 
 EXACT = 0.1
@@ -127,7 +127,7 @@ class Body:
         """
         outputs = tuple(o.with_noise_of(part) for o, part in zip(self.outputs, left, strict=True))
         pairs = zip(outputs, self.outputs, strict=True)
-        if all(np.allclose(new.noise, old.noise, rtol=OTHER, atol=0.0) for new, old in pairs):
+        if all(np.allclose(new.noise, old.noise, rtol=CHANGED, atol=0.0) for new, old in pairs):
             return self
         known = copy.copy(self)
         known.outputs = outputs
