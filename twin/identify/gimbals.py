@@ -7,18 +7,22 @@ is, diagnosis asks; who identifies the body needs to know where the gyros really
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin.model import Machine
 from twin.predict.drive.faults import STREAM, less_drive_faults
 from twin.predict.drive.profiles import from_mean, profile
-from twin.predict.sensors.outputs import noise_of
+from twin.predict.sensors.outputs import digits_of, noise_of
 from twin.recording import Recording
+
+Array = NDArray[np.float64]
 
 ANGLE = "gimbal_angle"
 
 WORTHWHILE = 25.0
 """A fault of a drive must explain so much of a gimbal's angle, in log-likelihood, before the
-command is not believed."""
+command is not believed. What an encoder's steps may round away speaks for no fault: a gimbal that
+moves by less than a step seems to stand."""
 
 
 def as_measured(recording: Recording, machine: Machine) -> tuple[Recording, tuple[str, ...]]:
@@ -35,8 +39,9 @@ def as_measured(recording: Recording, machine: Machine) -> tuple[Recording, tupl
     if not len(told) or not len(seen):
         return recording, ()
     there, _ = profile(machine, STREAM, told)
-    error = from_mean(seen.value - there.interpolated_at(seen.time))
-    left = less_drive_faults(machine, told, there, seen).value
+    digit = digits_of(seen, machine.platform, ANGLE)
+    error = _beyond(seen.value - there.interpolated_at(seen.time), digit)
+    left = _beyond(less_drive_faults(machine, told, there, seen).value, digit)
     noise = noise_of(recording, machine.platform, ANGLE)
     explained = 0.5 * np.sum(np.square(error) - np.square(left), axis=0) / np.square(noise)
     astray = explained > WORTHWHILE
@@ -49,3 +54,9 @@ def as_measured(recording: Recording, machine: Machine) -> tuple[Recording, tupl
         f"taken to stand where {ANGLE} has them"
     )
     return replace(recording, streams=streams), (sentence,)
+
+
+def _beyond(error: Array, digit: Array) -> Array:
+    """(m, k) what of an error (m, k) from its mean is more than rounding to a step (k,) makes."""
+    error = from_mean(error)
+    return np.sign(error) * np.maximum(np.abs(error) - digit, 0.0)

@@ -31,7 +31,7 @@ from twin.predict.path.rollouts import STEP, Rollouts
 from twin.predict.path.segments import command_step, grid_of
 from twin.predict.path.states import States
 from twin.predict.path.tangent import carried_forces
-from twin.predict.sensors.outputs import Grid, outputs_of
+from twin.predict.sensors.outputs import Grid, digits_of, outputs_of
 from twin.predict.sensors.sensed import senses_of
 from twin.predict.whitening.kalman import Local
 from twin.predict.whitening.linearised import Linearised
@@ -319,10 +319,13 @@ class Body:
             if output.stream == "wheel_speed" and self.inputs.wheels_undriven:
                 rotor = np.array([wheel.inertia for wheel in machine.platform.wheels])
                 series = self.recording[output.stream]
-                walk = random_walk(series, output.noise, output.digit)
+                digits = digits_of(series, machine.platform, output.stream)
+                walk = random_walk(series, output.noise, digits)
                 wheels = np.square(rotor) * walk
             if output.stream == "gimbal_angle" and self.inputs.gimbal_error is not None:
-                gimbals = random_walk(self.inputs.gimbal_error, output.noise, output.digit)
+                seen = self.recording[output.stream]
+                digits = digits_of(seen, machine.platform, output.stream)
+                gimbals = random_walk(self.inputs.gimbal_error, output.noise, digits)
         return wheels, gimbals
 
     def _first(self, stream: str) -> int:

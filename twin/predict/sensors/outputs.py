@@ -128,11 +128,6 @@ class Output:
         return np.sqrt(np.square(self.noise) + self.shaken)
 
     @property
-    def digit(self) -> Array:
-        """(k,) to which it is rounded; 0: not at all."""
-        return np.array([resolution_of(column) for column in self.value.T])
-
-    @property
     def instant(self) -> Index:
         """(m,) the nearest grid instant."""
         return np.rint(self.place).astype(np.intp)
@@ -334,6 +329,20 @@ def noise_of(recording: Recording, platform: Platform, stream: str) -> Array:
     return _noise(recording, platform, stream, recording[stream].value.shape[1], None)[0]
 
 
+def digits_of(series: Series, platform: Platform, stream: str) -> Array:
+    """(k,) steps to which readings are rounded, as they show; of one that stays at a value, or at
+    the edge between two, and shows none, as platform.toml states. 0: not at all."""
+    shown = np.array([resolution_of(column) for column in series.value.T])
+    if stream not in platform.sensors:
+        return shown
+    return np.where(_still(series), platform.sensors[stream].resolution, shown)
+
+
+def _still(series: Series) -> NDArray[np.bool_]:
+    """(k,) whether readings stay at one value, or at the edge between two."""
+    return np.array([len(np.unique(column)) <= 2 for column in series.value.T])
+
+
 def _noise(
     recording: Recording, platform: Platform, name: str, k: int, shaken: Array | None
 ) -> tuple[Array, bool, Array]:
@@ -343,11 +352,9 @@ def _noise(
         series = recording[name] if shaken is None else _quiet(recording[name], shaken)
         noise, worth = noise_and_worth(series)
         if name in platform.sensors and name != "attitude":
-            # what stays at one value, or at the edge between two, says nothing of its noise, but is
-            # no better known than its steps
+            # what stays says nothing of its noise, but is no better known than its steps
             rounding = platform.sensors[name].resolution / np.sqrt(12.0)
-            still = [len(np.unique(column)) <= 2 for column in recording[name].value.T]
-            noise = np.where(still, np.maximum(noise, rounding), noise)
+            noise = np.where(_still(recording[name]), np.maximum(noise, rounding), noise)
         noise, worth = with_claim(claimed_noise(platform, name, k), noise, worth, len(series))
         return noise, False, worth
     return np.broadcast_to(np.asarray(stated, dtype=np.float64), (k,)).copy(), True, np.full(k, inf)
