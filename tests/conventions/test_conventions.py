@@ -71,6 +71,17 @@ def test_a_wrong_unit_is_named_in_a_short_log_too(sads, right_logs, stream, unit
     assert f"{stream} looks like {unit}".lower() in sentences[0].lower()
 
 
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us")])
+def test_times_that_are_all_of_them_in_another_unit_are_named(sads, right_logs, factor, unit):
+    _, logs = right_logs
+    wrong = logs[3]
+    for name, series in logs[3].items():
+        wrong = flights.misread(wrong, name, time=series.time * factor)
+    sentences = [finding.sentence for finding in check_conventions(wrong, sads)]
+    assert any(f"look like {unit}, read as s" in sentence for sentence in sentences), sentences
+    assert not any("gyro looks like" in sentence for sentence in sentences), sentences
+
+
 @pytest.mark.slow
 def test_most_of_a_panel_is_recognised_and_no_right_log_is_accused(sads):
     seed = secrets.randbits(32)

@@ -27,11 +27,15 @@ def time_unit_changes(recording: Recording, platform: Platform | None) -> list[C
     }
     if not spans:
         return []
-    wrong = {name: power for name, power in _stretched(spans) if power}
+    wrong: dict[str, int | None] = {name: power for name, power in _stretched(spans) if power}
     expected = {name: _expected_power(recording, platform, name) for name in spans}
-    if 2 * len(wrong) >= len(spans):
+    known = {power for power in expected.values() if power is not None}
+    if not wrong and len(known) == 1:
+        # all of them may be off alike
+        wrong = dict.fromkeys(spans, known.pop())
+    elif 2 * len(wrong) >= len(spans):
         # no majority: what a sensor's rate should be decides
-        wrong = {name: power for name, power in expected.items() if power}
+        wrong = expected
     return [
         Correction(
             name,
@@ -42,6 +46,7 @@ def time_unit_changes(recording: Recording, platform: Platform | None) -> list[C
             time_factor=10.0**power,
         )
         for name, power in wrong.items()
+        if power
     ]
 
 
@@ -54,14 +59,15 @@ def _stretched(spans: dict[str, float]) -> Iterator[tuple[str, int]]:
         yield name, _power(usual - length)
 
 
-def _expected_power(recording: Recording, platform: Platform | None, name: str) -> int:
+def _expected_power(recording: Recording, platform: Platform | None, name: str) -> int | None:
+    """What a stream's rate says; None where it may be one or another."""
     rate = recording[name].rate
     if platform is not None and name in platform.sensors:
         return _power(np.log10(rate / platform.sensors[name].rate))
     if PLAUSIBLE[0] <= rate <= PLAUSIBLE[1]:
         return 0
     fitting = [p for p in UNITS if PLAUSIBLE[0] <= rate * 10.0**-p <= PLAUSIBLE[1]]
-    return fitting[0] if len(fitting) == 1 else 0
+    return fitting[0] if len(fitting) == 1 else None
 
 
 def _power(decades: float) -> int:
