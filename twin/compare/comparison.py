@@ -20,6 +20,7 @@ from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of, in_order_of
 from twin.predict.body import Body, body_of
 from twin.predict.log.motion import motion_of
+from twin.predict.log.pauses import longest_of
 from twin.predict.log.possible import check_possible
 from twin.predict.parameters.base import BaseParameters
 from twin.recording import Recording
@@ -115,6 +116,7 @@ def compare(
     platform = in_gravity_of([recording], platform)
     recording = in_order_of(platform, recording.without_truth())
     check_possible(recording, platform)
+    recording = longest_of(recording)
     say("conventions and noise")
     conventions = tuple(check_conventions(recording, platform))
     recording = corrected(recording, list(conventions))

@@ -14,6 +14,7 @@ from twin.conventions.joint import joint_findings
 from twin.conventions.time_base import time_unit_changes
 from twin.conventions.turning import NEAR, Turning, far_lags, turning_of
 from twin.platform import Platform
+from twin.predict.log.pauses import longest_of
 from twin.recording import Recording
 from twin.units import STANDARD_GRAVITY
 
@@ -40,7 +41,7 @@ def check_conventions(
     """
     recording = _scaled(recording.without_truth())
     plain = time_unit_changes(recording, platform)
-    recording = apply_all(recording, plain)
+    recording = longest_of(apply_all(recording, plain))
     for unit in (_accelerometer_unit(recording, platform), _gyro_unit(recording)):
         plain += unit
         recording = apply_all(recording, unit)

@@ -27,6 +27,7 @@ from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of
 from twin.predict.body import body_of
 from twin.predict.log.motion import motion_of
+from twin.predict.log.pauses import pieces_of
 from twin.predict.whitening.innovations import Innovations, Problem
 from twin.recording import Recording
 
@@ -99,7 +100,8 @@ def diagnose(
     platform = in_gravity_of(recordings, platform)
     check_logs(recordings, platform)
     say("conventions and noise")
-    logs = [calibrated(recording.without_truth(), platform) for recording in recordings]
+    pieces = [piece for recording in recordings for piece in pieces_of(recording.without_truth())]
+    logs = [calibrated(piece, platform) for piece in pieces]
     conventions = [tuple(check_conventions(log, platform)) for log in logs]
     # a late clock is a cause, and is fitted beside the others
     conventions = [tuple(one for one in found if one.kind != "clock_lag") for found in conventions]

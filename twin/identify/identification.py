@@ -34,6 +34,7 @@ from twin.platform import Platform, in_gravity_of, in_order_of, taken_as_at_rest
 from twin.predict.body import body_of
 from twin.predict.effects.perturbation import Perturbation
 from twin.predict.log.motion import motion_of
+from twin.predict.log.pauses import pieces_of
 from twin.predict.log.possible import check_possible
 from twin.predict.log.ranges import within_range
 from twin.predict.log.scales import Scaled
@@ -191,7 +192,8 @@ def ground_of(recordings: Sequence[Recording], platform: Platform) -> Ground:
         raise UsageError("no log is given")
     platform = in_gravity_of(recordings, platform)
     machine = compile_model(platform)
-    ordered = [in_order_of(platform, recording.without_truth()) for recording in recordings]
+    whole = [piece for recording in recordings for piece in pieces_of(recording)]
+    ordered = [in_order_of(platform, recording.without_truth()) for recording in whole]
     checked = [within_range(recording, platform) for recording in ordered]
     for recording, _ in checked:
         check_possible(recording, platform)

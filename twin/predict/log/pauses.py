@@ -1,0 +1,95 @@
+"""A log in which nothing shows the motion for a while is several logs.
+
+What the machine did meanwhile nobody knows.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from twin.predict.log.possible import OF_MOTION, source_of
+from twin.recording import Recording, Series
+
+PAUSE = 5.0
+"""Without a sample of the motion that parts a log [s]; shorter ones are predicted through."""
+RARE = 20.0
+"""Usual intervals of what shows the motion that a pause lasts at least."""
+SHORTEST = 5.0
+"""Of what is a log of its own [s]."""
+
+
+def pieces_of(recording: Recording) -> list[Recording]:
+    """A log's parts between its pauses, `repairs` of the first saying so; itself where there is
+    none.
+
+    What was commanded before a part still holds at its start.
+    """
+    shown = [recording[name].time for name in OF_MOTION if name in recording]
+    time = np.unique(np.concatenate(shown)) if shown else np.zeros(0)
+    interval = np.diff(time)
+    usual = min((float(np.median(np.diff(one))) for one in shown if len(one) > 1), default=0.0)
+    pauses = np.flatnonzero(interval > max(PAUSE, RARE * usual))
+    if not len(pauses):
+        return [recording]
+    starts, stops = time[np.r_[0, pauses + 1]], time[np.r_[pauses, -1]]
+    spans = [
+        (float(start), float(stop))
+        for start, stop in zip(starts, stops, strict=True)
+        if stop - start >= SHORTEST
+    ]
+    if not spans:
+        return [recording]
+    first, *others = (_piece(recording, *span) for span in spans)
+    longest = int(pauses[np.argmax(interval[pauses])])
+    sentence = (
+        f"{source_of(recording)}: nothing shows the motion from {time[longest]:.6g} to "
+        f"{time[longest + 1]:.6g} s: it is taken as {_counted(len(spans))}"
+    )
+    left_out = len(starts) - len(spans)
+    if left_out:
+        sentence += f", and {_counted(left_out)} shorter than {SHORTEST:g} s left out"
+    first = replace(first, repairs=(*recording.repairs, sentence))
+    return [first, *(replace(other, repairs=()) for other in others)]
+
+
+def longest_of(recording: Recording) -> Recording:
+    """The longest of a log's parts between its pauses; `repairs` says so, where there are any."""
+    pieces = pieces_of(recording)
+    if len(pieces) == 1:
+        return pieces[0]
+    longest = max(pieces, key=lambda piece: piece.stop - piece.start)
+    sentence = f"{pieces[0].repairs[-1]}, of which the longest is looked at"
+    return replace(longest, repairs=(*recording.repairs, sentence))
+
+
+def _piece(recording: Recording, start: float, stop: float) -> Recording:
+    streams = {
+        name: (_held if name.startswith("command_") else _cut)(series, start, stop)
+        for name, series in recording.items()
+    }
+    source = f"{source_of(recording)}, {start:.6g} to {stop:.6g} s"
+    return replace(
+        recording,
+        streams={name: series for name, series in streams.items() if len(series)},
+        provenance={**recording.provenance, "source": source},
+    )
+
+
+def _cut(series: Series, start: float, stop: float) -> Series:
+    return series.between(start, float(np.nextafter(stop, np.inf)))
+
+
+def _held(series: Series, start: float, stop: float) -> Series:
+    """Commands, of which the last before the start holds until the next."""
+    within = _cut(series, start, stop)
+    if not len(series) or series.time[0] >= start or (len(within) and within.time[0] == start):
+        return within
+    return replace(
+        within,
+        time=np.r_[start, within.time],
+        value=np.concatenate([series.held_at(np.array([start])), within.value]),
+    )
+
+
+def _counted(logs: int) -> str:
+    return "one log" if logs == 1 else f"{logs} logs"
