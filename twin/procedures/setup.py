@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.budget import momentum_budget
-from twin.controller import load_controller
+from twin.controller import AnyController, load_controller
 from twin.errors import TwinError, UnknownName, UsageError
 from twin.platform import Platform
 from twin.procedures.balancing import Balancing
 from twin.procedures.fits import Fits
 from twin.procedures.lab import Lab
 from twin.procedures.logbook import Logbook
-from twin.procedures.means import Reach
+from twin.procedures.means import Reach, mean_inertia
 from twin.procedures.notes import Notes
 from twin.procedures.plan import AIM, Aim
 from twin.reference import Hold, Reference, parse_reference
@@ -33,19 +33,27 @@ class Way:
     words: str
     law: str | None = None
     """Of the level phase."""
+    inertia: float | None = None
+    """For which that law's gains are [kg m^2], mean of the principal moments: gains of torques grow
+    with it. None: they know of the machine's by themselves."""
     lasts: float = 240.0
     """That phase [s]."""
     once: bool = False
 
 
+ASTROS, CUBESAT = 16.49, 0.02567
+"""Mean principal moments of the machines whose papers print the gains [kg m^2]."""
+
 WAYS: dict[str, Way] = {
     "direct": Way("identify and move the masses, again and again (000 eq. 12-15, 004)"),
-    "masses": Way("in the plane by a PID of the masses (001)", "mass_pid"),
-    "masses-and-coils": Way("in the plane by masses, damped by coils (003)", "mass_magnetic_pid"),
+    "masses": Way("in the plane by a PID of the masses (001)", "mass_pid", ASTROS),
+    "masses-and-coils": Way(
+        "in the plane by masses, damped by coils (003)", "mass_magnetic_pid", CUBESAT
+    ),
     "adaptive": Way(
         "adapted while momentum is tracked, then direct (000 eq. 35-37)",
         "adaptive_balancing",
-        900.0,
+        lasts=900.0,
         once=True,
     ),
 }
@@ -96,12 +104,11 @@ def balancing(
     if not (np.isfinite(target) and target > 0.0):
         raise UsageError(f"target is {target:g} N m; give a torque above zero")
     chosen = WAYS[way]
-    law = None if chosen.law is None else load_controller(chosen.law)
     notes = Notes(n, tell)
     procedure = Balancing(
         Aim(target, platform.gravity),
         Lab(Logbook(platform), Fits(platform, workers=workers, wait=wait), notes),
-        law,
+        None if chosen.law is None else _law(chosen.law, chosen.inertia, platform),
         _reference(way),
         chosen.lasts,
         chosen.once,
@@ -151,6 +158,15 @@ def random_offsets(platform: Platform, seed: int, runs: int) -> Array:
         [np.random.default_rng([seed, run]).uniform(-REACH, REACH, len(low)) for run in range(runs)]
     )
     return -reach.moment(0.5 * (low + high) + 0.5 * (high - low) * draws)
+
+
+def _law(name: str, inertia: float | None, platform: Platform) -> AnyController:
+    """With the gains that it has for a mean moment of inertia, in the measure of this machine's."""
+    law = load_controller(name)
+    if inertia is None:
+        return law
+    share = mean_inertia(platform) / inertia
+    return load_controller(name, {gain: share * value for gain, value in vars(law).items()})
 
 
 def _reference(way: str) -> Reference:
