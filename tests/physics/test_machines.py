@@ -26,18 +26,19 @@ LAWS = (
 """Laws for each machine, and how long they have to bring 5 deg of tilt below one [s]."""
 
 
-@pytest.mark.parametrize("about", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+WAYS = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+"""Axes to lean about, a run each."""
+
+
 @pytest.mark.parametrize(("name", "law", "duration"), LAWS)
-def test_its_law_levels_every_machine_from_five_degrees(
-    name: str, law: str, duration: float, about: tuple[float, float]
-):
+def test_its_law_levels_every_machine_from_five_degrees(name: str, law: str, duration: float):
     """A sign that slipped, in the machine or in the law, drives it away. A stop may be nearer."""
     platform = load_platform(name)
     leaning = min(np.radians(5.0), 0.98 * platform.stop_angle)
-    start = from_rotation_vector(leaning * np.array([*about, 0.0]))
-    recorder = MemoryRecorder(platform)
+    start = InitialState(attitude=from_rotation_vector(leaning * WAYS))
+    runs, recorder = range(len(WAYS)), MemoryRecorder(platform)
     outcome = fly(
-        SimulatedPlant(platform, seed=1, initial=InitialState(attitude=start)),
+        SimulatedPlant(platform, runs=runs, seed=1, initial=start),
         load_estimator("filter"),
         load_controller(law),
         Hold(),
@@ -46,6 +47,8 @@ def test_its_law_levels_every_machine_from_five_degrees(
         observers=[recorder],
     )
     assert outcome.ended.value == "done", outcome.reason
-    late = recorder.recording()["truth_attitude"].value[-round(5.0 / platform.tick) :]
-    print(f"{name} by {law}: {np.degrees(tilt(late).max()):.2g} deg after {duration:g} s")
-    assert np.degrees(tilt(late).max()) < 1.0
+    for run in runs:
+        late = recorder.recording(run)["truth_attitude"].value[-round(5.0 / platform.tick) :]
+        most = np.degrees(tilt(late).max())
+        print(f"{name} by {law}, about {WAYS[run]}: {most:.2g} deg after {duration:g} s")
+        assert most < 1.0
