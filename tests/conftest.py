@@ -1,4 +1,4 @@
-"""What tests of many folders share: a pendulum integrated apart from MuJoCo, and a claim kept."""
+"""What tests of many folders share: a pendulum apart from MuJoCo, a short check, a claim kept."""
 
 import json
 from collections.abc import Callable
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from twin.check import motion
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, Series
 
@@ -79,6 +80,12 @@ def pendulum() -> Platform:
 def swing() -> Callable[..., Recording]:
     """A log of the pendulum with what the keywords of `Swing` hide in it."""
     return lambda **hidden: _simulate(Swing(**hidden))
+
+
+@pytest.fixture
+def brief_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`twin check` flies a second in place of a minute, where the step is not what is in doubt."""
+    monkeypatch.setattr(motion, "STEP_TIME", 1.0)
 
 
 @pytest.fixture

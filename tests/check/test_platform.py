@@ -1,6 +1,7 @@
 """`twin check` names, in a sentence, each way in which a machine's two files can disagree."""
 
 import dataclasses
+import functools
 import json
 import re
 import shutil
@@ -18,7 +19,8 @@ SADS = Path(__file__).parents[2] / "models" / "sads"
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path: Path, brief_check: None) -> Path:
+    """A machine to make mistakes in, of which none is in the step."""
     copy = tmp_path / "machine"
     shutil.copytree(SADS, copy)
     return copy
@@ -28,6 +30,12 @@ def edit(file: Path, old: str, new: str) -> None:
     text = file.read_text()
     assert old in text, f"{old!r} is not in {file.name}: mend the test"
     file.write_text(text.replace(old, new, 1))
+
+
+@functools.cache
+def found_in(name: str) -> list[Finding]:
+    """Of a shipped machine, by all checks in their full length."""
+    return check_platform(load_platform(name))
 
 
 def wrong(folder: Path) -> list[Finding]:
@@ -251,7 +259,7 @@ def test_a_hidden_mistake_is_named_in_a_sentence(folder: Path, mistake: str):
 
 @pytest.mark.parametrize("name", model_names())
 def test_every_shipped_machine_is_right(name: str):
-    assert [finding for finding in check_platform(load_platform(name)) if not finding.ok] == []
+    assert [finding for finding in found_in(name) if not finding.ok] == []
 
 
 @pytest.mark.parametrize("mass", ["95.5", "95.0"])
@@ -278,6 +286,7 @@ def test_masses_that_no_bus_can_have_are_told_as_such(folder: Path):
     assert "no <inertial> of 'bus' gives what is stated: the other parts already weigh" in said
 
 
+@pytest.mark.usefixtures("brief_check")
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
@@ -315,8 +324,8 @@ def test_a_wheel_that_stands_in_the_room_is_no_part_of_the_machine(folder: Path)
 
 
 def test_a_variant_is_checked_from_its_folder_as_the_base_is():
-    whole = check_platform(load_platform("sads"))
-    assert check_platform(load_platform("sads:table1")) == whole
+    whole = found_in("sads")
+    assert found_in("sads:table1") == whole
     assert {"sads: m r", "sads:table1: m r", "sads:table3: m r"} < {f.check for f in whole}
 
 
@@ -335,6 +344,7 @@ def test_halving_the_step_tells_sixteen_times_less_error_each_time():
     assert 10.0 < coarse / fine < 24.0
 
 
+@pytest.mark.usefixtures("brief_check")
 def test_the_command_line_prints_a_table_and_returns_zero(capsys: pytest.CaptureFixture[str]):
     assert main(["check", "sads"]) == 0
     out = capsys.readouterr().out
@@ -353,6 +363,7 @@ def test_the_command_line_says_wrong_and_returns_one(
     assert out.rstrip().endswith("1 WRONG")
 
 
+@pytest.mark.usefixtures("brief_check")
 def test_json_is_one_list_of_findings(capsys: pytest.CaptureFixture[str]):
     assert main(["check", "sads", "--json"]) == 0
     findings = json.loads(capsys.readouterr().out)

@@ -123,6 +123,7 @@ def test_a_mistake_in_the_mjcf_of_a_part_is_refused(copied, machine, old, new, s
         load_platform(folder)
 
 
+@pytest.mark.usefixtures("brief_check")
 @pytest.mark.parametrize(
     ("machine", "old", "new", "said"),
     [

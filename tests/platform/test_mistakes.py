@@ -135,6 +135,7 @@ def shown(token: str) -> str:
         return token
 
 
+@pytest.mark.usefixtures("brief_check")
 @pytest.mark.parametrize("kind", MISTAKES)
 def test_a_mistake_gets_a_sentence_with_file_what_value_and_remedy(kind: str, tmp_path: Path):
     mistake = MISTAKES[kind]
