@@ -1,5 +1,6 @@
 """What tests of many folders share: a pendulum apart from MuJoCo, a short check, a claim kept."""
 
+import gc
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +11,11 @@ import pytest
 from twin.check import motion
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, Series
+
+
+def pytest_collection_finish() -> None:
+    """Campaigns sweep memory after every shard; thousands of collected tests need no look there."""
+    gc.freeze()
 
 
 @dataclass(frozen=True)
