@@ -54,7 +54,7 @@ def test_hidden_friction_is_said_with_its_size(swing: Swings, pendulum: Platform
 def test_a_motor_of_which_the_log_says_nothing_is_said_to_be_taken_as_off(
     swing: Swings, pendulum: Platform
 ):
-    whole = swing(seed=SEED)
+    whole = swing(seed=SEED, duration=5.0)
     streams = {name: whole[name] for name in whole if name != "command_joint_torque"}
     comparison = compare(Recording(streams, {"kind": "log"}), pendulum, as_built=True)
     (said,) = document([comparison], [])["logs"][0]["taken_as_at_rest"]
@@ -67,18 +67,18 @@ def test_a_motor_of_which_the_log_says_nothing_is_said_to_be_taken_as_off(
 def test_gravity_is_the_one_that_the_log_states(swing: Swings, pendulum: Platform):
     moon = replace(pendulum, gravity=0.5 * pendulum.gravity)
     facts = {"environment": {"gravity": pendulum.gravity}}
-    there = replace(swing(seed=SEED), provenance=facts)
+    there = replace(swing(seed=SEED, duration=5.0), provenance=facts)
     under = [sentences(compare(there, one, as_built=True)) for one in (pendulum, moon)]
     assert under[0] == under[1], "predicted under the gravity of platform.toml"
 
 
 def test_a_late_command_is_said_with_its_delay(swing: Swings, pendulum: Platform):
-    comparison = compare(swing(seed=SEED, delay=0.008), pendulum)
+    comparison = compare(swing(seed=SEED, duration=10.0, delay=0.008), pendulum)
     assert laws_of(comparison) == {"command_delay": pytest.approx(0.008, rel=0.03)}
 
 
 def test_a_weak_motor_is_seen_as_built_and_could_be_the_base(swing: Swings, pendulum: Platform):
-    comparison = compare(swing(seed=SEED, gain=0.8), pendulum)
+    comparison = compare(swing(seed=SEED, duration=10.0, gain=0.8), pendulum)
     (strength,) = comparison.as_built.strengths
     assert strength.symptom.name == "torque_gain"
     assert strength.values[0] == pytest.approx(-0.2, abs=2.0 * strength.half[0])
@@ -88,7 +88,7 @@ def test_a_weak_motor_is_seen_as_built_and_could_be_the_base(swing: Swings, pend
 
 
 def test_as_built_leaves_the_base_alone(swing: Swings, pendulum: Platform):
-    comparison = compare(swing(seed=SEED, inertia=0.15), pendulum, as_built=True)
+    comparison = compare(swing(seed=SEED, duration=10.0, inertia=0.15), pendulum, as_built=True)
     assert comparison.refitted is None
     assert comparison.verdict != "healthy"
     np.testing.assert_allclose(
@@ -115,7 +115,7 @@ def test_95_percent_intervals_of_the_base_hold_the_truth(swing: Swings, pendulum
 
 
 def test_a_push_on_one_stretch_bends_nothing_and_is_pointed_at(swing: Swings, pendulum: Platform):
-    log = swing(seed=SEED, dry=0.05)
+    log = swing(seed=SEED, duration=12.0, dry=0.05)
     angle = log["joint_angle"]
     pushed = (angle.time > 9.0) & (angle.time < 9.3)
     angle.value[pushed, 0] += 0.5 * np.sin(np.pi * (angle.time[pushed] - 9.0) / 0.3)
@@ -126,10 +126,9 @@ def test_a_push_on_one_stretch_bends_nothing_and_is_pointed_at(swing: Swings, pe
 
 
 def test_another_mass_is_seen_when_a_fitted_model_is_moved(swing: Swings, pendulum: Platform):
-    first = compare(swing(seed=SEED, dry=0.05), pendulum)
-    heavy = compare(
-        swing(seed=SEED + 1, dry=0.05, inertia=0.1367 * 1.5, moment=0.273 * 1.5), pendulum
-    )
+    first = compare(swing(seed=SEED, duration=10.0, dry=0.05), pendulum)
+    more = {"inertia": 0.1367 * 1.5, "moment": 0.273 * 1.5}
+    heavy = compare(swing(seed=SEED + 1, duration=10.0, dry=0.05, **more), pendulum)
     moved = transfer(first, heavy)
     said = transfer_sentences(moved, first)
     assert not moved.explained.follows
