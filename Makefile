@@ -16,6 +16,8 @@ demo: $(READY)
 
 # these fill the cores with processes
 test test-slow panel: export OPENBLAS_NUM_THREADS := 1
+# and each of them would compile anew all that it imports
+test test-slow panel: export PYTHONDONTWRITEBYTECODE :=
 
 test: $(READY)
 	$(BIN)/pytest -n 2 --dist loadfile
