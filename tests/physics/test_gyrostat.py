@@ -1,5 +1,7 @@
 """The simulated machine against physics written down a second time, and against what is kept."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.integrate import DOP853
@@ -12,31 +14,36 @@ from twin.model import compile_model, mass_properties
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.reference import Multisine
-from twin.rotation import conjugate, multiply, rotate, to_rotation_vector
+from twin.rotation import conjugate, cross, multiply, rotate, to_rotation_vector
 from twin.stream.recorder import MemoryRecorder
 
 SECONDS = 300.0
 
 
-def gyrostat(platform: Platform, state: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """Euler's equations of a body with wheels under gravity, state q, w, Omega."""
-    q, rate, spin = state[:4] / np.linalg.norm(state[:4]), state[4:7], state[7:]
+def gyrostat(platform: Platform) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """Euler's equations of a body with wheels under gravity, of a state q, w, Omega and torques."""
     axes = np.stack([wheel.axis for wheel in platform.wheels])
     rotor = np.array([wheel.inertia for wheel in platform.wheels])
-    gravity_body = rotate(conjugate(q), np.array([0.0, 0.0, -platform.gravity]))
-    momentum = platform.inertia @ rate + (rotor * spin) @ axes
-    external = np.cross(platform.center_of_mass_offset, gravity_body)
-    body = platform.inertia - axes.T @ np.diag(rotor) @ axes
-    acceleration = np.linalg.solve(body, external - np.cross(rate, momentum) - torque @ axes)
-    turn = 0.5 * multiply(q, np.concatenate([[0.0], rate]))
-    return np.concatenate([turn, acceleration, torque / rotor - axes @ acceleration])
+    body = np.linalg.inv(platform.inertia - axes.T @ np.diag(rotor) @ axes)
+    down = np.array([0.0, 0.0, -platform.gravity])
+
+    def slope(state: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        q, rate, spin = state[:4] / np.linalg.norm(state[:4]), state[4:7], state[7:]
+        momentum = platform.inertia @ rate + (rotor * spin) @ axes
+        external = cross(platform.center_of_mass_offset, rotate(conjugate(q), down))
+        acceleration = body @ (external - cross(rate, momentum) - torque @ axes)
+        turn = 0.5 * multiply(q, np.array([0.0, *rate]))
+        return np.concatenate([turn, acceleration, torque / rotor - axes @ acceleration])
+
+    return slope
 
 
 def integrate(platform: Platform, state: np.ndarray, torques: np.ndarray) -> np.ndarray:
     """The state after holding each row of `torques` for one control period."""
+    slope = gyrostat(platform)
     for torque in torques:
         solver = DOP853(
-            lambda _, y, u=torque: gyrostat(platform, y, u),
+            lambda _, y, u=torque: slope(y, u),
             0.0,
             state,
             platform.tick,
