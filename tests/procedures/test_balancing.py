@@ -66,6 +66,34 @@ def test_run_has_the_same_phases_alone_as_among_others():
     assert said == [line.split(", ", 1)[1] for line in alone[0].said]
 
 
+def test_masses_stay_where_their_law_balances_the_body_and_not_where_noise_last_sent_them():
+    procedure = balancing(CUBESAT, 1, way="masses", target=4.3e-5, workers=0)
+    phases, left = set[Phase](), list[np.ndarray]()
+
+    class AfterTheLaw:
+        """The offset while the body settles once its law is done."""
+
+        def collect(self, tick: Tick) -> None:
+            (notes,) = procedure.lab.notes.runs
+            phases.add(notes.phase)
+            if Phase.level in phases and notes.phase is Phase.settle:
+                left.append(tick.truth["truth_center_of_mass_offset"].value[0, 0])
+
+    start = InitialState(center_of_mass_offset=random_offsets(CUBESAT, 5, 2)[1:])
+    fly(
+        SimulatedPlant(CUBESAT, runs=[1], seed=5, initial=start),
+        load_estimator("filter"),
+        procedure,
+        Hold(),
+        SimulatedClock(),
+        duration=400.0,
+        observers=[procedure.lab.logbook, AfterTheLaw()],
+    )
+    print(f"{left[-1] * 1e6 / CUBESAT.mass} um")
+    # what the gyro's noise asks of the masses at any instant is some micrometres
+    assert np.abs(left[-1][:2]).max() < 1e-6 * CUBESAT.mass
+
+
 def test_a_body_that_swings_slowly_is_seen_to_rest_though_its_gyro_is_noisy():
     platform, n = load_platform("whorl2"), 20
     noise = platform.sensors["gyro"].noise

@@ -46,6 +46,10 @@ GUESSES = np.array([1.0, 2.0, 0.5, 0.25])
 """Sizes of an m r that nobody knows, to begin the first fit from; in parts of what the masses at
 their lower end give alone."""
 
+AVERAGED = 0.125
+"""Of the level phase over which the masses' places are averaged: at any instant its law has them
+where the gyro's noise wants them, too, and there they would stay."""
+
 DAMPED = (Phase.lower, Phase.settle, Phase.identify, Phase.move, Phase.judge)
 SWINGING = (Phase.nudge, Phase.back, Phase.swing)
 WAITING = (Phase.lower, Phase.settle, Phase.nudge, Phase.back, Phase.move)
@@ -145,6 +149,8 @@ class Balancing(Controller[Progress]):
         self._level(now, levelling, time)
         self._nudge(now, rested & ~levelling, estimate, time)
         over = (was == Phase.level) & (lasted > self.level_for)
+        if not self.level_once:
+            now.goal = np.where(over[:, None], now.smooth, now.goal)
         now.levelled = now.levelled | over
         self._enter(now, over, Phase.settle, time)
         aside = (was == Phase.nudge) & there & (lasted > THERE + kit.aside_for(now.stiffness))
@@ -189,6 +195,8 @@ class Balancing(Controller[Progress]):
             goal = part.pop("command_stage_position", None)
             if goal is not None:
                 now.goal = np.where(rows[:, None], goal, now.goal)
+                share = kit.platform.tick / (AVERAGED * self.level_for)
+                now.smooth = now.smooth + share * (now.goal - now.smooth)
             put(command, part, rows)
         command["command_stage_position"] = now.goal.copy()
         return command
@@ -211,6 +219,7 @@ class Balancing(Controller[Progress]):
             return
         fresh = self.level.init(now.kit.platform, len(rows))
         now.states["level"] = renewed(now.states["level"], fresh, rows)
+        now.smooth = np.where(rows[:, None], now.goal, now.smooth)
         self._enter(now, rows, Phase.level, time)
 
     def _nudge(self, now: Progress, rows: Mask, estimate: Estimate, time: float) -> None:

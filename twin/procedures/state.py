@@ -32,6 +32,8 @@ class Progress:
     """(n, 3) of the body, smoothed [rad/s]."""
     goal: Array
     """(n, stages) where the masses are to be [m]."""
+    smooth: Array
+    """(n, stages) where the law of the level phase has them, its noise averaged out [m]."""
     rest: Array
     """(n, stages) where they go back to after a nudge [m]."""
     stiffness: Array
@@ -68,6 +70,7 @@ class Progress:
             away_until=np.zeros(n),
             rate=np.zeros((n, 3)),
             goal=np.zeros((n, stages)),
+            smooth=np.zeros((n, stages)),
             rest=np.zeros((n, stages)),
             stiffness=np.zeros(n),
             amplitude=np.zeros(n),
