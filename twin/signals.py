@@ -82,6 +82,9 @@ STREAMS: dict[str, Stream] = {
 }
 """The canonical streams (docs/design.md 4.2). `wanted_*` has the unit of its `command_*`."""
 
+OF_MOTION = ("attitude", "inclinometer", "gyro", "joint_angle", "joint_rate")
+"""Streams that show how the base moves."""
+
 DERIVED = ("command_", "wanted_", "truth_", "estimate_", "reference_", "loop_")
 """Streams that no sensor measured begin so: their scatter is no noise."""
 

@@ -10,6 +10,8 @@ import pytest
 from scipy.stats import binom
 
 from twin.conventions import check_conventions
+from twin.conventions.time_base import check_times
+from twin.errors import UsageError
 from twin.platform import Platform, load_platform
 from twin.units import unit_named
 
@@ -80,6 +82,8 @@ def test_times_that_are_all_of_them_in_another_unit_are_named(sads, right_logs, 
     sentences = [finding.sentence for finding in check_conventions(wrong, sads)]
     assert any(f"look like {unit}, read as s" in sentence for sentence in sentences), sentences
     assert not any("gyro looks like" in sentence for sentence in sentences), sentences
+    with pytest.raises(UsageError, match=f"look like {unit}, read as s; write time_unit"):
+        check_times(wrong, sads)
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ import secrets
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from twin.conventions import check_conventions
 from twin.identify import identify
@@ -32,8 +33,9 @@ def test_the_base_is_found_in_a_log_that_paused_and_nothing_in_it_looks_misread(
     whole = flown.logs[0]
     parted = paused(whole, whole["gyro"].time[0] + 31.0, pause)
     assert not check_conventions(parted, stated)
-    found, once = identify([parted], stated), identify([whole], stated)
+    found = identify([parted], stated)
     assert len(found.recordings) == 2
-    sigma = np.sqrt(np.diag(once.covariance))[:9]
-    # what is lost is what ties the two stretches together
-    assert np.all(np.abs(found.theta[:9] - once.theta[:9]) < 4.0 * sigma)
+    error = found.theta[:9] - flown.truth
+    distance = float(error @ np.linalg.solve(found.covariance[:9, :9], error))
+    assert distance < chi2.ppf(0.999, 9), "found, but not where its intervals say"
+    assert (found.half_widths[:9] < 0.1 * found.base.scale[:9]).all(), "its intervals say nothing"

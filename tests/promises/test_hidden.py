@@ -53,6 +53,13 @@ def test_a_scale_factor_of_the_gyro_is_named_and_sized():
     is_named_and_sized(hidden.drawn(SHORT, "gyro_scale_factor", 6000.0, rng), SEED)
 
 
+def test_a_wheel_far_from_its_stated_inertia_is_sized_along_the_motion_that_it_makes():
+    """Along the one without it a wheel that is e heavier looks e / (1 + e) heavier."""
+    rng = np.random.default_rng(SEED)
+    effect = effect_named("wheel_inertia_error").typical("w2")
+    is_named_and_sized(replace(effect, error=rng.uniform(0.025, 0.035)), SEED)
+
+
 def is_named_and_sized(effect, seed: int) -> None:
     found = diagnosed(SHORT, [effect], seed)
     (members,) = named(found)

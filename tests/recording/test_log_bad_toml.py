@@ -55,6 +55,10 @@ ROWS = "t,x,y,z\n0,1,2,3\n1,4,5,6\n2,7,8,9\n"
             "log.toml:4: streams.gyro.time_unit is 3; give a text in quotes",
         ),
         (
+            GYRO + "noise = 0.0\n",
+            "log.toml:4: streams.gyro.noise is 0; give what a sample scatters by, or leave it out",
+        ),
+        (
             GYRO + 'scale = "auto"\n',
             "log.toml:4: streams.gyro.scale is 'auto'; give a number",
         ),

@@ -20,10 +20,10 @@ from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of, in_order_of
 from twin.predict.body import Body, body_of
 from twin.predict.log.motion import motion_of
-from twin.predict.log.pauses import longest_of
 from twin.predict.log.possible import check_possible
 from twin.predict.parameters.base import BaseParameters
 from twin.recording import Recording
+from twin.recording.pauses import longest_of
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]

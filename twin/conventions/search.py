@@ -14,8 +14,8 @@ from twin.conventions.joint import joint_findings
 from twin.conventions.time_base import time_unit_changes
 from twin.conventions.turning import NEAR, Turning, far_lags, turning_of
 from twin.platform import Platform
-from twin.predict.log.pauses import longest_of
 from twin.recording import Recording
+from twin.recording.pauses import longest_of
 from twin.units import STANDARD_GRAVITY
 
 SIGNIFICANT = 8.0

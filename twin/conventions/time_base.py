@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from twin.conventions.correction import Correction
+from twin.errors import UsageError
 from twin.platform import Platform
 from twin.recording import Recording
 
@@ -48,6 +49,21 @@ def time_unit_changes(recording: Recording, platform: Platform | None) -> list[C
         for name, power in wrong.items()
         if power
     ]
+
+
+def check_times(recording: Recording, platform: Platform) -> None:
+    """Whether times can be in seconds, before anything is made of their differences.
+
+    Raises:
+        UsageError: they look like another unit of time.
+    """
+    wrong = time_unit_changes(recording, platform)
+    if wrong:
+        unit = dict(wrong[0].keys)["time_unit"]
+        raise UsageError(
+            f'{recording.source}: {wrong[0].words}; write time_unit = "{unit}" under it in '
+            "log.toml (`twin show` says it of each stream)"
+        )
 
 
 def _stretched(spans: dict[str, float]) -> Iterator[tuple[str, int]]:

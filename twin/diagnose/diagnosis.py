@@ -27,9 +27,9 @@ from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of
 from twin.predict.body import body_of
 from twin.predict.log.motion import motion_of
-from twin.predict.log.pauses import pieces_of
 from twin.predict.whitening.innovations import Innovations, Problem
 from twin.recording import Recording
+from twin.recording.pauses import pieces_of
 
 Say = Callable[[str], None]
 

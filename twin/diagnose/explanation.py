@@ -14,7 +14,7 @@ from twin.diagnose.candidates import Candidate, looked_among
 from twin.diagnose.determined import determined
 from twin.diagnose.law import Law
 from twin.diagnose.layout import Layout
-from twin.diagnose.moves import between, distance, held, largest, unseen, whole
+from twin.diagnose.moves import between, farthest, held, in_sigmas, largest, unseen, whole
 from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import BiasEffect, Effect
@@ -32,23 +32,25 @@ Array = NDArray[np.float64]
 
 ROUNDS = 6
 """Times that the effects' columns are formed anew where the last fit found them."""
-WORSE = 3.0
-"""Cost by which that may not do as well as the last fit foretold; else they had moved too far."""
+WORSE, IN_ALL = 3.0, 1e-4
+"""Cost, and share of what effects explain, by which that may not do as well as was foretold; else
+they had moved too far."""
 IDLE = 0.5
 """Change of the cost that says that the columns were right."""
 LEAST = 0.1
 """Share of such a move below which no more is tried."""
 AGAIN = 2
-"""Times that a fit begins anew where it ended, its effects still far from where their columns were
+"""Times that a fit begins anew where it ended, AWAY standard deviations from where columns were
 formed: a push's force and place may add up to its torque along their columns, and not in truth."""
 AWAY = 3.0
-"""How far that is, in standard deviations."""
+LARGE = 30.0
+"""Standard deviations of an effect's amplitudes, beyond which columns are formed anew along its own
+motion in any case: a thirtieth of it is one of them."""
 SETTLED = 0.1
 """Move of an effect, in standard deviations, at which they need not be."""
-SIZED = 4
-"""Times that the size is sought of what answers to the path that it makes."""
-ALIKE = 0.1
-"""Share of its size by which that may still change."""
+SIZED, ALIKE = 4, 0.1
+"""Times that the size is sought of what answers to the path that it makes, and the share of it by
+which that may still change."""
 NEAR = 0.1
 """Where a fit is likelier by no more than this a sample, its path is a third of the noise away at
 most, and what else was asked does there what it did before."""
@@ -323,13 +325,16 @@ def _explained(
     """Such a fit, and how far its effects ended from where their columns were formed."""
     now = _fitted(bodies, base, effects, tuple(laws), start, follows=follows)
     formed_at, share = effects, 1.0
-    for _ in range(ROUNDS if effects else 0):
-        if _far(formed_at, now) < SETTLED or share < LEAST:
+    sigmas = in_sigmas(now.effects, now.free, now.covariances)
+    for rounds in range(ROUNDS if effects else 0):
+        # a large effect leads along another motion than that along which its columns were formed
+        as_foretold = not follows or rounds > 0 or sigmas < LARGE
+        if (as_foretold and _far(formed_at, now) < SETTLED) or share < LEAST:
             break
         there = between(formed_at, now.effects, share)
         tried = _fitted(now.following, base, there, now.laws, now.at, follows=follows, before=now)
         settled = _far(there, tried) < SETTLED
-        if follows and not settled and tried.cost > now.cost + WORSE:
+        if follows and not settled and tried.cost > now.cost + WORSE + IN_ALL * sigmas**2:
             share *= 0.5
             continue
         fallen = abs(now.cost - tried.cost)
@@ -340,13 +345,8 @@ def _explained(
 
 
 def _far(formed_at: Sequence[Effect], now: Explanation) -> float:
-    """How far effects have moved from where their columns were formed, in standard deviations."""
-    return max(
-        distance((after.values - first.values)[free], spread)
-        for after, first, free, spread in zip(
-            now.effects, formed_at, now.free, now.covariances, strict=True
-        )
-    )
+    """From where their columns were formed, in standard deviations."""
+    return farthest(formed_at, now.effects, now.free, now.covariances)
 
 
 def _fitted(

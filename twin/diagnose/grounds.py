@@ -11,10 +11,11 @@ from twin.identify.excitation import BLIND
 from twin.identify.prediction_error import NORMAL
 from twin.platform import Platform
 from twin.predict.body import Body
-from twin.predict.log.possible import OF_MOTION, OF_PARTS, check_possible, source_of
+from twin.predict.log.possible import OF_PARTS, check_possible
 from twin.predict.log.ranges import within_range
 from twin.predict.parameters.base import BaseParameters
 from twin.recording import Recording
+from twin.signals import OF_MOTION
 from twin.units import printed
 
 Array = NDArray[np.float64]
@@ -43,7 +44,7 @@ def check_logs(recordings: Sequence[Recording], platform: Platform) -> None:
         empty = [name for name, series in recording.items() if not len(series)]
         if empty:
             raise UsageError(
-                f"{source_of(recording)}: {'; '.join(said)}; nothing is left of "
+                f"{recording.source}: {'; '.join(said)}; nothing is left of "
                 f"{', '.join(empty)}: look at its unit, or at the range in platform.toml"
             )
         _check_parts(recording, platform)
@@ -94,7 +95,7 @@ def _check_parts(recording: Recording, platform: Platform) -> None:
         for name in streams:
             if name in recording and bool(np.any(recording[name].value)):
                 raise UsageError(
-                    f"{source_of(recording)} has {name}, but {platform.name} has no {parts}: name "
+                    f"{recording.source} has {name}, but {platform.name} has no {parts}: name "
                     "the log's own machine, or add the parts to its folder"
                 )
 
@@ -106,7 +107,7 @@ def _check_alive(recording: Recording) -> None:
         value = recording[name].value
         if bool((value == value[:1]).all()):
             raise UsageError(
-                f"{source_of(recording)}: {name} is the same in all {len(value)} rows, which tells "
+                f"{recording.source}: {name} is the same in all {len(value)} rows, which tells "
                 "nothing of a machine that moves; if the sensor was off, leave the stream out"
             )
 
@@ -124,7 +125,7 @@ def _check_ranges(recording: Recording) -> None:
                     continue
                 size = printed(abs(end), series.unit)
                 raise UsageError(
-                    f"{source_of(recording)}: {np.count_nonzero(at)} of {len(at)} rows of {name} "
+                    f"{recording.source}: {np.count_nonzero(at)} of {len(at)} rows of {name} "
                     f"{column} are exactly {printed(end, series.unit)} and none is beyond: it "
                     f"looks like the end of the sensor's range. State `range` = {abs(end):.6g} "
                     f"({size}) under [sensors.{name}] in platform.toml, and such rows are left out"

@@ -77,6 +77,34 @@ def whole(
     return found
 
 
+def in_sigmas(
+    effects: Sequence[Effect],
+    free: Sequence[NDArray[np.bool_]],
+    covariances: Sequence[Array],
+) -> float:
+    """How far the largest effect's amplitudes are from none, given the covariances of what was
+    fitted of each effect; 0 without any."""
+    sizes = [0.0]
+    for effect, fitted, spread in zip(effects, free, covariances, strict=True):
+        own = amplitudes(effect)[fitted]
+        if own.any():
+            sizes.append(distance(effect.values[fitted][own], spread[np.ix_(own, own)]))
+    return max(sizes)
+
+
+def farthest(
+    before: Sequence[Effect],
+    after: Sequence[Effect],
+    free: Sequence[NDArray[np.bool_]],
+    covariances: Sequence[Array],
+) -> float:
+    """How far effects have moved at most, likewise."""
+    return max(
+        distance((now.values - then.values)[fitted], spread)
+        for then, now, fitted, spread in zip(before, after, free, covariances, strict=True)
+    )
+
+
 def distance(step: Array, spread: Array) -> float:
     """Of a step, in standard deviations."""
     return float(np.sqrt(max(step @ np.linalg.pinv(spread, hermitian=True) @ step, 0.0)))

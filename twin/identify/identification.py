@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.conventions.time_base import check_times
 from twin.errors import UnknownName, UsageError
 from twin.identify.excitation import (
     Excitation,
@@ -34,13 +35,13 @@ from twin.platform import Platform, in_gravity_of, in_order_of, taken_as_at_rest
 from twin.predict.body import body_of
 from twin.predict.effects.perturbation import Perturbation
 from twin.predict.log.motion import motion_of
-from twin.predict.log.pauses import pieces_of
 from twin.predict.log.possible import check_possible
 from twin.predict.log.ranges import within_range
 from twin.predict.log.scales import Scaled
 from twin.predict.parameters.base import BaseParameters
 from twin.predict.whitening.innovations import Problem, Unknowns
 from twin.recording import Recording
+from twin.recording.pauses import pieces_of
 
 Array = NDArray[np.float64]
 
@@ -192,8 +193,11 @@ def ground_of(recordings: Sequence[Recording], platform: Platform) -> Ground:
         raise UsageError("no log is given")
     platform = in_gravity_of(recordings, platform)
     machine = compile_model(platform)
-    whole = [piece for recording in recordings for piece in pieces_of(recording)]
-    ordered = [in_order_of(platform, recording.without_truth()) for recording in whole]
+    for recording in recordings:
+        check_times(recording, platform)
+        check_possible(recording, platform)
+    pieces = [piece for recording in recordings for piece in pieces_of(recording)]
+    ordered = [in_order_of(platform, recording.without_truth()) for recording in pieces]
     checked = [within_range(recording, platform) for recording in ordered]
     for recording, _ in checked:
         check_possible(recording, platform)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from twin.platform.parts import Platform
 from twin.recording import Recording
+from twin.signals import OF_MOTION
 
 PARTS = {
     "wheels": (
@@ -23,6 +24,18 @@ PARTS = {
     "motor": (("command_joint_torque",), "no torque of it: taken as off"),
 }
 """Kind of part -> the streams that a prediction takes it from, and what it is without them."""
+
+FROM_NOTHING = (
+    "command_joint_torque",
+    "command_wheel_torque",
+    "command_wheel_duty",
+    "command_dipole",
+    "command_thruster",
+    "command_gimbal_rate",
+)
+"""Commands that are nothing until the first of them."""
+LATE = 0.5
+"""By how much such a record may begin after the motion's before it is spoken of [s]."""
 
 
 def taken_as_at_rest(recordings: Sequence[Recording], platform: Platform) -> tuple[str, ...]:
@@ -45,7 +58,24 @@ def taken_as_at_rest(recordings: Sequence[Recording], platform: Platform) -> tup
                     f"{platform.name} has {_listed(kind, parts)}; {name} has {without}. Unless "
                     f"that is so, add {' or '.join(streams[:2])}."
                 )
+        said += [
+            f"{stream} of {name} begins {late:.3g} s after the motion: taken as nothing until "
+            "then. If its recorder only started late, cut the log there."
+            for stream in FROM_NOTHING
+            if (late := begins_late(recording, stream))
+        ]
     return tuple(said)
+
+
+def begins_late(recording: Recording, stream: str) -> float:
+    """Time from the first that is seen of the motion to a command's first row, where that is so
+    long that nothing was commanded meanwhile; else 0 [s]."""
+    shown = [float(recording[s].time[0]) for s in OF_MOTION if s in recording and len(recording[s])]
+    if stream not in FROM_NOTHING or stream not in recording or not shown:
+        return 0.0
+    told = recording[stream].time
+    late = float(told[0]) - min(shown) if len(told) else 0.0
+    return late if late > LATE else 0.0
 
 
 def _names(platform: Platform, kind: str) -> tuple[str, ...]:

@@ -333,6 +333,8 @@ def _noise(table: Table, canonical: Stream | None) -> Array | None:
     if "noise" not in table:
         return None
     unit = canonical.unit if canonical else "its SI unit"
-    if isinstance(table.raw("noise"), list):
-        return table.numbers("noise", None, low=0.0, unit=unit)
-    return table.numbers("noise", 1, low=0.0, unit=unit)
+    size = None if isinstance(table.raw("noise"), list) else 1
+    noise = table.numbers("noise", size, low=0.0, unit=unit)
+    if not noise.all():
+        raise table.fail("noise", "is 0", "give what a sample scatters by, or leave it out")
+    return noise

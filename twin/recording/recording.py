@@ -88,6 +88,11 @@ class Recording(Mapping[str, Series]):
         return unit_named(stated.get("unit") or self[name].unit).si
 
     @property
+    def source(self) -> str:
+        """What it is called in a message: its file or folder."""
+        return str(self.provenance.get("source", "the log"))
+
+    @property
     def start(self) -> float:
         """Time of the first row [s]; NaN when there is none."""
         return min((s.time[0] for s in self.streams.values() if len(s)), default=float("nan"))

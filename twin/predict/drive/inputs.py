@@ -21,6 +21,7 @@ from twin.plant.limits import Limits
 from twin.platform import Platform, Sensor
 from twin.predict.drive.faults import less_drive_faults
 from twin.predict.drive.profiles import Course, profile
+from twin.predict.drive.told import as_told
 from twin.predict.drive.travelled import travelled
 from twin.predict.drive.unread import between_readings
 from twin.predict.log.motion import Motion, smoothed_series
@@ -346,11 +347,8 @@ class Inputs:
     def _stream(self, recording: Recording, name: str, width: int) -> Series | None:
         if width == 0 or name not in recording:
             return None
-        series = recording[name]
-        if len(series) == 1 and name.startswith("command_") and series.time[0] < recording.stop:
-            # it holds until the next, so to the end
-            stands = np.append(series.time, recording.stop)
-            series = replace(series, time=stands, value=np.repeat(series.value, 2, axis=0))
+        told = name.startswith("command_")
+        series = as_told(recording, name) if told else recording[name]
         if len(series) < 2:
             return None
         if len(series.columns) != width:

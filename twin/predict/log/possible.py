@@ -6,6 +6,7 @@ from twin.errors import UsageError
 from twin.platform import Platform
 from twin.predict.log.motion import Motion
 from twin.recording import Recording
+from twin.signals import OF_MOTION
 
 OF_PARTS = {
     "wheels": ("wheel_speed", "command_wheel_torque", "command_wheel_speed", "command_wheel_duty"),
@@ -15,9 +16,6 @@ OF_PARTS = {
     "magnetorquers": ("command_dipole",),
 }
 """Streams that only a machine with such parts has."""
-
-OF_MOTION = ("attitude", "inclinometer", "gyro", "joint_angle", "joint_rate")
-"""Streams that show how the base moves."""
 
 BEYOND = 10.0
 """Times what a part can do at which its unit is doubted."""
@@ -55,7 +53,7 @@ def _check_sizes(recording: Recording, platform: Platform) -> None:
         reached, able = float(np.abs(series.value).max()), float(max(most, default=np.inf))
         if reached > BEYOND * able:
             raise ImpossibleLog(
-                f"{source_of(recording)}: {name} reaches {reached:.3g} {series.unit}, where "
+                f"{recording.source}: {name} reaches {reached:.3g} {series.unit}, where "
                 f"{platform.name} can at most {able:.3g} {series.unit}: it looks like "
                 f"m{series.unit}, read as {series.unit}; state its unit in log.toml"
             )
@@ -64,18 +62,20 @@ def _check_sizes(recording: Recording, platform: Platform) -> None:
 def _check_clocks(recording: Recording, platform: Platform) -> None:
     """All that the prediction uses must share time with what shows the motion."""
     hinge = platform.base.kind == "hinge"
-    shows = next((s for s in (OF_MOTION[3:] if hinge else OF_MOTION[:2]) if s in recording), None)
-    if shows is None:
+    shown = [s for s in (OF_MOTION[3:] if hinge else OF_MOTION[:3]) if s in recording]
+    shown = [s for s in shown if len(recording[s])]
+    if not shown:
         return
+    shows = max(shown, key=lambda s: recording[s].time[-1] - recording[s].time[0])
     main = recording[shows].time
     for name in (*OF_MOTION, *platform.commands, *(s for two in OF_PARTS.values() for s in two)):
-        if name not in recording or len(recording[name]) == 0:
+        if name == shows or name not in recording or len(recording[name]) == 0:
             continue
         time = recording[name].time
         # what was commanded before still holds
-        if time[0] >= main[-1] or (time[-1] <= main[0] and not name.startswith("command_")):
+        if time[0] > main[-1] or (time[-1] < main[0] and not name.startswith("command_")):
             raise ImpossibleLog(
-                f"{source_of(recording)}: {name} runs from {time[0]:.6g} to {time[-1]:.6g} s, "
+                f"{recording.source}: {name} runs from {time[0]:.6g} to {time[-1]:.6g} s, "
                 f"{shows} from {main[0]:.6g} to {main[-1]:.6g} s; they share no time: bring them "
                 "to one clock"
             )
@@ -93,14 +93,9 @@ def check_within_stop(recording: Recording, platform: Platform, motion: Motion) 
     most = int(np.argmax(lean))
     if lean[most] > platform.stop_angle + BEYOND_STOP:
         raise ImpossibleLog(
-            f"{source_of(recording)}: {platform.name} leans {np.degrees(lean[most]):.3g} deg at "
+            f"{recording.source}: {platform.name} leans {np.degrees(lean[most]):.3g} deg at "
             f"{motion.time[most]:.4g} s, and platform.toml has a stop at "
             f"{np.degrees(platform.stop_angle):.3g} deg: set the angle of [tilt_stop] to where it "
             "touches, or leave the stop out; if it never leaned so far, `twin show` tells what is "
             "read wrongly"
         )
-
-
-def source_of(recording: Recording) -> str:
-    """What a log is called in a message."""
-    return str(recording.provenance.get("source", "the log"))

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from twin.predict.log.pauses import longest_of, pieces_of
 from twin.recording import Recording, Series
+from twin.recording.pauses import longest_of, pieces_of
 
 
 def log(*stretches: tuple[float, float], rate: float = 50.0) -> Recording:

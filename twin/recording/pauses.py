@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.predict.log.possible import OF_MOTION, source_of
-from twin.recording import Recording, Series
+from twin.recording.recording import Recording, Series
+from twin.signals import OF_MOTION
 
 PAUSE = 5.0
 """Without a sample of the motion that parts a log [s]; shorter ones are predicted through."""
@@ -42,7 +42,7 @@ def pieces_of(recording: Recording) -> list[Recording]:
     first, *others = (_piece(recording, *span) for span in spans)
     longest = int(pauses[np.argmax(interval[pauses])])
     sentence = (
-        f"{source_of(recording)}: nothing shows the motion from {time[longest]:.6g} to "
+        f"{recording.source}: nothing shows the motion from {time[longest]:.6g} to "
         f"{time[longest + 1]:.6g} s: it is taken as {_counted(len(spans))}"
     )
     left_out = len(starts) - len(spans)
@@ -67,7 +67,7 @@ def _piece(recording: Recording, start: float, stop: float) -> Recording:
         name: (_held if name.startswith("command_") else _cut)(series, start, stop)
         for name, series in recording.items()
     }
-    source = f"{source_of(recording)}, {start:.6g} to {stop:.6g} s"
+    source = f"{recording.source}, {start:.6g} to {stop:.6g} s"
     return replace(
         recording,
         streams={name: series for name, series in streams.items() if len(series)},
