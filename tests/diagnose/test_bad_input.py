@@ -186,7 +186,11 @@ def test_streams_on_two_clocks_are_told(log, said):
 @pytest.mark.parametrize("command", ["show", "identify", "compare"])
 @pytest.mark.parametrize(
     ("stream", "factor", "moved", "problem"),
-    [("gyro", 1.0, 1000.0, "share no time"), ("command_wheel_torque", 1e3, 0.0, "looks like mN m")],
+    [
+        ("gyro", 1.0, 1000.0, "share no time"),
+        ("gyro", 0.0, 0.0, "gyro is the same in all"),
+        ("command_wheel_torque", 1e3, 0.0, "looks like mN m"),
+    ],
 )
 def test_what_no_verdict_is_built_on_no_other_command_takes_either(
     log, capsys, command, stream, factor, moved, problem

@@ -31,8 +31,8 @@ def time_unit_changes(recording: Recording, platform: Platform | None) -> list[C
     wrong: dict[str, int | None] = {name: power for name, power in _stretched(spans) if power}
     expected = {name: _expected_power(recording, platform, name) for name in spans}
     known = {power for power in expected.values() if power is not None}
-    if not wrong and len(known) == 1:
-        # all of them may be off alike
+    if not wrong and len(known) == 1 and max(known) < 0:
+        # all of them may be off alike: forgotten, not stated in vain
         wrong = dict.fromkeys(spans, known.pop())
     elif 2 * len(wrong) >= len(spans):
         # no majority: what a sensor's rate should be decides
@@ -57,7 +57,7 @@ def check_times(recording: Recording, platform: Platform) -> None:
     Raises:
         UsageError: they look like another unit of time.
     """
-    wrong = time_unit_changes(recording, platform)
+    wrong = [one for one in time_unit_changes(recording, platform) if one.time_factor < 1.0]
     if wrong:
         unit = dict(wrong[0].keys)["time_unit"]
         raise UsageError(
