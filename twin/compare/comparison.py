@@ -165,5 +165,4 @@ def name_of(comparison: Comparison) -> str:
 
 def log_name(recording: Recording) -> str:
     """A log's own name: that of its folder or file."""
-    source = str(recording.provenance.get("source", "the log"))
-    return source.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1]
+    return recording.source.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1]

@@ -14,7 +14,7 @@ from twin.conventions.joint import joint_findings
 from twin.conventions.time_base import time_unit_changes
 from twin.conventions.turning import NEAR, Turning, far_lags, turning_of
 from twin.platform import Platform
-from twin.recording import Recording, Series
+from twin.recording import Recording
 from twin.recording.pauses import longest_of
 from twin.signals import OF_MOTION
 from twin.units import STANDARD_GRAVITY
@@ -64,13 +64,10 @@ def _scaled(recording: Recording) -> Recording:
     kept = {
         name: series
         for name, series in recording.items()
-        if not (stated(recording, name).get("fit_scale") or _is_dead(name, series))
+        if not stated(recording, name).get("fit_scale")
+        and not (name in OF_MOTION and series.stands_still)
     }
     return replace(recording, streams=kept)
-
-
-def _is_dead(name: str, series: Series) -> bool:
-    return name in OF_MOTION and len(series) > 1 and bool((series.value == series.value[:1]).all())
 
 
 def _choose(body: Body, ranked: list[Hypothesis]) -> list[ConventionFinding]:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.diagnose.explanation import Explanation
 from twin.errors import UsageError
@@ -15,8 +14,6 @@ from twin.predict.log.possible import OF_PARTS, check_possible
 from twin.predict.log.ranges import within_range
 from twin.predict.parameters.base import BaseParameters
 from twin.recording import Recording
-
-Array = NDArray[np.float64]
 
 ENOUGH = 60
 """Numbers that logs must hold for each unknown. With fewer, the noise and the motion along which

@@ -20,7 +20,7 @@ def platform_of(recording: Recording) -> Platform:
         PlatformError: its platform.toml is wrong.
     """
     name = recording.provenance.get("platform")
-    source = recording.provenance.get("source", "the log")
+    source = recording.source
     if not isinstance(name, str):
         raise UsageError(
             f"{source} names no platform; add `platform` to its log.toml, or name the machine with "

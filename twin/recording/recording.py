@@ -40,6 +40,11 @@ class Series:
         """Median rate [Hz]; NaN with fewer than two rows."""
         return float(1.0 / np.median(np.diff(self.time))) if len(self) > 1 else float("nan")
 
+    @property
+    def stands_still(self) -> bool:
+        """Whether there are several rows, and all the same."""
+        return len(self) > 1 and bool((self.value == self.value[:1]).all())
+
     def between(self, start: float, stop: float) -> "Series":
         """The rows with start <= time < stop."""
         first, last = np.searchsorted(self.time, [start, stop])

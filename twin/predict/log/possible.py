@@ -119,13 +119,11 @@ def check_within_stop(recording: Recording, platform: Platform, motion: Motion) 
 
 def _check_alive(recording: Recording) -> None:
     for name in OF_MOTION:
-        if name not in recording or len(recording[name]) < 2:
-            continue
-        value = recording[name].value
-        if bool((value == value[:1]).all()):
+        if name in recording and recording[name].stands_still:
             raise ImpossibleLog(
-                f"{recording.source}: {name} is the same in all {len(value)} rows, which tells "
-                "nothing of a machine that moves; if the sensor was off, leave the stream out"
+                f"{recording.source}: {name} is the same in all {len(recording[name])} rows, "
+                "which tells nothing of a machine that moves; if the sensor was off, leave the "
+                "stream out"
             )
 
 
