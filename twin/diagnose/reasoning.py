@@ -42,6 +42,9 @@ ASTRAY = 0.1
 """A fit that is less likely by more than this a sample than the one it began from has lost it."""
 NAMELESS = 6.0
 """-2 log of how probable a law without a name is beforehand, beside all those of the catalogue."""
+SHADOW = NAMELESS + TIED
+"""What a cause beside such laws must bring, or it is taken for a part of them: what has no name may
+well have several terms, and is nameless once."""
 
 
 @dataclass(frozen=True)
@@ -96,9 +99,12 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     if line.now.follows and (line.now.effects or line.left.chance < DOUBTFUL):
         say("laws without a name")
         line = _with_laws(line)
-        if len(line.now.effects) > 1:
-            # causes that stand in for a law may have hidden it
-            line = _with_laws(Line(plain, search, every), than=line)
+        # causes that stand in for a law may have hidden it
+        bare = Line(plain, search, every)
+        if line.now.effects and line.now.laws:
+            line = _with_laws(bare, than=line, lead=-SHADOW)
+        elif len(line.now.effects) > 1:
+            line = _with_laws(bare, than=line)
     needed = _needed_only(line.now, line.search.limit)
     if needed is line.now:
         return line
@@ -166,7 +172,7 @@ def _lawful(
         return None
     say("laws without a name")
     causes = Line(plain, search, asked)
-    found = _with_laws(causes, beyond=search.evidence(search.best()))
+    found = _with_laws(causes, lead=TIED + search.evidence(search.best()))
     return found if found is not causes and found.left.chance > DOUBTFUL else None
 
 
@@ -323,13 +329,13 @@ def _guesses(
     return found
 
 
-def _with_laws(line: Line, than: Line | None = None, beyond: float = 0.0) -> Line:
+def _with_laws(line: Line, than: Line | None = None, lead: float = TIED) -> Line:
     """With laws without a name, where they explain more than causes: in place of some or beside.
 
     Args:
         line: what they are weighed beside.
         than: what they must be better than, if not that.
-        beyond: evidence that they must bring besides.
+        lead: by how much they must promise to be better; below zero, how much worse they may be.
     """
     now, laws = line.now, laws_of(line.now.bodies)
     than = than or line
@@ -341,7 +347,7 @@ def _with_laws(line: Line, than: Line | None = None, beyond: float = 0.0) -> Lin
     best = search.best()
     found = [laws[index - len(now.own)] for index in best if index >= len(now.own)]
     more = search.evidence(best) - search.evidence(now.own)
-    if not found or line.score - more > than.score - TIED - beyond:
+    if not found or line.score - more > than.score - lead:
         return than
     kept = [effect for index, effect in enumerate(now.effects) if index in best]
     there = _followed(now, kept, found)
@@ -350,7 +356,7 @@ def _with_laws(line: Line, than: Line | None = None, beyond: float = 0.0) -> Lin
     # their columns were formed along a motion that lacked them
     there = _followed(there, there.effects, there.laws) or there
     lawful = Line(there, search_from(there, line.asked), line.asked, more)
-    return lawful if lawful.score < than.score else than
+    return lawful if lawful.score < than.score - min(lead, 0.0) else than
 
 
 def _unlikely(laws: Sequence[Law]) -> float:
