@@ -65,8 +65,29 @@ GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
             "export seconds (since 1970, say), or the table as .parquet with a timestamp",
         ),
         (
-            "t;x;y;z\n0;1;2;3\n",
-            "gyro.csv:1: separates its columns by semicolons; save it with commas",
+            "t,x,y,z\n0,0,1,0,2,0,3,0\n",
+            "gyro.csv:2: is a row of 8 under 4 column names; "
+            "write decimal points, or separate the columns by semicolons",
+        ),
+        (
+            "t,x,y,z\n0,1,2,3,\n1,1,2,3,\n",
+            "gyro.csv:2: is a row of 5 under 4 column names; "
+            "its last ',' ends no column: end all rows alike",
+        ),
+        (
+            "t,x,y,z\n[s],[deg/s],[deg/s],[deg/s]\n0,1,2,3\n",
+            "gyro.csv:2: holds no number, but '[s],[deg/s],[deg/s],[deg/s]'; "
+            "delete it; units go into log.toml, one a stream",
+        ),
+        (
+            "t;x;y;z\n0;0,5;1;1\n1;0.5;1;1\n",
+            "gyro.csv:3: column 'x' holds '0.5', which is no finite number; "
+            "write the number, or delete the row",
+        ),
+        (
+            "x,y,z,Time [s]\n1,2,3,0\n1,2,3,1\n",
+            "log.toml:3: streams.gyro.file has its times in 'x', its first column, unless `time` "
+            "names another, and one is called 'Time [s]'; add `time = \"Time [s]\"` (or \"x\")",
         ),
         ("t,x,x,z\n0,1,2,3\n", "gyro.csv:1: names two columns 'x'; give each its own name"),
         (

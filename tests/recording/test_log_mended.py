@@ -47,3 +47,9 @@ def test_rows_without_a_number_are_left_out_and_counted(folder_with, tmp_path: P
 def test_rows_left_out_keep_the_times_of_a_file_without_times(folder_with, tmp_path: Path):
     log = read_log(folder_with(tmp_path, GYRO + "rate = 2.0\n", gyro="x,y,z\n1,2,3\n,,\n4,5,6\n"))
     np.testing.assert_array_equal(log["gyro"].time, [0.0, 1.0])
+
+
+def test_a_last_row_that_was_cut_is_left_out_and_said(folder_with, tmp_path: Path):
+    log = read_log(folder_with(tmp_path, GYRO, gyro="t,x,y,z\n0,1,1,1\n1,2,2,2\n2,3,"))
+    np.testing.assert_array_equal(log["gyro"].time, [0.0, 1.0])
+    assert log.repairs == ("gyro.csv:4: a last row that was cut short left out",)

@@ -34,6 +34,18 @@ def test_a_shipped_log_reads_without_repair(name: str, rows: int, end: float):
     assert log["joint_angle"].columns == ("pivot",)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [ROWS.replace(",", ";"), ROWS.replace(",", "\t"), "t;x;y;z\n0;1;2,0;3\n1;4;5;6e0\n2;7,;8;9\n"],
+)
+def test_columns_may_be_separated_by_semicolons_or_tabs_and_numbers_have_commas_then(
+    folder_with, tmp_path: Path, text: str
+):
+    log = read_log(folder_with(tmp_path, GYRO, gyro=text))
+    np.testing.assert_array_equal(log["gyro"].time, [0.0, 1.0, 2.0])
+    np.testing.assert_array_equal(log["gyro"].value, np.arange(1.0, 10.0).reshape(3, 3))
+
+
 def test_log_toml_itself_may_be_named(folder_with, tmp_path: Path):
     folder = folder_with(tmp_path, GYRO, gyro=ROWS)
     assert len(read_log(folder / "log.toml")["gyro"]) == 3

@@ -1,6 +1,7 @@
 """One [streams.NAME] of a log.toml, checked key by key, and the series in the file it names."""
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ EULER = ("yaw", "pitch", "roll")
 QUATERNIONS = LAYOUTS[:2]
 TWICE = 3e-3
 """A scale that is so near to its unit's factor (0.0175 of a degree) converts a second time."""
+_CLOCK = re.compile(r"(t|stamp|time(stamp)?(_\w+)?)(\W|$)", re.IGNORECASE)
 LISTED = 8
 """Columns that an error names; of more it says how many."""
 
@@ -152,7 +154,18 @@ class Entry:
         return files.open(self.path, unit=self.si, variable=self.variable, topic=self.topic)
 
     def _clock(self, file: NumberFile) -> str | None:
-        return (self.time or file.time) if np.isnan(self.rate) else None
+        """The column of times; None where `rate` gives them."""
+        if self.time or not np.isnan(self.rate):
+            return self.time
+        named = [name for name in file.header if _CLOCK.match(name)]
+        if named and file.time not in (*named, *file.clocks):
+            raise self.table.fail(
+                "file",
+                f"has its times in {file.time!r}, its first column, unless `time` names another, "
+                f"and one is called {named[0]!r}",
+                f"add `time = {json.dumps(named[0])}` (or {json.dumps(file.time)})",
+            )
+        return file.time
 
     def _rest(self, file: NumberFile) -> tuple[str, ...]:
         """Every column but the clock, as the file has them."""

@@ -23,6 +23,9 @@ LONGEST_LINE = 1 << 20
 BLOCK = 1 << 16
 """Read at once [bytes]."""
 
+SEPARATORS = (",", ";", "\t")
+"""Of columns: that of which the first row has most."""
+
 BLANKS = ["", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL"]
 """How programs write that there is no number."""
 
@@ -47,12 +50,17 @@ class CsvFile(NumberFile):
                 path, "is not UTF-8 text", "save it as CSV in UTF-8", line=line
             ) from None
         text = self._content.split(b"\n", 1)[0].decode("utf-8").rstrip("\r")
+        self._separator = max(SEPARATORS, key=text.count)
+        below = self._content[len(text.encode()) :]
+        # where commas separate no columns, a number may have one
+        self._point = "," if self._separator != "," and b"," in below else "."
         try:
-            header = next(csv.reader([text]), [])
+            header = next(csv.reader([text], delimiter=self._separator), [])
         except csv.Error as problem:
             raise LogError(path, f"has no column names ({problem})", "add them", line=1) from None
         super().__init__(path, [name.strip() for name in header])
-        _check_header(path, self.header, text, _second_line(self._content))
+        _check_header(path, self.header, text, self._cells(_second_line(self._content)))
+        self._leave_out_what_was_cut()
 
     def numbers(self, names: Sequence[str]) -> Array:
         for name in names:
@@ -63,10 +71,12 @@ class CsvFile(NumberFile):
             table = arrow_csv.read_csv(
                 pa.BufferReader(self._content),
                 read_options=arrow_csv.ReadOptions(column_names=self.header, skip_rows=1),
+                parse_options=arrow_csv.ParseOptions(delimiter=self._separator),
                 convert_options=arrow_csv.ConvertOptions(
                     include_columns=list(names),
                     column_types=dict.fromkeys(names, pa.float64()),
                     null_values=BLANKS,
+                    decimal_point=self._point,
                 ),
             )
         except pa.ArrowInvalid as problem:
@@ -104,11 +114,20 @@ class CsvFile(NumberFile):
         )
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
-        reader = csv.reader(io.StringIO(self._content.decode("utf-8")))
-        next(reader)
-        for row in reader:
-            if row:
-                yield reader.line_num, row
+        text = io.StringIO(self._content.decode("utf-8"))
+        reader = csv.reader(text, delimiter=self._separator)
+        try:
+            next(reader)
+            for row in reader:
+                if row:
+                    yield reader.line_num, row
+        except csv.Error as problem:
+            raise LogError(
+                self.path, f"is no row ({problem})", "save it as CSV again", line=reader.line_num
+            ) from None
+
+    def _cells(self, line: str) -> list[str]:
+        return line.split(self._separator) if line.strip() else []
 
     def _first_error(self, names: Sequence[str]) -> LogError | None:
         places = [(name, self.header.index(name)) for name in names]
@@ -117,13 +136,43 @@ class CsvFile(NumberFile):
                 return LogError(
                     self.path,
                     f"is a row of {len(row)} under {len(self.header)} column names",
-                    "complete the row or delete it",
+                    self._remedy(row),
+                    line=line,
+                )
+            if index == 0 and not any(self._is_number(cell) for cell in row):
+                return LogError(
+                    self.path,
+                    f"holds no number, but {_quoted(self._separator.join(row))}",
+                    "delete it; units go into log.toml, one a stream",
                     line=line,
                 )
             for name, place in places:
-                if row[place] not in BLANKS and not _is_finite(row[place]):
+                if not self._is_number(row[place]):
                     return self._not_finite(index, name, row[place].strip())
         return None
+
+    def _remedy(self, row: Sequence[str]) -> str:
+        """What would do about a row that is longer or shorter than the first."""
+        if len(row) == 2 * len(self.header) and self._separator == ",":
+            return "write decimal points, or separate the columns by semicolons"
+        if len(row) == len(self.header) + 1 and not row[-1].strip():
+            return f"its last {self._separator!r} ends no column: end all rows alike"
+        return "complete the row or delete it"
+
+    def _is_number(self, text: str) -> bool:
+        """Or none at all, as programs write it."""
+        if self._point == ",":
+            text = text.replace(".", "?").replace(",", ".")
+        return _is_number(text)
+
+    def _leave_out_what_was_cut(self) -> None:
+        """A last row that lacks columns and its end was being written when the recorder stopped."""
+        start = self._content.rfind(b"\n") + 1
+        last = self._content[start:].decode("utf-8")
+        if start and 0 < len(self._cells(last)) < len(self.header):
+            line = self._content.count(b"\n") + 1
+            self._content = self._content[:start]
+            self.repairs = (f"{self.path.name}:{line}: a last row that was cut short left out",)
 
 
 def _content(path: Path) -> bytes:
@@ -166,16 +215,16 @@ def _second_line(content: bytes) -> str:
     return content[start : None if stop < 0 else stop].decode("utf-8").rstrip("\r")
 
 
-def _check_header(path: Path, header: tuple[str, ...], text: str, below: str) -> None:
+def _check_header(path: Path, header: tuple[str, ...], text: str, below: Sequence[str]) -> None:
     """
     Args:
         path: of the file.
         header: the names in its first row.
         text: that row.
-        below: the next.
+        below: the cells of the next.
     """
-    cells, spaced = below.split(","), below.split()
-    numbers = len(cells) == len(header) and all(map(_is_number, cells))
+    spaced = below[0].split() if len(below) == 1 else []
+    numbers = len(below) == len(header) and all(map(_is_number, below))
     # numpy.savetxt puts the mark before the names themselves
     if header and header[0].startswith("#") and not numbers:
         raise LogError(
@@ -192,12 +241,6 @@ def _check_header(path: Path, header: tuple[str, ...], text: str, below: str) ->
             "save it with commas",
             line=1,
         )
-    if len(header) == 1:
-        for mark, name in ((";", "semicolons"), ("\t", "tabs")):
-            if mark in header[0]:
-                raise LogError(
-                    path, f"separates its columns by {name}", "save it with commas", line=1
-                )
     if any(_is_finite(name) for name in header):
         raise LogError(
             path,
