@@ -87,7 +87,7 @@ GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
         (
             "x,y,z,Time [s]\n1,2,3,0\n1,2,3,1\n",
             "log.toml:3: streams.gyro.file has its times in 'x', its first column, unless `time` "
-            "names another, and one is called 'Time [s]'; add `time = \"Time [s]\"` (or \"x\")",
+            'names another, and one is called \'Time [s]\'; add `time = "Time [s]"` (or "x")',
         ),
         ("t,x,x,z\n0,1,2,3\n", "gyro.csv:1: names two columns 'x'; give each its own name"),
         (

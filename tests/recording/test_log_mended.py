@@ -53,3 +53,24 @@ def test_a_last_row_that_was_cut_is_left_out_and_said(folder_with, tmp_path: Pat
     log = read_log(folder_with(tmp_path, GYRO, gyro="t,x,y,z\n0,1,1,1\n1,2,2,2\n2,3,"))
     np.testing.assert_array_equal(log["gyro"].time, [0.0, 1.0])
     assert log.repairs == ("gyro.csv:4: a last row that was cut short left out",)
+
+
+def test_a_hinge_that_is_wrapped_at_a_turn_turns_on_and_one_that_jumps_otherwise_stays(
+    folder_with, tmp_path: Path
+):
+    time = np.arange(200) / 50.0
+    turned = 9.0 * np.sin(0.8 * time)
+    toml = '[streams.joint_angle]\nfile = "angle.csv"\naxes = ["pivot"]\nunit = "deg"\n'
+
+    def read(angles):
+        rows = zip(time, np.rad2deg(angles), strict=True)
+        text = "t,angle\n" + "".join(f"{t:.17g},{angle:.17g}\n" for t, angle in rows)
+        return read_log(folder_with(tmp_path, toml, angle=text))
+
+    log = read((turned + np.pi) % (2.0 * np.pi) - np.pi)
+    np.testing.assert_allclose(log["joint_angle"].value[:, 0], turned, atol=1e-12)
+    assert log.repairs == ("joint_angle (angle.csv): 2 jumps of a whole turn taken out",)
+    spiked = np.where(np.arange(200) == 100, 4.0, 0.1 * time)
+    log = read(spiked)
+    np.testing.assert_allclose(log["joint_angle"].value[:, 0], spiked, atol=1e-12)
+    assert log.repairs == ()

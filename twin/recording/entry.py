@@ -15,6 +15,7 @@ from twin.recording.formats import ENDINGS, NumberFile, OpenFiles
 from twin.recording.quaternions import DIRECTIONS, LAYOUTS, attitude
 from twin.recording.recording import Series
 from twin.recording.rows import Rows, mended
+from twin.recording.turns import CONTINUOUS, unwrapped
 from twin.signals import LOGGED, Stream, stream_named
 from twin.units import Unit, unit_named
 
@@ -143,6 +144,9 @@ class Entry:
         if layout and names == WXYZ:
             scaled = Rows(rows.time, value, rows.origin, ())
             value, more = attitude(scaled, layout, self.world_to_body, file, where)
+            repairs = (*repairs, *more)
+        if self.name in CONTINUOUS:
+            value, more = unwrapped(value, where)
             repairs = (*repairs, *more)
         if self.noise is not None and len(self.noise) not in (1, 3 if layout else len(names)):
             problem = f"has {len(self.noise)} numbers for {len(names)} columns"
