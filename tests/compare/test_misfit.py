@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from twin.compare.misfit import autocorrelation, whiteness
+from twin.compare.misfit import Misfit, autocorrelation, whiteness
+from twin.report.words import quiet_sentences
 
 SEED = 20261123
 
@@ -25,3 +26,15 @@ def test_a_slow_wobble_of_half_the_noise_is_called_coloured():
     noise = rng.standard_normal((2, 2000))
     wobble = lfilter([np.sqrt(1.0 - 0.95**2)], [1.0, -0.95], noise[0])
     assert whiteness(autocorrelation(noise[1] + 0.5 * wobble), 2000) < 1e-4
+
+
+def test_noise_that_was_stated_too_large_is_told_unless_chance_or_a_few_percent_explain_it():
+    def part(column: str, chi2: float, sigmas: float) -> Misfit:
+        none = np.zeros(0)
+        return Misfit("gyro", column, 1000, chi2, 0.9, 1.1, sigmas, none, 1.0, none, none, none)
+
+    (said,) = quiet_sentences([part("x", 0.25, -30.0), part("y", 0.7, -1.0), part("z", 0.95, -9.0)])
+    assert "gyro x (chi-square 0.25)" in said
+    assert "gyro y" not in said
+    assert "gyro z" not in said
+    assert quiet_sentences([part("x", 1.0, 0.0)]) == []

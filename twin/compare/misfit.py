@@ -22,6 +22,8 @@ FALSE_ALARM = 0.01
 ROUNDED = 0.9
 """Share of a column's noise that its own steps make: what rounding leaves of a slow motion is no
 white noise, and nothing is missing."""
+QUIET = 0.8
+"""Chi-square a sample below which noise was stated so large that intervals show it."""
 BLOCKS = 20
 """Of time, that a log is cut into."""
 
@@ -97,6 +99,12 @@ def is_noise(found: Sequence[Misfit]) -> bool:
     """Whether no column leaves more than noise, beyond the chance of a false alarm."""
     limit = float(norm.ppf(1.0 - FALSE_ALARM / max(len(found), 1)))
     return all(part.sigmas < limit for part in found)
+
+
+def quiet(found: Sequence[Misfit]) -> list[Misfit]:
+    """Columns that leave far less than their stated noise, which was stated too large."""
+    limit = float(norm.isf(FALSE_ALARM / max(len(found), 1)))
+    return [part for part in found if part.sigmas < -limit and part.chi2 < QUIET]
 
 
 def coloured(found: Sequence[Misfit]) -> list[Misfit]:

@@ -16,7 +16,7 @@ from twin.identify.prediction_error import NORMAL
 from twin.platform import taken_as_at_rest
 from twin.predict.effects.columns import amplitudes
 from twin.report.next_experiment import experiment_sentence
-from twin.report.words import MEANINGFUL
+from twin.report.words import MEANINGFUL, quiet_sentences
 from twin.units import fitting, printed, three_digits
 
 FAR = 0.5
@@ -37,6 +37,7 @@ def diagnosed(found: Diagnosis) -> list[str]:
         said.append(equation_sentence(found.equation))
     if found.explained.follows:
         said += _left(found.remainder)
+        said += quiet_sentences(found.explained.account.misfits)
     said.append(_gain(found))
     said += _base(found)
     said += _rejected(found)

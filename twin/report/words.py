@@ -1,6 +1,6 @@
 """What a comparison found, in sentences with numbers as a person writes them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ from scipy.stats import norm
 from twin.compare import Comparison, Transfer, name_of
 from twin.compare.account import Account
 from twin.compare.explanation import Side, Strength
-from twin.compare.misfit import coloured
+from twin.compare.misfit import Misfit, coloured, quiet
 from twin.compare.missed import StreamError, disturbed, stream_errors
 from twin.compare.selection import FALSE_ALARM
 from twin.compare.symptoms import Domain
@@ -49,6 +49,7 @@ def sentences(comparison: Comparison) -> list[str]:
             said += _laws(comparison, comparison.refitted, "With the base refitted")
     said += _symptoms(comparison)
     said += _colour(comparison)
+    said += quiet_sentences(comparison.best.explained.misfits)
     said += _disturbed(comparison)
     said += _free_runs(comparison)
     said += _biases(comparison)
@@ -198,6 +199,17 @@ def _colour(comparison: Comparison) -> list[str]:
     columns = [f"{part.stream} {part.column}" for part in found]
     small = "something small" if comparison.best.explained.follows else "something"
     return [f"What is left of {_listed(columns)} is no white noise: {small} is still missing."]
+
+
+def quiet_sentences(found: Sequence[Misfit]) -> list[str]:
+    """Of noise that was stated too large, and what comes of that."""
+    parts = [f"{part.stream} {part.column} (chi-square {part.chi2:.2g})" for part in quiet(found)]
+    if not parts:
+        return []
+    return [
+        f"Less is left than the stated noise of {_listed(parts)}: intervals are wider than these "
+        "logs would allow, and small causes may stay unseen."
+    ]
 
 
 def _biases(comparison: Comparison) -> list[str]:
