@@ -132,6 +132,7 @@ def compile_model(platform: Platform) -> Machine:
     # Each of their sites would be moved at every stage of RK4: sixteen are a twentieth of a step.
     taken_out = () if floats else tuple(thruster.name for thruster in platform.thrusters)
     model = load_mjcf(platform.model_path, visuals=False, without=taken_out, edits=edits)
+    _tell_frames_apart(model)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     model.opt.timestep = platform.step
     model.opt.gravity[:] = (0.0, 0.0, -platform.gravity)
@@ -277,8 +278,23 @@ def set_mass_properties(
     model.body_ipos[base_body] = anchor_in_body + to_body @ center
     model.body_iquat[base_body] = quat
     model.body_inertia[base_body] = moments
-    model.body_sameframe[base_body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
-    mujoco.mj_setConst(model, data)
+    set_constants(model)
+
+
+def set_constants(model: mujoco.MjModel) -> None:
+    """MuJoCo's `mj_setConst`, with each body's centre of mass exactly where it is.
+
+    MuJoCo takes one that lies within 1e-6 m of its body's origin to lie there: of 40 kg that is
+    0.4 mN m, more than a balanced machine has left.
+    """
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    _tell_frames_apart(model)
+
+
+def _tell_frames_apart(model: mujoco.MjModel) -> None:
+    turned = (model.body_iquat[:, 1:] != 0.0).any(axis=1)
+    apart = turned | (model.body_ipos != 0.0).any(axis=1)
+    model.body_sameframe[apart] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
 
 
 def _sliding(platform: Platform, model: mujoco.MjModel, base_body: int) -> Sliding:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from twin.effects import BodyEffect, State, effect_named, parse_effects, with_effects
+from twin.model import compile_model, mass_properties
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
@@ -24,14 +25,15 @@ GYRO_MASS = 13.0
 """Of a gimbal of `tas2` with its rotor [kg]."""
 
 DRIFT, SAG, SLOSH = "center_of_mass_drift=1e-3/-2e-3/3e-3", "structural_sag=0.1", "liquid_slosh"
-GYROS = "gimbal_center_of_mass_offset=0.3/-0.2"
-WHEELS = "wheel_imbalance=0.02/1e-3"
+GYRO = "gimbal_center_of_mass_offset"
+GYROS = f"{GYRO}=0.3/-0.2"
+WHEELS, SLIGHT = "wheel_imbalance=0.02/1e-3", "wheel_imbalance=3e-7/0"
 CASES = {
-    "sads": (DRIFT, SAG, SLOSH, WHEELS, f"{DRIFT},{SAG},{SLOSH},wheel_imbalance:w2=0.02/0",
+    "sads": (DRIFT, SAG, SLOSH, WHEELS, SLIGHT, f"{DRIFT},{SAG},{SLOSH},wheel_imbalance:w2=0.02/0",
              "flexible_appendage", "residual_dipole", "wheel_misalignment=0.1/-0.2/0.3"),
     "cubesat": (DRIFT, SAG, "liquid_slosh=0.05/0.03/0.01/0.02/0/-0.02"),
     "whorl2": (DRIFT, SAG, WHEELS),
-    "tas2": ("gimbal_center_of_mass_offset:g2=0.3/-0.2", f"{GYROS},{DRIFT},{SAG},{SLOSH}"),
+    "tas2": (f"{GYRO}=3e-7/-2e-7", f"{GYRO}:g2=0.3/-0.2", f"{GYROS},{DRIFT},{SAG},{SLOSH}"),
     "astros": (GYROS, f"{GYROS},{WHEELS},{SLOSH}", f"{DRIFT},{SAG}"),
     "astros:mode_c": (f"{GYROS},{SAG}",),
 }  # fmt: skip
@@ -126,6 +128,25 @@ def test_gyros_that_a_mjcf_has_out_of_balance_turn_m_r(tmp_path: Path):
     first, *rest = shipped.stages
     stages = (replace(first, mass=first.mass + GYRO_MASS), *rest)
     compare(replace(load_platform(folder), stages=stages))
+
+
+def test_a_bus_whose_own_centre_is_less_than_a_micrometre_off_its_origin_is_felt():
+    platform = load_platform("whorl1")
+    machine = compile_model(platform)
+    bus, model = machine.base_body, machine.model
+    model.body_ipos[bus], model.body_iquat[bus] = (3e-7, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    wanted = mass_properties(model, bus)
+    offset = wanted.center_of_mass_offset
+    exact = replace(platform, inertia=wanted.inertia, center_of_mass_offset=offset)
+    felt = mass_properties(compile_model(exact).model, bus).center_of_mass_offset
+    np.testing.assert_allclose(felt, offset, rtol=0.0, atol=1e-14)
+    each = InitialState(center_of_mass_offset=np.stack([offset, offset + 1e-3]))
+    plants = [SimulatedPlant(exact), SimulatedPlant(exact, runs=[0, 1], initial=each)]
+    for plant in plants:
+        plant.read(0.0)
+        plant.read(1.0)
+    alone, among = (plant.truth()["truth_rate"].value[0] for plant in plants)
+    np.testing.assert_allclose(among, alone, rtol=1e-9)
 
 
 def test_a_drift_is_in_the_true_m_r():

@@ -28,6 +28,7 @@ def set_offsets(batch: Batch, machine: Machine, offsets: Array) -> None:
     """
     views = {name: batch.expand(name) for name in _FIELDS}
     platform = machine.platform
+    frames = np.empty_like(views["body_sameframe"])
     for run, offset in enumerate(offsets):
         model = copy.copy(machine.model)
         try:
@@ -41,4 +42,7 @@ def set_offsets(batch: Batch, machine: Machine, offsets: Array) -> None:
             ) from None
         for name, view in views.items():
             view[run] = getattr(model, name)
+        frames[run] = model.body_sameframe
     batch.set_const()
+    # which takes a centre of mass within 1e-6 m of its body's origin to lie there
+    views["body_sameframe"][:] = frames
