@@ -14,7 +14,7 @@ from twin.effects import effect_named, effects_of
 from twin.errors import UsageError
 from twin.platform import load_platform
 from twin.recording import open_log
-from twin.report import diagnosed, diagnosis_document, write_diagnosis
+from twin.report import diagnosed, diagnosis_document, validated, write_diagnosis
 
 STIFFNESS = 0.05
 
@@ -126,6 +126,27 @@ def test_another_log_gains_too(found, logs):
     gain = validate(found, open_log(logs / "second.rrd"))
     assert gain.log_likelihood > 200.0
     assert gain.after < gain.before
+
+
+def test_a_log_that_was_misread_is_validated_as_it_should_be_read_and_that_is_said(found, logs):
+    log = open_log(logs / "second.rrd")
+    gyro = replace(log["gyro"], value=log["gyro"].value * [1.0, 1.0, -1.0])
+    misread = replace(log, streams={**log.streams, "gyro": gyro})
+    gain, right = validate(found, misread), validate(found, log)
+    assert gain.log_likelihood == pytest.approx(right.log_likelihood, rel=1e-6)
+    assert "Gyro's z axis points the other way" in validated(gain)
+    assert right.conventions == ()
+
+
+def test_of_a_validating_log_with_a_pause_the_longest_part_is_looked_at(found, logs):
+    log = open_log(logs / "second.rrd")
+    parts = {
+        name: replace(series, time=np.where(series.time > 12.0, series.time + 3600.0, series.time))
+        for name, series in log.streams.items()
+    }
+    gain = validate(found, replace(log, streams=parts))
+    assert gain.log_likelihood > 100.0
+    assert any("the longest is looked at" in repair for repair in gain.repairs)
 
 
 def test_the_page_says_what_the_terminal_says(found, tmp_path):

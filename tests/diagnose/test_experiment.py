@@ -90,9 +90,12 @@ def rival(platform):
 
 @pytest.fixture(scope="module")
 def found(platform, tied, rival):
+    """Beside a cause that only scatters, and is in no prediction."""
     (effect,), one = tied.effects, np.ones(1)
     cause = Cause(effect, one > 0.0, one, one, 20.0, 20.0, 0.5, (Tie(RIVAL, 1.0),))
-    return next_experiment(platform, tied, [cause], [rival], lambda _: None)
+    scatter = effect_named("stage_vibration").typical("s1")
+    beside = Cause(scatter, one > 0.0, one, one, 20.0, 20.0, 1.0, ())
+    return next_experiment(platform, tied, [cause, beside], [rival], lambda _: None)
 
 
 def test_the_log_is_tied(tied, rival):

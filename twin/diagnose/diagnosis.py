@@ -6,19 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.compare.free_run import HORIZONS, FreeRun, free_run
-from twin.conventions import ConventionFinding, check_conventions, corrected
+from twin.conventions import ConventionFinding
 from twin.diagnose.candidates import Candidate, Candidates, candidates_of
 from twin.diagnose.cause import Cause, Equation, Tried, causes_of, equation_of, tried_of
 from twin.diagnose.experiment import Experiment, next_experiment
 from twin.diagnose.explanation import Explanation, explain
 from twin.diagnose.grounds import check_logs, check_numbers, check_seen
 from twin.diagnose.held_out import HeldOut, held_out
+from twin.diagnose.reading import read_rightly
 from twin.diagnose.reasoning import Line, reason
 from twin.diagnose.remainder import Remainder
 from twin.diagnose.scatter import scatter_causes
 from twin.effects import BiasEffect, Effect
 from twin.errors import UsageError
-from twin.identify.calibrate import calibrated
 from twin.identify.momentum import momentum_fit
 from twin.identify.prediction_error import Fit, fit_disturbed
 from twin.identify.start import base_of, first_biases, first_theta
@@ -100,12 +100,9 @@ def diagnose(
     platform = in_gravity_of(recordings, platform)
     check_logs(recordings, platform)
     say("conventions and noise")
-    pieces = [piece for recording in recordings for piece in pieces_of(recording.without_truth())]
-    logs = [calibrated(piece, platform) for piece in pieces]
-    conventions = [tuple(check_conventions(log, platform)) for log in logs]
-    # a late clock is a cause, and is fitted beside the others
-    conventions = [tuple(one for one in found if one.kind != "clock_lag") for found in conventions]
-    logs = [corrected(log, list(found)) for log, found in zip(logs, conventions, strict=True)]
+    pieces = [piece for recording in recordings for piece in pieces_of(recording)]
+    read = [read_rightly(piece, platform) for piece in pieces]
+    logs = [log for log, _ in read]
     noise = tuple(finding for log in logs for finding in noise_findings(log, platform))
     say("the base")
     plain = plain_of(logs, platform)
@@ -125,7 +122,7 @@ def diagnose(
     found = Diagnosis(
         platform,
         tuple(logs),
-        tuple(finding for found in conventions for finding in found),
+        tuple(finding for _, findings in read for finding in findings),
         noise,
         plain,
         now,

@@ -98,7 +98,10 @@ def next_experiment(
         None without ties, or where nothing can be foretold: no model follows the logs, laws without
         a name take part, or nothing excites the machine.
     """
-    ties = {cause.effect.label: [tie.label for tie in cause.ties] for cause in causes}
+    # what only scatters has no column, and no ties
+    own = {effect.label for effect in now.effects}
+    named = [cause for cause in causes if cause.effect.label in own]
+    ties = {cause.effect.label: [tie.label for tie in cause.ties] for cause in named}
     tied = {label for labels in ties.values() for label in labels}
     if not tied or now.laws or not now.follows:
         return None
@@ -121,8 +124,8 @@ def next_experiment(
     if best is None:
         return None
     repeated = behind([log, log], now.amplitudes, traces, ties)
-    named = tuple(label for label, rivals in ties.items() if rivals)
-    return Experiment(best[0].command, best[0].duration, named, best[1], repeated)
+    unsure = tuple(label for label, rivals in ties.items() if rivals)
+    return Experiment(best[0].command, best[0].duration, unsure, best[1], repeated)
 
 
 def behind(

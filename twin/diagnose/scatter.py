@@ -49,7 +49,9 @@ def scatter_causes(now: Explanation, taken: Sequence[Effect] = ()) -> tuple[Caus
 
 def _cause(now: Explanation, effect: ScatterEffect, taken: Sequence[Effect]) -> Cause | None:
     every = (*effects_of(now.bodies[0].machine.platform), *taken)
-    others = [one for one in every if isinstance(one, ScatterEffect)]
+    others = [
+        one for one in every if isinstance(one, ScatterEffect) and one.acts_on == effect.acts_on
+    ]
     squares: list[Array] = []
     added: list[Array] = []
     stated: list[Array] = []

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.compare.free_run import HORIZONS, FreeRun, free_run
+from twin.conventions import ConventionFinding
 from twin.diagnose.diagnosis import Diagnosis
 from twin.diagnose.explanation import Explanation
-from twin.identify.calibrate import calibrated
+from twin.diagnose.reading import read_rightly
 from twin.identify.prediction_error import fit
 from twin.identify.start import first_biases
 from twin.model import compile_model
@@ -22,6 +23,7 @@ from twin.predict.log.motion import motion_of
 from twin.predict.whitening.apart import fit_apart
 from twin.predict.whitening.innovations import Problem
 from twin.recording import Recording
+from twin.recording.pauses import longest_of
 
 
 @dataclass(frozen=True)
@@ -34,24 +36,32 @@ class Validation:
     """Chi-square of the innovations a sample, with the base that was found without any cause."""
     after: float
     free_runs: Mapping[float, FreeRun | None]
+    conventions: tuple[ConventionFinding, ...]
+    """What the log was misread by."""
+    repairs: tuple[str, ...]
+    """Of it, and which part of it was looked at."""
 
 
 def validate(diagnosis: Diagnosis, recording: Recording) -> Validation:
-    """Predict another log of the same machine with what was found.
+    """Predict another log of the same machine with what was found; of one with pauses the longest
+    part.
 
     Raises:
         UsageError: the log lacks the streams that the prediction needs.
     """
-    log = calibrated(recording.without_truth(), diagnosis.platform)
+    log, conventions = read_rightly(longest_of(recording), diagnosis.platform)
     before, after = (
         _held(one, log, diagnosis.platform) for one in (diagnosis.plain, diagnosis.explained)
     )
     samples = before.bodies[0].samples
     return Validation(
-        0.5 * (before.cost - after.cost),
+        # by one scatter: where both models lose the motion, each has its own
+        0.5 * (before.now.cost - after.now.cost) / after.account.inflation,
         _chi2(before) / samples,
         _chi2(after) / samples,
         {horizon: free_run(horizon, before.account, after.account) for horizon in HORIZONS},
+        conventions,
+        log.repairs,
     )
 
 

@@ -263,7 +263,10 @@ def _not_asked(why: Mapping[str, str]) -> list[str]:
 
 def validated(gain: Validation) -> str:
     """What was gained on a log that took no part."""
-    return (
+    read = [finding.sentence for finding in gain.conventions]
+    read += [f"Repaired on reading: {repair}." for repair in gain.repairs]
+    worth = (
         f"On the log that took no part: {gain.log_likelihood:.0f} nats gained, chi-square "
         f"{gain.before:.4f} to {gain.after:.4f} a sample.{_free_runs(gain.free_runs)}"
     )
+    return " ".join((*read, worth))

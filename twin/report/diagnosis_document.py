@@ -115,4 +115,6 @@ def _validation(gain: Validation) -> dict[str, Any]:
         "log_likelihood": gain.log_likelihood,
         "chi2_per_sample": {"before": gain.before, "after": gain.after},
         "free_run": free_run_document(gain.free_runs),
+        "conventions": [finding.sentence for finding in gain.conventions],
+        "repairs": list(gain.repairs),
     }
