@@ -24,6 +24,7 @@ from twin.identify.prediction_error import NORMAL, Fit, fit, fit_disturbed
 from twin.identify.scale import (
     ROUNDS,
     Scale,
+    as_taken,
     change_of,
     scaled_together,
     scales_of,
@@ -233,6 +234,7 @@ def _by_prediction_error(ground: Ground) -> Identification:
         if not all(scale.known for scale in told):
             # nothing tells them: as guessed, so that the rest may be told under that guess
             found, misfit = _fitted(base, full, scaled, ())
+            told = as_taken(told, scaled)
             break
         change, settled = change_of(found, told)
         if settled:

@@ -8,7 +8,7 @@ amplitude and scale apart.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -148,3 +148,17 @@ def scales_of(
         # of the logarithm, which is what is near to normal
         scales.append(Scale(name, unit, value, value * np.exp(-half), value * np.exp(half)))
     return tuple(scales)
+
+
+def as_taken(scales: Sequence[Scale], scaled: Sequence[Scaled]) -> tuple[Scale, ...]:
+    """Scales as logs have them: one that they do not tell is what was guessed, and may be any."""
+    return tuple(
+        scale
+        if scale.known
+        else replace(scale, value=abs(_factor_of(scale.stream, scaled)), low=0.0, high=np.inf)
+        for scale in scales
+    )
+
+
+def _factor_of(stream: str, scaled: Sequence[Scaled]) -> float:
+    return next(log.factor[stream] for log in scaled if stream in log.factor)

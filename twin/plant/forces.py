@@ -110,19 +110,32 @@ class Forces:
         if not self._laws:
             batch.rollout(steps, control, spec, record=[_STATE], ids=ids, out={_STATE: states})
             return
-        failure: SimulationError | None = None
-        step = self._machine.platform.step
-        for k in range(steps):
-            held = control[:, k : k + 1]
-            held[:, 0, self._machine.base_dof] += self._torque(batch, runs, time + k * step)
-            after = np.empty((len(runs), 1, states.shape[2]))
+        self._step_by_step(batch, control, spec, time, states, runs)
+
+    def _step_by_step(
+        self, batch: Batch, control: Array, spec: int, time: Array, states: Array, runs: Index
+    ) -> None:
+        """With torques that answer to the state; `runs` (m,), the rest as in `rollout`."""
+        failures: list[SimulationError] = []
+        left: slice | Index = slice(None)  # the rows of those that have not failed
+        for k in range(control.shape[1]):
+            held = control[left, k : k + 1]
+            held[:, 0, self._machine.base_dof] += self._torque(
+                batch, runs[left], time[left] + k * self._machine.platform.step
+            )
+            after = np.empty((len(held), 1, states.shape[2]))
             try:
-                batch.rollout(1, held, spec, record=[_STATE], ids=ids, out={_STATE: after})
+                batch.rollout(1, held, spec, record=[_STATE], ids=runs[left], out={_STATE: after})
             except SimulationError as problem:
-                failure = problem
-            states[:, k] = after[:, 0]
-        if failure is not None:
-            raise failure
+                failures.append(problem)
+            states[left, k] = after[:, 0]
+            if failures:
+                # one that was taken up again would be a step behind
+                left = np.flatnonzero(~np.isin(runs, _failed(failures)))
+                if not len(left):
+                    break
+        if failures:
+            raise SimulationError(_failed(failures), str(failures[0])) from failures[0]
 
     def _pushes(self, runs: Index, steps: int, time: Array) -> Array:
         """(m, steps, 6 nbody) forces and torques on all bodies."""
@@ -160,3 +173,7 @@ class Forces:
         middle = 1.5 * now - 0.5 * self._last[runs]
         self._last[runs] = now
         return middle
+
+
+def _failed(failures: Sequence[SimulationError]) -> Index:
+    return np.unique(np.concatenate([one.ids for one in failures]))
