@@ -3,10 +3,11 @@
 import shutil
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
-from twin.diagnose.extension import give_joints
+from twin.diagnose.extension import give_inertial, give_joints
 from twin.library import library
 from twin.model import compile_model
 from twin.platform import load_platform
@@ -25,3 +26,28 @@ def test_joints_are_written_with_the_damping_and_stiffness_that_were_fitted(tmp_
     assert model.dof_damping[0] == pytest.approx(fitted["damping of line"])
     assert model.jnt_stiffness[0] == pytest.approx(fitted["stiffness of line"])
     assert model.dof_damping[1] == pytest.approx(fitted["damping of wheel"])
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        '<inertial pos="0 0 0" mass="9" diaginertia="1 1 1"/>{parts}',
+        '<inertial mass="9" diaginertia="1 1 1"\n pos="0 0 0" ></inertial>{parts}',
+        '{parts}<inertial pos="0 0 0" mass="9" diaginertia="1 1 1"/>',
+    ],
+    ids=["before the parts", "with an end of its own", "after the parts"],
+)
+def test_the_bus_is_given_its_inertial_wherever_the_mjcf_states_it(tmp_path: Path, written: str):
+    parts = '<joint name="a" type="ball"/><body name="w"><inertial pos="0 0 0" mass="1" '
+    parts += 'diaginertia="2 2 2"/><joint name="h"/></body>'
+    text = f'<mujoco><worldbody><body name="bus">{written}</body></worldbody></mujoco>'
+    path = tmp_path / "platform.xml"
+    path.write_text(text.format(parts=parts))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    bus, wheel = model.body("bus").id, model.body("w").id
+    model.body_mass[bus], model.body_inertia[bus] = 4.0, (3.0, 4.0, 5.0)
+    give_inertial(path, "bus", model)
+    there = mujoco.MjModel.from_xml_path(str(path))
+    assert there.body_mass[bus] == 4.0
+    assert there.body_inertia[bus].tolist() == [3.0, 4.0, 5.0]
+    assert there.body_mass[wheel] == 1.0

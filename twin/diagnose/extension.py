@@ -4,6 +4,7 @@ import re
 import shutil
 from pathlib import Path
 from typing import Any
+from xml.parsers import expat
 
 import mujoco
 import numpy as np
@@ -36,7 +37,7 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
     """
     platform, found = diagnosis.platform, diagnosis.explained
     check_new(folder)
-    logs = shutil.ignore_patterns("logs", "*.rrd", "*.png")
+    logs = shutil.ignore_patterns("logs", "*.rrd")
     shutil.copytree(platform.folder, folder, ignore=logs, dirs_exist_ok=True)
     path = folder / "platform.toml"
     document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
@@ -56,7 +57,7 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
     if diagnosis.equation is not None:
         write_laws(diagnosis.equation, platform, folder)
     extended = load_platform(str(folder))
-    _weigh(extended)
+    give_inertial(extended.model_path, extended.base.body, compile_model(extended).model)
     give_joints(extended.model_path, found.base, found.at.theta)
     return extended
 
@@ -75,24 +76,40 @@ def check_new(folder: Path) -> None:
         raise UsageError(f"{folder} exists and is not empty; name a new folder")
 
 
-def _weigh(platform: Platform) -> None:
-    """Give the MJCF's bus the inertial that platform.toml now asks for."""
-    machine = compile_model(platform)
-    model, body = machine.model, machine.base_body
+def give_inertial(path: Path, body: str, model: mujoco.MjModel) -> None:
+    """Give a body that an MJCF itself states the inertial of the one that has it now."""
+    index = model.body(body).id
     inertial = "<inertial " + " ".join(
         f'{name}="{" ".join(f"{value:.17g}" for value in np.atleast_1d(values))}"'
         for name, values in (
-            ("mass", model.body_mass[body]),
-            ("pos", model.body_ipos[body]),
-            ("quat", model.body_iquat[body]),
-            ("diaginertia", model.body_inertia[body]),
+            ("mass", model.body_mass[index]),
+            ("pos", model.body_ipos[index]),
+            ("quat", model.body_iquat[index]),
+            ("diaginertia", model.body_inertia[index]),
         )
     )
-    text = platform.model_path.read_text(encoding="utf-8")
-    name = re.escape(platform.base.body)
-    own = rf'(<body\b[^>]*\bname="{name}"[^>]*>(?:(?!<body\b).)*?)<inertial\b[^>]*?(?=/>)'
-    changed = re.sub(own, lambda found: found[1] + inertial, text, count=1, flags=re.DOTALL)
-    platform.model_path.write_text(changed, encoding="utf-8")
+    content = path.read_bytes()
+    start = _inertial_of(body, content)
+    if start is not None:
+        stop = start + re.search(rb"/?>", content[start:]).start()  # pyright: ignore
+        path.write_bytes(content[:start] + inertial.encode() + content[stop:])
+
+
+def _inertial_of(body: str, content: bytes) -> int | None:
+    """Where a body's own <inertial> begins; None where it has none in this file."""
+    reader = expat.ParserCreate()
+    path: list[str] = []
+    found: list[int] = []
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        if tag == "inertial" and path[-1:] == [body]:
+            found.append(reader.CurrentByteIndex)
+        path.append(attributes.get("name", "") if tag == "body" else tag)
+
+    reader.StartElementHandler = begin
+    reader.EndElementHandler = lambda _: path.pop()
+    reader.Parse(content, True)
+    return found[0] if found else None
 
 
 def give_joints(path: Path, base: BaseParameters, theta: Array) -> None:
