@@ -14,7 +14,7 @@ from twin.cli.main import main
 from twin.library import library
 from twin.platform import load_platform, taken_as_at_rest
 from twin.recording import Recording, Series, open_log, write_folder
-from twin.report.contents import contents_of, contents_words
+from twin.report.contents import contents_document, contents_of, contents_words
 
 PENDULUM = library("models") / "dfki_pendulum" / "logs" / "sysid"
 XYZ = ("x", "y", "z")
@@ -56,6 +56,20 @@ def test_the_words_name_rows_rates_gaps_ranges_and_noise(folder: Path, capsys):
     assert "    w1 -0.1 to 0.1 N m\n" in text
     noise = text.split("    noise ")[1].split(" deg/s")[0]
     np.testing.assert_allclose([float(x) for x in noise.split(",")], np.rad2deg(1e-3), rtol=0.1)
+
+
+def test_a_gyro_at_rest_tells_its_slow_noise_in_words_and_as_json():
+    draw = np.random.default_rng(3)
+    white, steps = draw.standard_normal((2, 60_000, 3))
+    rate = 1e-3 * white + np.cumsum(5e-6 * steps, axis=0)
+    log = Recording({"gyro": Series(np.arange(60_000) / 100.0, rate, XYZ, "rad/s")}, {})
+    contents = contents_of("bench", log, None)
+    (line,) = (one for one in contents_words(contents).splitlines() if "at rest" in one)
+    assert "from 0.0 to 600.0 s: random walk" in line
+    assert "rate random walk" in line
+    (gyro,) = contents_document(contents)["streams"]
+    np.testing.assert_allclose(gyro["at_rest"]["random_walk"], 1e-4, rtol=0.05)
+    np.testing.assert_allclose(gyro["at_rest"]["rate_random_walk"], 5e-5, rtol=0.5)
 
 
 def test_parts_without_any_stream_are_said_to_be_taken_as_at_rest(folder: Path):

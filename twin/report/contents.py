@@ -195,6 +195,7 @@ def _stream_lines(stream: StreamContents) -> list[str]:
     lines = [head, f"    {ranges}{name}{remark}"]
     if stream.measured and not stream.still:
         lines.append(f"    noise {_noise(stream, unit)}")
+        lines += _at_rest(stream, unit)
     return lines
 
 
@@ -222,6 +223,31 @@ def _noise(stream: StreamContents, unit: str) -> str:
         text += f", in steps of {printed(float(noise.resolution.max()), unit)}"
     flagged = int(np.count_nonzero(noise.outliers))
     return text + (f", {flagged} outlier{'s' if flagged > 1 else ''}" if flagged else "")
+
+
+def _at_rest(stream: StreamContents, unit: str) -> list[str]:
+    """What the longest stretch at rest tells of noise that is slower than a sample."""
+    slow = stream.noise.slow
+    if slow is None:
+        return []
+    parts = [
+        f"{name} {_each(value, unit)}{per}"
+        for name, value, per in (
+            ("random walk", slow.random_walk, " sqrt(s)"),
+            ("bias instability", slow.bias_instability, ""),
+            ("rate random walk", slow.rate_random_walk, "/sqrt(s)"),
+        )
+        if np.isfinite(value).any()
+    ]
+    span = f"    at rest from {slow.start:.1f} to {slow.stop:.1f} s: "
+    return [span + "; ".join(parts)] if parts else []
+
+
+def _each(values: Array, unit: str) -> str:
+    """`0.31, -, 0.28 deg/s`; a dash where nothing was seen."""
+    factor, name = fitting(float(np.nanmax(values)), unit)
+    texts = [three_digits(v / factor) if np.isfinite(v) else "-" for v in values.tolist()]
+    return f"{', '.join(texts)} {name}"
 
 
 def contents_document(contents: Contents) -> dict[str, Any]:
@@ -276,8 +302,24 @@ def _stream_document(stream: StreamContents, entry: Mapping[str, Any]) -> dict[s
         ],
         "noise": noise.white if known else None,
         "resolution": noise.resolution if known else None,
+        "at_rest": _slow_document(stream) if known else None,
         "outliers": int(np.count_nonzero(noise.outliers)) if known else None,
         "stated": entry or None,
+    }
+
+
+def _slow_document(stream: StreamContents) -> dict[str, Any] | None:
+    slow = stream.noise.slow
+    if slow is None:
+        return None
+    return {
+        "start": slow.start,
+        "stop": slow.stop,
+        "tau": slow.tau,
+        "allan_deviation": slow.deviation,
+        "random_walk": slow.random_walk,
+        "bias_instability": slow.bias_instability,
+        "rate_random_walk": slow.rate_random_walk,
     }
 
 
