@@ -25,7 +25,7 @@ from twin.errors import UsageError
 from twin.identify.linear.least_squares import Estimate
 from twin.identify.prediction_error import NORMAL
 from twin.identify.track import Track
-from twin.predict.log.motion import noise_of
+from twin.noise import noise_of
 from twin.predict.parameters.base import ENTRIES, BaseParameters
 from twin.recording import Recording, Series
 
