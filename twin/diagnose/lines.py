@@ -6,7 +6,7 @@ from scipy.signal import periodogram
 from scipy.stats import chi2, gamma
 
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.remainder import beside, knots_of, pieces_of
+from twin.diagnose.remainder import beside, knots_of, torque_pieces_of
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def slow_line_of(found: Explanation) -> tuple[float, ...]:
     """
     best, asked = (0.0, 0.0), 0
     for body in found.bodies:
-        pieces, knots = pieces_of(body), knots_of(body)
+        pieces, knots = torque_pieces_of(body), knots_of(body)
         weighing, own = beside(found, pieces), len(found.own)
         shown = np.stack([weighing.signature(own + i, np.ones(1)) for i in range(len(pieces))])
         left, span = weighing.left(found.own), knots[-1] - knots[0]

@@ -51,7 +51,7 @@ class Remainder:
 
 def remainder(found: Explanation) -> Remainder:
     """Of an explanation, where its fit stands."""
-    pieces = [piece for body in found.bodies for piece in pieces_of(body)]
+    pieces = [piece for body in found.bodies for piece in torque_pieces_of(body)]
     own = len(found.own)
     weighing = beside(found, pieces)
     gain, freedom = weighing.beyond(found.own, range(own, own + len(pieces)))
@@ -82,7 +82,7 @@ def knots_of(body: Body) -> Array:
 
 
 @lru_cache(maxsize=8)
-def pieces_of(body: Body) -> tuple[Perturbation, ...]:
+def torque_pieces_of(body: Body) -> tuple[Perturbation, ...]:
     """Hats side by side over one log, about one axis of the base after the other."""
     knots = knots_of(body)
     dofs = range(body.machine.base_dof.start, body.machine.base_dof.stop)

@@ -25,9 +25,6 @@ from twin.reproduce.part import Ours
 
 Array = NDArray[np.float64]
 
-ALLOWED = 1.3
-"""Of an rms error over its bound."""
-
 
 @dataclass(frozen=True)
 class Trial:

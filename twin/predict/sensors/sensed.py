@@ -92,15 +92,15 @@ class Sense:
             return np.concatenate([none, none + np.eye(3), none], axis=-1)
         if self.stream == "magnetometer":
             field_body = rotation.rotate(rotation.conjugate(position), self.field_world)
-            return np.concatenate([_crossed(field_body), none, none], axis=-1)
+            return np.concatenate([rotation.skew(field_body), none, none], axis=-1)
         up = rotation.rotate(rotation.conjugate(position), np.array([0.0, 0.0, self.gravity]))
         whirl = (
             rate[..., :, None] * self.site
             + (rate @ self.site)[..., None, None] * np.eye(3)
             - 2.0 * self.site[:, None] * rate[..., None, :]
         )
-        lever = none - _crossed(self.site)
-        slopes = np.concatenate([_crossed(up), whirl, lever], axis=-1)
+        lever = none - rotation.skew(self.site)
+        slopes = np.concatenate([rotation.skew(up), whirl, lever], axis=-1)
         if self.stream == "accelerometer":
             return slopes
         level = np.sqrt(np.maximum(1.0 - np.square(up / self.gravity), 1e-6)) * self.gravity
@@ -155,11 +155,3 @@ def _low_pass(sensor: Sensor, step: float) -> tuple[Array | None, int]:
         return None, 0
     memory = int(np.ceil(SETTLED / (2.0 * np.pi * sensor.cutoff * step)))
     return sections_of(sensor, step), memory
-
-
-def _crossed(vector: Array) -> Array:
-    """(..., 3, 3) the matrix of `vector x`."""
-    x, y, z = np.moveaxis(vector, -1, 0)
-    none = np.zeros_like(x)
-    rows = [[none, -z, y], [z, none, -x], [-y, x, none]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
