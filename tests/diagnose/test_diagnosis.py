@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from twin.cli.main import main
-from twin.diagnose import Experiment, diagnose, extend, reasoning, validate
+from twin.diagnose import Experiment, diagnose, extend, extension, reasoning, validate
 from twin.diagnose.diagnosis import crowded
 from twin.diagnose.explanation import Explanation
 from twin.effects import effect_named, effects_of
@@ -120,6 +120,16 @@ def test_an_extension_overwrites_nothing(found, tmp_path):
     (tmp_path / "mine.txt").write_text("precious")
     with pytest.raises(UsageError, match="not empty"):
         extend(found, tmp_path)
+
+
+def test_an_extension_that_cannot_be_finished_leaves_nothing(found, tmp_path, monkeypatch):
+    def refuse(*_: object) -> None:
+        raise UsageError("no")
+
+    monkeypatch.setattr(extension, "give_joints", refuse)
+    with pytest.raises(UsageError, match="no"):
+        extend(found, tmp_path / "extended")
+    assert not (tmp_path / "extended").exists()
 
 
 def test_another_log_gains_too(found, logs):

@@ -6,8 +6,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+import tomlkit
 
-from twin.diagnose.extension import give_inertial, give_joints
+from twin.diagnose.extension import give_inertial, give_joints, state_effect
+from twin.effects import effect_named
 from twin.library import library
 from twin.model import compile_model
 from twin.platform import load_platform
@@ -51,3 +53,12 @@ def test_the_bus_is_given_its_inertial_wherever_the_mjcf_states_it(tmp_path: Pat
     assert there.body_mass[bus] == 4.0
     assert there.body_inertia[bus].tolist() == [3.0, 4.0, 5.0]
     assert there.body_mass[wheel] == 1.0
+
+
+def test_a_cause_that_ends_at_its_bound_is_written_within_it():
+    draft = effect_named("room_draft").typical()
+    values = draft.values
+    values[draft.names.index("phase")] = 2.0 * np.pi
+    document = tomlkit.document()
+    state_effect(document, draft.with_values(values))
+    assert document["room_draft"]["phase"] == 2.0 * np.pi

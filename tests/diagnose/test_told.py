@@ -71,6 +71,14 @@ def test_a_sentence_says_what_a_force_is_told_beside(draft):
     assert "force" in second.partition("which no log tells: ")[2]
 
 
+def test_what_leans_on_a_shape_of_another_cause_is_told_beside_that():
+    effect = effect_named("center_of_mass_drift").typical()
+    beside = np.full(3, 1e-7)
+    half = np.array([1e-7, np.nan, 1e-7])
+    cause = Cause(effect, np.ones(3, dtype=bool), half, beside, 20.0, 20.0, 0.9, ())
+    assert "as the other causes are taken: rate_y" in cause_sentence(cause)
+
+
 def test_what_one_size_says_whole_leans_on_nothing():
     harness = effect_named("harness_stiffness").typical().with_values(np.array([0.05]))
     now = fitted(harness, harness)

@@ -26,7 +26,8 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
     """Write the platform with the base and the causes that a diagnosis found.
 
     Comments and everything else of platform.toml stay; logs are not copied. A law without a name
-    becomes an effect's file beside it (`law_file`): a platform runs no code of its own.
+    becomes an effect's file beside it (`law_file`): a platform runs no code of its own. A folder
+    that cannot be finished is taken away again.
 
     Returns:
         The platform, read back from the folder.
@@ -35,8 +36,16 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
         UsageError: the folder exists and is not empty.
         PlatformError: the fitted base is no rigid body.
     """
-    platform, found = diagnosis.platform, diagnosis.explained
     check_new(folder)
+    try:
+        return _extended(diagnosis, folder)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
+    platform, found = diagnosis.platform, diagnosis.explained
     logs = shutil.ignore_patterns("logs", "*.rrd")
     shutil.copytree(platform.folder, folder, ignore=logs, dirs_exist_ok=True)
     path = folder / "platform.toml"
@@ -52,7 +61,7 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
     if diagnosis.causes:
         effects = document.setdefault("effects", tomlkit.table())
         for cause in diagnosis.causes:
-            _state(effects, cause.effect)
+            state_effect(effects, cause.effect)
     path.write_text(tomlkit.dumps(document), encoding="utf-8")
     if diagnosis.equation is not None:
         write_laws(diagnosis.equation, platform, folder)
@@ -156,8 +165,11 @@ def _flatten(document: Any, platform: Platform) -> None:
     document.pop("variants", None)
 
 
-def _state(effects: Any, effect: Effect) -> None:
+def state_effect(effects: Any, effect: Effect) -> None:
     """`[effects.NAME]`, or `[effects.NAME.TARGET]`."""
+    # a fit may end at a bound, and a rounding beyond it
+    rounded = [_rounded(value) for value in effect.values.tolist()]
+    effect = effect.with_values(np.clip(rounded, *effect.bounds()))
     table = tomlkit.table()
     for known in (*effect.parameters(), *effect.settings()):
         value = getattr(effect, known.name)
@@ -172,7 +184,7 @@ def _state(effects: Any, effect: Effect) -> None:
 def _plain(value: Any) -> Any:
     if isinstance(value, tuple | np.ndarray):
         return [_plain(one) for one in value]
-    return _rounded(value) if isinstance(value, float) else value
+    return float(value) if isinstance(value, float) else value
 
 
 def _rounded(value: float) -> float:

@@ -102,7 +102,10 @@ def cause_sentence(cause: Cause) -> str:
     if leaning.any():
         beside = ", ".join(_component(cause, i) for i in np.flatnonzero(leaning).tolist())
         with_it = ", ".join(_component(cause, i) for i in np.flatnonzero(taken).tolist())
-        parts.append(f"taking {with_it}, which no log tells: {beside}")
+        how = (
+            f"taking {with_it}, which no log tells" if with_it else "as the other causes are taken"
+        )
+        parts.append(f"{how}: {beside}")
     ties = ", ".join(f"{tie.label} ({tie.behind:.1f} behind)" for tie in cause.ties)
     instead = f" These logs cannot tell it from {ties}." if ties else ""
     return (
