@@ -15,7 +15,6 @@ from twin.campaign.sampling import shares
 from twin.campaign.spec import Arm, Initial, Spec
 from twin.effects import Effect
 from twin.plant.initial import InitialState, check_within_stop
-from twin.platform import Platform
 from twin.procedures.means import Reach
 from twin.rotation import from_euler_zyx, from_rotation_vector, multiply
 
@@ -91,7 +90,7 @@ def start_of_runs(initial: Initial, arm: Arm, drawn: Drawn) -> InitialState:
     }
     offset = given.get("center_of_mass_offset")
     if offset is not None and initial.within_reach:
-        offset = _undone(platform, offset)
+        offset = Reach.of(platform).undone_by(offset)
     position = given.get("stage_position", np.zeros((n, len(platform.stages))))
     angles = given.get("attitude", np.zeros((n, 3)))
     attitude = from_euler_zyx(angles[:, 2], angles[:, 1], angles[:, 0])
@@ -122,10 +121,3 @@ def hanging(moment: Array, most: float) -> Array:
     across = np.stack([-moment[:, 1], moment[:, 0], np.zeros_like(size)], axis=1)
     # the body turns the other way, so that its m r comes to the room's downwards
     return from_rotation_vector((angle / np.where(size > 0.0, size, 1.0))[:, None] * across)
-
-
-def _undone(platform: Platform, shares_of_travel: Array) -> Array:
-    """(n, 3) m r at stage position 0 that masses at those parts of their travel undo [kg m]."""
-    reach = Reach.of(platform)
-    low, high = reach.masses.travel
-    return -reach.moment(0.5 * (low + high) + 0.5 * (high - low) * shares_of_travel)

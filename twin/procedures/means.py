@@ -73,6 +73,15 @@ class Reach:
         """(n, 3) what stage positions (n, stages) add to m r [kg m, body]."""
         return np.einsum("ns,si->ni", positions, self.slides)
 
+    def undone_by(self, shares: Array) -> Array:
+        """(n, 3) m r at stage position 0 [kg m] that masses undo at those parts of their travel.
+
+        Args:
+            shares: (n, stages), -1 to 1 about the middle of each travel.
+        """
+        low, high = self.masses.travel
+        return -self.moment(0.5 * (low + high) + 0.5 * (high - low) * shares)
+
     def lowest(self, positions: Array) -> Array:
         """(n, stages) from `positions`, with the CM lowered as far as the travel lets it."""
         down = np.zeros((len(positions), 3))

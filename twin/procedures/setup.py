@@ -153,11 +153,11 @@ def random_offsets(platform: Platform, seed: int, runs: int) -> Array:
     What is undone by masses anywhere in the inner part of their travel, about its middle.
     """
     reach = Reach.of(platform)
-    low, high = reach.masses.travel
+    stages = len(platform.stages)
     draws = np.array(
-        [np.random.default_rng([seed, run]).uniform(-REACH, REACH, len(low)) for run in range(runs)]
+        [np.random.default_rng([seed, run]).uniform(-REACH, REACH, stages) for run in range(runs)]
     )
-    return -reach.moment(0.5 * (low + high) + 0.5 * (high - low) * draws)
+    return reach.undone_by(draws)
 
 
 def _law(name: str, inertia: float | None, platform: Platform) -> AnyController:
