@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from twin.cli.main import main
+from twin.identify import Misfit
 from twin.platform import load_platform
 from twin.procedures.fits import found_in
 from twin.procedures.statement import Statement, state
@@ -61,3 +62,11 @@ def test_a_statement_doubts_itself_where_something_hidden_moves_the_machine(tmp_
     statement = stated(tmp_path, seed, "--effects", draft)
     told = balanced(statement, CUBESAT, 4.3e-5)[-1]
     assert re.search(r"misses more than noise .*chi2 per sample .*twin diagnose", told), told
+
+
+def test_a_torque_that_may_be_nothing_is_told_with_both_ends_of_its_interval():
+    covariance, misfit = np.diag([1e-14, 1e-14, 1e-16]), Misfit("all", 1.0, 0.9, 1.1)
+    moment = np.array([1e-7, 0.0, -2e-6])
+    statement = state(CUBESAT, moment, covariance, 1.96, 1e-5, np.zeros(3), misfit)
+    lines = balanced(statement, CUBESAT, 4.3e-5)
+    assert any("of the level body 0.981 uN m (0 to 2.9" in line for line in lines), lines

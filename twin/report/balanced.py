@@ -3,7 +3,7 @@
 from twin.platform import Platform
 from twin.procedures import Interval, Statement
 from twin.report.words import pair
-from twin.units import fitting, printed
+from twin.units import fitting, printed, three_digits
 
 
 def balanced(statement: Statement, platform: Platform, target: float) -> list[str]:
@@ -41,6 +41,9 @@ def balanced(statement: Statement, platform: Platform, target: float) -> list[st
 
 
 def _torque(interval: Interval) -> str:
+    """Both ends: near zero the interval is not the same to either side."""
     scale, unit = fitting(interval.value, "N m")
-    half = 0.5 * (interval.high - interval.low)
-    return f"{pair(interval.value / scale, half / scale)} {unit}"
+    value, low, high = (
+        three_digits(number / scale) for number in (interval.value, interval.low, interval.high)
+    )
+    return f"{value} {unit} ({low} to {high})"
