@@ -2,6 +2,7 @@
 
 import re
 import secrets
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,13 @@ import pytest
 from twin.cli.main import main
 from twin.identify import Misfit
 from twin.platform import load_platform
-from twin.procedures.fits import found_in
+from twin.procedures import Phase, balancing, rounds
+from twin.procedures.fits import Fits, Found, found_in
 from twin.procedures.statement import Statement, state
 from twin.recording import open_log
+from twin.reference import Hold
 from twin.report.balanced import balanced
+from twin.signals import Estimate
 
 CUBESAT = load_platform("cubesat")
 DRAFT = 3e-5, 1e-4
@@ -70,3 +74,42 @@ def test_a_torque_that_may_be_nothing_is_told_with_both_ends_of_its_interval():
     statement = state(CUBESAT, moment, covariance, 1.96, 1e-5, np.zeros(3), misfit)
     lines = balanced(statement, CUBESAT, 4.3e-5)
     assert any("of the level body 0.981 uN m (0 to 2.9" in line for line in lines), lines
+
+
+class Answered(Fits):
+    """Every fit finds an offset that the masses can undo."""
+
+    def answer(self, run: int) -> Found:
+        nothing = Misfit("all", 1.0, 0.9, 1.1)
+        moment = np.array([0.0, 0.0, -2e-5])
+        return Found(moment, 1e-14 * np.eye(3), 1.96, CUBESAT.inertia, nothing)
+
+
+@pytest.mark.parametrize("target", [4.3e-5, 5e-4])
+def test_a_statement_is_there_only_while_the_masses_stand_where_it_was_made(monkeypatch, target):
+    monkeypatch.setattr(rounds, "observed_torque", lambda *_: 1e-5)
+    procedure = balancing(CUBESAT, 1, way="direct", target=target, workers=0)
+    procedure = replace(procedure, lab=replace(procedure.lab, fits=Answered(CUBESAT, workers=0)))
+    procedure.lab.logs[0] = [None, None]
+    notes = procedure.lab.notes.runs[0]
+    now = replace(
+        procedure.init(CUBESAT, 1), phase=np.array([int(Phase.judge)]), seen=np.array([True])
+    )
+    still, none = np.zeros((1, 3)), np.zeros((1, 0))
+    level = np.array([[1.0, 0.0, 0.0, 0.0]])
+
+    def pass_to(state, time):
+        shown = Estimate(
+            time, level, still, still, still, none, none, still, np.ones(1, dtype=bool)
+        )
+        return procedure.update(state, shown, Hold().at(np.full(1, time)), time)[1]
+
+    now = pass_to(now, 3.0)
+    if target > 1e-4:
+        assert notes.phase is Phase.done
+        assert notes.statement is not None
+        return
+    assert notes.phase is Phase.move
+    now = pass_to(now, 1000.0)
+    assert notes.phase is Phase.stopped, "its masses never arrived"
+    assert notes.statement is None, "it is of masses that were sent elsewhere since"

@@ -21,7 +21,8 @@ class RunNotes:
     reason: str = ""
     """Why it was stopped; empty unless it was."""
     statement: Statement | None = None
-    """Once it is balanced, or as far as it came."""
+    """Of the machine as it stands: once it is balanced, or where it was judged and stopped at once.
+    """
 
 
 class Notes:
@@ -35,6 +36,9 @@ class Notes:
         """A phase begins."""
         notes = self.runs[run]
         notes.phase, notes.since = phase, time
+        if phase not in OVER:
+            # the masses move on, and what was said of where they stood is true no more
+            notes.statement = None
         self.say(run, time, f"{phase.name}: {WORDS[phase]}")
 
     def say(self, run: int, time: float, words: str) -> None:
