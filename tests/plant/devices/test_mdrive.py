@@ -143,15 +143,6 @@ def test_a_safe_stop_ends_a_move_on_its_ramp_and_holds(armed, wait_for):
     wait_for(session, there(0.001))
 
 
-def test_the_cut_out_stops_without_a_ramp_and_replies_are_understood_after_it(armed, wait_for):
-    _, session = armed()
-    go(session, 0.00625)
-    wait_for(session, lambda got: got and got[-1].value[0] > 0.001)
-    session.cut_out()
-    samples = wait_for(session, lambda got: len(got) > 10 and got[-1].value == got[-5].value)
-    assert 0.001 < samples[-1].value[0] < 0.006
-
-
 def test_an_absent_drive_is_named(plug, mdrive):
     plug(drives("1"))
     with pytest.raises(DeviceError, match="stages: drive 2: does not answer on .*party mode"):

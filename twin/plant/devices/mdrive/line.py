@@ -71,10 +71,6 @@ class Line:
                 break
         return False
 
-    def cry(self, data: bytes) -> None:
-        """Send bytes to all, at once and from any thread."""
-        self._port.write(data)
-
     def _exchange(self, sent: bytes, reply: Answer | Acknowledgement) -> State:
         self._port.waiting()
         self._port.write(sent)

@@ -4,7 +4,6 @@ A drive has no watchdog: what it was told last it does to the end. So it is only
 moves of at most VM x 0.25 s, and never a slew. Truth is the counter, a whole number of microsteps.
 """
 
-import contextlib
 import math
 import threading
 import time
@@ -25,7 +24,6 @@ from twin.plant.devices.device import (
 from twin.plant.devices.mdrive.line import Line, Mode
 from twin.plant.devices.mdrive.settings import DriveSettings
 from twin.plant.devices.mdrive.setup import CONFIGURED, HOMED, recognise, seek_home, set_up
-from twin.plant.devices.mdrive.tables import ESCAPE
 from twin.plant.devices.mdrive.tracker import Look, Tracker
 from twin.plant.devices.port import Port
 from twin.plant.devices.worker import SampleQueue, Worker
@@ -201,14 +199,6 @@ class MDrive(Device):
         self.armed = False
         self._stopped.clear()
         self._stop.set()
-
-    def cut_out(self) -> None:
-        """Stop at once and without a ramp (ESC): only for a table that is about to hit its stop."""
-        self.armed = False
-        if self._line is not None:
-            with contextlib.suppress(DeviceError):
-                self._line.cry(bytes([ESCAPE]))
-        self.safe_stop(floating=True)
 
     def disarm(self) -> None:
         self.armed = False

@@ -6,7 +6,7 @@ From the "MCode Programming and Software Reference", sections 4 and 5 and the li
 from dataclasses import dataclass
 from enum import Enum
 
-ACKNOWLEDGE, REFUSE, ESCAPE = 0x06, 0x15, 0x1B
+ACKNOWLEDGE, REFUSE = 0x06, 0x15
 END = b"\n"
 """Ends a command in party mode and with checksums."""
 LONGEST = 64
