@@ -1,9 +1,16 @@
 """Identification between phases, in another process, while the loop goes on."""
 
-from collections.abc import Mapping, Sequence
+import os
+import signal
+import sys
+import threading
+from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Self
 
@@ -78,6 +85,59 @@ def _failed(sentence: str) -> Found:
     return Found(np.zeros(3), np.eye(3), 1.96, np.eye(3), nothing, sentence)
 
 
+class _Processes:
+    """They fit until they are told to end, or whoever started them ends in whatever way."""
+
+    def __init__(self, workers: int) -> None:
+        context = get_context("spawn")
+        ended, self._alive = context.Pipe(duplex=False)
+        self._ended = ended
+        self._pool = ProcessPoolExecutor(
+            workers, mp_context=context, initializer=_begin, initargs=(ended,)
+        )
+
+    def ask(
+        self, recordings: Sequence[Recording], platform: Platform, guesses: Array
+    ) -> Future[Found]:
+        """`found_in`, in one of them.
+
+        Raises:
+            BrokenProcessPool: one of them died.
+        """
+        with _deaf():
+            return self._pool.submit(found_in, tuple(recordings), platform, guesses)
+
+    def end(self) -> None:
+        """At once, whatever they do."""
+        self._alive.close()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._ended.close()
+
+
+def _begin(ended: Connection) -> None:
+    """Of a process that fits. Ctrl-C goes to all processes, and the first one ends them."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(ended,), daemon=True).start()
+
+
+def _end_with(ended: Connection) -> None:
+    wait([ended])
+    os._exit(0)
+
+
+@contextmanager
+def _deaf() -> Generator[None, None, None]:
+    """What starts meanwhile does not hear Ctrl-C either until it has begun; we hear it later."""
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 class Fits:
     """Asked run by run; an answer is waited for, or looked for at each tick on a wall's clock."""
 
@@ -91,27 +151,38 @@ class Fits:
         """
         self._platform = platform
         self._wait = wait
-        self._pool = (
-            ProcessPoolExecutor(workers, mp_context=get_context("spawn")) if workers else None
-        )
+        self._workers = workers
+        self._processes = _Processes(workers) if workers else None
         self._asked: dict[int, Future[Found]] = {}
 
     def ask(self, run: int, recordings: Sequence[Recording], guesses: Array) -> None:
         """Begin to identify a run's logs, all together, from guesses (k, 3) of m r [kg m]."""
-        if self._pool is None:
+        if self._processes is None:
             future: Future[Found] = Future()
             future.set_result(found_in(recordings, self._platform, guesses))
         else:
-            future = self._pool.submit(found_in, tuple(recordings), self._platform, guesses)
+            try:
+                future = self._processes.ask(recordings, self._platform, guesses)
+            except BrokenProcessPool:
+                self._processes.end()
+                self._processes = _Processes(self._workers)
+                future = self._processes.ask(recordings, self._platform, guesses)
         self._asked[run] = future
 
     def answer(self, run: int) -> Found | None:
-        """What was found for a run; None while it is being looked for."""
+        """What was found for a run; None while it is being looked for.
+
+        Where its process died, of too little memory for one, that is why nothing was found; what is
+        asked next is asked of others.
+        """
         future = self._asked[run]
         if not (self._wait or future.done()):
             return None
         del self._asked[run]
-        return future.result()
+        try:
+            return future.result()
+        except BrokenProcessPool:
+            return _failed("the process that fits died")
 
     @property
     def asked(self) -> Mapping[int, object]:
@@ -120,8 +191,8 @@ class Fits:
 
     def close(self) -> None:
         """End the processes; what they still do is not waited for."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=True, cancel_futures=True)
+        if self._processes is not None:
+            self._processes.end()
 
     def __enter__(self) -> Self:
         return self
