@@ -3,8 +3,6 @@
 import json
 import os
 import random
-import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -25,7 +23,6 @@ from twin.campaign.read import read_spec
 from twin.campaign.rows import schema_of
 from twin.cli.main import main
 from twin.errors import CampaignError
-from twin.library import library
 from twin.recording import open_log
 
 
@@ -97,102 +94,6 @@ def test_results_of_another_program_are_not_mixed_in(file, tmp_path):
     (tmp_path / "campaign.json").write_text(json.dumps(facts))
     with pytest.raises(CampaignError, match="begun with another mujoco"):
         execute(spec, folder, workers=1, tell=silent, resume=True)
-
-
-FAN = '''
-from dataclasses import dataclass
-
-import numpy as np
-
-from twin.effects import BodyEffect, Domain, Push, parameter
-
-
-@dataclass(frozen=True)
-class Fan(BodyEffect):
-    """A fan that somebody forgot on the table."""
-
-    name = "fan"
-    domain = Domain.torque
-    observable = "it turns"
-    streams = ("gyro",)
-
-    size: float = parameter("of the fan", "N m", 1e-3, source="measured")
-
-    def pushes(self, platform):
-        return (Push(platform.base.body, np.array([0.0, 0.0, 0.0, self.size, 0.0, 0.0])),)
-'''
-
-
-def go_on(file: Path, folder: Folder) -> None:
-    """Begin a campaign, or resume it, and fly nothing."""
-    with folder.owned():
-        folder.begin(read_spec(file), resume=True)
-
-
-def test_a_campaign_whose_effect_has_changed_is_not_gone_on_with(tmp_path):
-    fan, file, folder = tmp_path / "fan.py", tmp_path / "spec.toml", Folder(tmp_path / "out")
-    fan.write_text(FAN)
-    file.write_text(GOOD.replace("duration = 1.0", "duration = 0.1") + f"[effects.'{fan}']\n")
-    assert execute(read_spec(file), folder, workers=1, tell=silent).flown == 24
-    go_on(file, folder)
-    fan.write_text(FAN.replace("self.size, 0.0", "0.0, self.size"))
-    with pytest.raises(CampaignError, match=rf"begun with another effect {re.escape(str(fan))}, "):
-        go_on(file, folder)
-    fan.write_text(FAN)
-    go_on(file, folder)
-    names = json.loads((tmp_path / "out" / "campaign.json").read_text())["files"]
-    effects = [name for name in names if name.startswith("effect ")]
-    assert effects == [f"effect {fan}"], "those built in are told by the package's version"
-
-
-ARMS = """[[arms]]
-name = "a"
-controller = "a/mine.py"
-platform = "a/table"
-
-[[arms]]
-name = "b"
-controller = "b/mine.py"
-platform = "b/table"
-
-[effects.stage_backlash]"""
-
-
-@pytest.mark.parametrize("arm", ["a", "b"])
-@pytest.mark.parametrize(
-    ("changed", "named"),
-    [
-        ("mine.py", "controller {}/mine.py"),
-        ("table/platform.toml", "platform {}/table: platform.toml"),
-    ],
-)
-def test_laws_and_machines_of_the_same_name_are_told_apart(
-    tmp_path, monkeypatch, arm, changed, named
-):
-    for place in (tmp_path / "a", tmp_path / "b"):
-        shutil.copytree(library("models") / "cubesat", place / "table")
-        shutil.copy(library("controllers") / "mass_magnetic_pid.py", place / "mine.py")
-    monkeypatch.chdir(tmp_path)
-    file, folder = tmp_path / "spec.toml", Folder(tmp_path / "out")
-    file.write_text(GOOD.replace("[effects.stage_backlash]", ARMS))
-    go_on(file, folder)
-    go_on(file, folder)
-    with (tmp_path / arm / changed).open("a") as text:
-        text.write("\n")
-    with pytest.raises(CampaignError, match=f"begun with another {named.format(arm)}, so"):
-        go_on(file, folder)
-
-
-def test_a_folder_that_moved_with_its_files_is_gone_on_with(tmp_path, monkeypatch):
-    here, there = tmp_path / "here", tmp_path / "there"
-    here.mkdir()
-    shutil.copy(library("controllers") / "mass_magnetic_pid.py", here / "law.py")
-    (here / "spec.toml").write_text(GOOD.replace('"mass_magnetic_pid"', '"law.py"'))
-    monkeypatch.chdir(here)
-    go_on(Path("spec.toml"), Folder(Path("out")))
-    here.rename(there)
-    monkeypatch.chdir(there)
-    go_on(Path("spec.toml"), Folder(Path("out")))
 
 
 def test_one_process_owns_the_folder(file, tmp_path):
