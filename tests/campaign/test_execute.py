@@ -8,6 +8,8 @@ import subprocess
 import sys
 import time
 import tracemalloc
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,6 +23,8 @@ from twin.campaign.execute import execute
 from twin.campaign.folder import Folder
 from twin.campaign.read import read_spec
 from twin.campaign.rows import schema_of
+from twin.campaign.spec import Spec
+from twin.campaign.worker import Done, fly_shard
 from twin.cli.main import main
 from twin.errors import CampaignError
 from twin.recording import open_log
@@ -130,6 +134,47 @@ def test_a_worker_that_dies_loses_no_run(undisturbed, file, tmp_path):
         os.kill(child, signal.SIGKILL)
         list(flying)
     assert shards(tmp_path) == shards(undisturbed)
+
+
+class Breaking:
+    """A pool that flies in this process; the first one breaks over a shard."""
+
+    def __init__(self, spec: Spec, folder: Folder, shard: int, *, written: bool) -> None:
+        """It breaks as it is asked for the shard, or as the shard is `written` and not told."""
+        self.spec, self.folder, self.shard, self.written = spec, folder, shard, written
+        self.broken = False
+
+    def __call__(self, *_: object, **__: object) -> "Breaking":
+        return self
+
+    def submit(self, _: object, shard: int) -> Future[Done]:
+        future = Future[Done]()
+        breaks = shard == self.shard and not self.broken
+        self.broken |= breaks
+        if breaks and not self.written:
+            raise BrokenProcessPool("a process died")
+        future.set_result(fly_shard(self.spec, self.folder, shard))
+        if breaks:
+            future = Future[Done]()
+            future.set_exception(BrokenProcessPool("a process died"))
+        return future
+
+    def shutdown(self, **_: object) -> None:
+        """Nobody is there."""
+
+
+@pytest.mark.parametrize("written", [False, True])
+@pytest.mark.parametrize("shard", [1, 3])
+def test_a_pool_that_breaks_at_any_moment_loses_no_shard_and_tells_each_once(
+    undisturbed, file, tmp_path, monkeypatch, shard, written
+):
+    spec, folder = read_spec(file), Folder(tmp_path)
+    pool = Breaking(spec, folder, shard, written=written)
+    monkeypatch.setattr(executing, "ProcessPoolExecutor", pool)
+    progress = execute(spec, folder, workers=2, tell=silent)
+    assert pool.broken
+    assert shards(tmp_path) == shards(undisturbed), "a shard was not flown"
+    assert progress.flown == 24, "a shard that is written was told by nobody, or twice"
 
 
 def test_command_line_flies_reports_and_replays(undisturbed, file, tmp_path, capsys):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from twin.campaign.folder import Folder
 from twin.campaign.spec import Spec
-from twin.campaign.worker import Done, begin, fly, fly_shard
+from twin.campaign.worker import Done, begin, fly, fly_shard, written_shard
 from twin.errors import TwinError
 
 if TYPE_CHECKING:
@@ -106,23 +106,26 @@ def _by_processes(folder: Folder, shards: Iterable[int], workers: int) -> Iterab
         try:
             while waiting or asked:
                 while waiting and len(asked) < workers + 1:
-                    shard = waiting.pop()
-                    asked[pool.submit(fly, shard)] = shard
+                    # a pool that is broken takes none: the shard must still be waiting then
+                    asked[pool.submit(fly, waiting[-1])] = waiting[-1]
+                    waiting.pop()
                 for future in wait(asked, return_when=FIRST_COMPLETED).done:
                     done = future.result()
                     del asked[future]
                     died = 0
                     yield done
         except BrokenProcessPool:
-            died += 1
-            # one that was written before the process died is not flown twice
-            lost = [shard for shard in asked.values() if not folder.shard(shard).is_file()]
+            # one that was written before the process died is not flown twice, but told
+            written = {shard for shard in asked.values() if folder.shard(shard).is_file()}
+            lost = sorted(set(asked.values()) - written)
+            died = 1 if written else died + 1
             if died >= ATTEMPTS:
                 raise LostWorkers(
-                    f"processes died {died} times over shards {sorted(lost)}: is there memory "
+                    f"processes died {died} times over shards {lost}: is there memory "
                     "enough? Fewer workers need less; --resume goes on"
                 ) from None
-            waiting += sorted(lost, reverse=True)
+            waiting += reversed(lost)
+            yield from (written_shard(folder, shard) for shard in sorted(written))
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 

@@ -10,6 +10,7 @@ from multiprocessing.connection import wait
 from pathlib import Path
 
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from twin.campaign.draw import draw
 from twin.campaign.flight import flown
@@ -37,6 +38,12 @@ def fly_shard(spec: Spec, folder: Folder, shard: int) -> Done:
     done, rows = rows_of_shard(spec, shard)
     write_atomically(rows, folder.shard(shard))
     return done
+
+
+def written_shard(folder: Folder, shard: int) -> Done:
+    """What `fly_shard` told, or would have told, of a shard that is written."""
+    ended = pq.read_table(folder.shard(shard), columns=["ended"])["ended"].to_pylist()
+    return Done(shard, len(ended), ended.count("failed"))
 
 
 def rows_of_shard(spec: Spec, shard: int) -> tuple[Done, pa.Table]:
