@@ -98,6 +98,39 @@ def test_laws_and_machines_of_the_same_name_are_told_apart(
         go_on(file, folder)
 
 
+@pytest.fixture
+def own(tmp_path) -> Path:
+    """A specification of somebody's own machine, with a mesh in a folder below its own."""
+    machine = tmp_path / "machine"
+    shutil.copytree(library("models") / "cubesat", machine, ignore=shutil.ignore_patterns("logs"))
+    (machine / "assets").mkdir()
+    (machine / "assets" / "bus.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+    mjcf = machine / "platform.xml"
+    mesh = '<asset><mesh file="assets/bus.obj"/></asset><worldbody>'
+    mjcf.write_text(mjcf.read_text().replace("<worldbody>", mesh, 1))
+    file = tmp_path / "spec.toml"
+    file.write_text(GOOD.replace('"cubesat"', f'"{machine}"'))
+    return file
+
+
+def test_a_mesh_that_has_changed_makes_another_machine(own, tmp_path):
+    go_on(own, folder := Folder(tmp_path / "out"))
+    mesh = tmp_path / "machine" / "assets" / "bus.obj"
+    mesh.write_text(mesh.read_text().replace("v 1 0 0", "v 2 0 0"))
+    with pytest.raises(CampaignError, match=r"begun with another platform .*: assets/bus.obj, so"):
+        go_on(own, folder)
+
+
+def test_what_no_simulation_reads_may_change(own, tmp_path):
+    go_on(own, folder := Folder(tmp_path / "out"))
+    for name in ("README.md", "cubesat.png", "todo.txt"):
+        with (tmp_path / "machine" / name).open("a") as text:
+            text.write("a typo mended")
+    go_on(own, folder)
+
+
 def test_a_folder_that_moved_with_its_files_is_gone_on_with(tmp_path, monkeypatch):
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()

@@ -52,15 +52,15 @@ def test_a_balancing_travels_too(tmp_path):
     assert sent.rows.equals(rows_of_shard(spec, 0)[1])
 
 
-def test_logs_and_hidden_files_stay_at_home(own, tmp_path):
+def test_what_the_mjcf_does_not_name_stays_at_home(own, tmp_path):
     before = len(packed(own))
-    for name in ("logs", ".git"):
+    for name in ("logs", ".git", "an earlier campaign"):
         (tmp_path / "mine" / name).mkdir(exist_ok=True)
         (tmp_path / "mine" / name / "big").write_bytes(bytes(range(256)) * 1000)
     assert len(packed(own)) == before
 
 
-def test_a_folder_that_is_too_large_to_travel_is_told(own, monkeypatch):
+def test_files_that_are_too_large_to_travel_are_told(own, monkeypatch):
     monkeypatch.setattr(parcel, "LARGEST", 1000)
     with pytest.raises(CampaignError, match="would travel with each shard"):
         packed(own)

@@ -20,6 +20,7 @@ from twin.campaign.spec import Spec
 from twin.effects import file_of
 from twin.errors import CampaignError
 from twin.library import find_controller
+from twin.platform import files_of
 
 if sys.platform != "win32":
     import fcntl
@@ -164,9 +165,8 @@ def _files(spec: Spec) -> dict[str, Path]:
     """
     files: dict[str, Path] = {}
     for arm in spec.arms:
-        for file in sorted(arm.platform.folder.iterdir()):
-            if file.is_file():
-                files[f"platform {arm.machine}: {file.name}"] = file
+        for name, file in files_of(arm.platform).items():
+            files[f"platform {arm.machine}: {name}"] = file
         if spec.procedure == "run":
             files[f"controller {arm.controller}"] = find_controller(arm.controller)
         for effect in arm.effects:

@@ -1,7 +1,7 @@
 """A campaign in one piece: what a machine without its files needs to fly any of its shards.
 
-The specification as it was read, with the folders of its machines, the files of its laws, and what
-else its bits depend on, so that a machine with another version of it can be told.
+The specification as it was read, with the files of its machines and of its laws, and what else its
+bits depend on, so that a machine with another version of it can be told.
 """
 
 import hashlib
@@ -15,10 +15,8 @@ from twin.campaign.folder import versions
 from twin.campaign.spec import Arm, Spec
 from twin.errors import CampaignError, TwinError
 from twin.library import find_controller
-from twin.platform import Platform
+from twin.platform import Platform, files_of
 
-LOGS = "logs"
-"""Of a machine's folder; a simulation reads none of them."""
 LARGEST = 1 << 25
 """Bytes of all files: they travel with each shard."""
 
@@ -34,7 +32,7 @@ def packed(spec: Spec) -> bytes:
     """The campaign, to be sent.
 
     Raises:
-        CampaignError: a machine's folder holds more than can travel.
+        CampaignError: its machines' files are more than can travel.
     """
     files: dict[str, bytes] = {}
     arms = [_packed_arm(spec, arm, files) for arm in spec.arms]
@@ -42,9 +40,9 @@ def packed(spec: Spec) -> bytes:
     if total > LARGEST:
         raise CampaignError(
             spec.path,
-            f"its machines' folders hold {total / 1e6:.0f} MB, which would travel with each shard",
-            f"keep what the MJCF does not name elsewhere (or in {LOGS}/), below "
-            f"{LARGEST / 1e6:.0f} MB",
+            f"its machines' files hold {total / 1e6:.0f} MB, which would travel with each shard",
+            f"make the meshes and textures that its MJCF names smaller, below "
+            f"{LARGEST / 1e6:.0f} MB in all",
         )
     # apart, so that it is opened only where its classes are those that it was made of
     inner = pickle.dumps(replace(spec, arms=tuple(arms)))
@@ -101,11 +99,8 @@ def _packed_arm(spec: Spec, arm: Arm, files: dict[str, bytes]) -> Arm:
 def _packed_platform(platform: Platform, files: dict[str, bytes]) -> Platform:
     mark = hashlib.sha256(str(platform.folder).encode()).hexdigest()[:12]
     place = Path("machines") / mark / platform.folder.name
-    for path in sorted(platform.folder.rglob("*")):
-        name = path.relative_to(platform.folder)
-        hidden = any(part.startswith(".") for part in name.parts)
-        if path.is_file() and name.parts[0] != LOGS and not hidden:
-            files[(place / name).as_posix()] = path.read_bytes()
+    for name, path in files_of(platform).items():
+        files[(place / name).as_posix()] = path.read_bytes()
     model = place / platform.model_path.relative_to(platform.folder)
     return replace(platform, folder=place, model_path=model)
 

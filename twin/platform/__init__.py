@@ -2,6 +2,7 @@
 
 from twin.platform.at_rest import begins_late as begins_late
 from twin.platform.at_rest import taken_as_at_rest as taken_as_at_rest
+from twin.platform.files import files_of as files_of
 from twin.platform.load import load_platform as load_platform
 from twin.platform.load import variants_of as variants_of
 from twin.platform.log_columns import check_columns as check_columns
