@@ -21,6 +21,14 @@ def settled(duration: float) -> float:
     return min(SETTLE, 0.5 * duration)
 
 
+def begun(time: float, since: float) -> bool:
+    """Whether a tick lies in a window that begins at `since` [s], perhaps a difference of times.
+
+    60 - 59.9 is larger than 0.1, the time of a tick: rounding may not decide which ticks count.
+    """
+    return time >= since - 1e-9
+
+
 @dataclass
 class Metrics:
     """Observer of a loop: how well the reference was followed, and what it took.
@@ -49,7 +57,7 @@ class Metrics:
             seen = truth.get("truth_attitude")
             attitude = estimate.attitude if seen is None else seen.value[:, -1]
             self._tilt = np.maximum(self._tilt, tilt(attitude))
-            if time >= self.settle:
+            if begun(time, self.settle):
                 error = multiply(conjugate(tick.target.attitude), attitude)
                 sine = np.minimum(np.sqrt((error[:, 1:] ** 2).sum(axis=1)), 1.0)
                 angle = 2.0 * np.arcsin(sine)

@@ -76,6 +76,15 @@ def test_a_run_that_diverges_is_a_row_with_a_reason(spec_of):
             assert all(np.isnan(value) for value in one.metrics.values())
 
 
+@pytest.mark.parametrize("steady", ["0.95", "0.65"])
+def test_rounding_does_not_decide_which_ticks_are_at_the_end(spec_of, steady):
+    windows = (f"duration = 2.0\nsteady = 1{steady[1:]}{more}" for more in ("", "0000000001"))
+    specs = [spec_of(("duration = 1.0", window)) for window in windows]
+    came, wider = (flown(spec, draw(spec, range(2))) for spec in specs)
+    # 2 - 1.95 is larger than the first tick at 0.05 s, and that tick is a steady one all the same
+    assert came == wider, "some metric is averaged over a tick less than others are"
+
+
 DRIFTING = """
 platform = "sads"
 controller = "quaternion_pd"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.metrics import Metrics
+from twin.metrics import Metrics, begun
 from twin.platform import Platform
 from twin.procedures import Notes, Phase
 from twin.rotation import tilt, vertical_body
@@ -118,7 +118,7 @@ class Merits:
                 way = stands - (stands if self._stood is None else self._stood)
                 self._travel = self._travel + going * np.abs(way).sum(axis=1)
                 self._stood = stands
-            steady = tick.reading.time >= self._since - 1e-9
+            steady = begun(tick.reading.time, self._since)
             self._counted += steady
             if self._platform.base.kind == "hinge":
                 angle = np.abs(truth["truth_joint_angle"][:, 0])
