@@ -34,10 +34,15 @@ BROKEN = {
     "shard of one run": ("shard = 6", "shard = 1", "shard is 1; it must lie between 2"),
     "misspelt key": ("seed = 3", "seed = 3\nmetric = []", "metric is no key we know.*'metrics'"),
     "unknown metric": ("seed = 3", 'seed = 3\nmetrics = ["tilt"]', "holds 'tilt', no metric"),
+    "unknown metric with a bracket": (
+        "seed = 3", 'seed = 3\nmetrics = ["tilt(rms)"]',
+        "no metric we know; did you mean 'tilt_rms'"),
     "metric of another machine": (
         "seed = 3", 'seed = 3\nmetrics = ["wheel_momentum_max"]', "this campaign does not have"),
     "no metric": ("seed = 3", "seed = 3\nmetrics = []", "metrics is empty"),
     "unknown gain": ("derivative = {", "derivation = {", "gains.derivation is no gain.*derivative"),
+    "unknown gain with a bracket": ("derivative = {", "'derivative(s)' = {",
+                                    r"no gain of \w+; did you mean 'derivative'"),
     "gain without a value": ("{ grid = [1e-3, 2e-3] }", "{ }", "derivative has no distribution"),
     "two distributions": (
         "{ grid = [1e-3, 2e-3] }", "{ grid = [1.0], normal = [1.0, 2.0] }",
@@ -69,6 +74,9 @@ BROKEN = {
     "kept run beyond the last": ("[gains]", "[keep]\nruns = [24]\n[gains]", "runs holds 24"),
     "worst by an unknown metric": ("[gains]", '[keep]\nworst = 2\nby = "x"\n[gains]',
                                    "keep.by is 'x'"),
+    "worst by an unknown metric with a bracket": (
+        "[gains]", '[keep]\nworst = 2\nby = "tilt(rms)"\n[gains]',
+        "no metric of this campaign; did you mean 'tilt_rms'"),
     "gains of a balancing": ("runs = 24", 'runs = 24\nprocedure = "balance"',
                              "controller is 'mass_magnetic_pid', no way of balancing"),
     "target of a run": ("seed = 3", "seed = 3\ntarget = 1e-5", "target is of a balancing"),

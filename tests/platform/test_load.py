@@ -52,6 +52,7 @@ WRONG = {
     "wheel has no inertia": ("inertia = 0.028", "inertia = 0.0", "at least 1e-12 kg m^2"),
     "torque limit is negative": ("torque_limit = 0.5", "torque_limit = -0.5", "at least 0 N m"),
     "wheel is no joint": ('name = "w1"', 'name = "wheel1"', "no joint of the MJCF"),
+    "wheel is written with brackets": ('name = "w1"', 'name = "w(1)"', "MJCF; did you mean 'w1'"),
     "stage is no joint": ('name = "s1"', 'name = "stage1"', "no joint of the MJCF"),
     "stage weighs nothing": ("mass = 1.5", "mass = 0", "at least 1e-09 kg"),
     "travel is reversed": ("[-0.10, 0.10]", "[0.10, -0.10]", "give the lower end first"),

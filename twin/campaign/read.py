@@ -120,7 +120,7 @@ def _gains(table: Table, arms: Sequence[Arm], procedure: Procedure) -> tuple[Fac
         for arm in arms:
             units = gain_fields(load_controller(arm.controller, arm.gains))
             if name not in units:
-                hint = str(UnknownName("gain", name, units)).partition("(")[2].rstrip(")")
+                hint = UnknownName("gain", name, units).hint
                 raise own.fail(name, f"is no gain of {arm.controller}", hint)
             if name in arm.gains:
                 raise own.fail(name, f"is given by the arm {arm.name!r} too", "give it once")
@@ -141,7 +141,7 @@ def _metrics(table: Table, key: str, known: Sequence[str]) -> tuple[str, ...]:
         raise table.fail(key, "is empty", "name some, or leave it out for all")
     for name in names:
         if name not in METRICS:
-            hint = str(UnknownName("metric", name, known)).partition("(")[2].rstrip(")")
+            hint = UnknownName("metric", name, known).hint
             raise table.fail(key, f"holds {name!r}, no metric we know", hint)
         if name not in known:
             raise table.fail(
@@ -165,7 +165,7 @@ def _keep(table: Table, runs: int, metrics: Sequence[str]) -> Keep:
     worst = _whole(own, "worst", 0, low=0, high=1000)
     by = own.text("by", metrics[0]) if worst else own.text("by", "")
     if by and by not in metrics:
-        hint = str(UnknownName("metric", by, metrics)).partition("(")[2].rstrip(")")
+        hint = UnknownName("metric", by, metrics).hint
         raise own.fail("by", f"is {by!r}, no metric of this campaign", hint)
     own.close()
     return Keep(numbers, worst, by)

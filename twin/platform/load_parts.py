@@ -253,5 +253,5 @@ def _pushed_site(table: Table, layout: Layout, base: Base) -> Array:
 
 
 def _missing(table: Table, noun: str, name: str, known: list[str], key: str = "name") -> Exception:
-    hint = str(UnknownName(noun, name, known)).partition("(")[2].rstrip(")")
+    hint = UnknownName(noun, name, known).hint
     return table.fail(key, f"is {name!r}, which is no {noun} of the MJCF", hint)
