@@ -9,14 +9,14 @@ from twin.campaign.merit import METRICS, metric_names
 from twin.campaign.read_arms import gain_fields, read_arms
 from twin.campaign.read_initial import read_initial
 from twin.campaign.read_values import read_values
-from twin.campaign.sampling import MOST_SOBOL, SAMPLINGS, Sampling
+from twin.campaign.sampling import SAMPLINGS, Sampling
 from twin.campaign.spec import LEAST, PARTS, SHARD, Arm, Factor, Keep, Procedure, Spec
 from twin.config import Table, read_toml
 from twin.controller import load_controller
 from twin.errors import CampaignError, UnknownName
 
 MOST = 10**9
-"""Runs of a campaign."""
+"""Runs of a campaign; a Sobol sequence ends at 2^30 samples."""
 
 MOST_SEED = 2**53
 """Above this a number of TOML is no longer the one that was written."""
@@ -189,8 +189,6 @@ def _refuse_odd(table: Table, spec: Spec) -> None:
         )
     if spec.sampling == "saltelli":
         _refuse_odd_design(table, spec)
-    if spec.sampling == "sobol" and spec.samples > MOST_SOBOL:
-        raise table.fail("sampling", "is 'sobol', which ends at 2^30 samples", "use random")
 
 
 def _refuse_odd_design(table: Table, spec: Spec) -> None:

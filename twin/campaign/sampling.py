@@ -24,9 +24,6 @@ Words = NDArray[np.uint64]
 Sampling = Literal["random", "latin_hypercube", "sobol", "saltelli", "grid"]
 SAMPLINGS: tuple[Sampling, ...] = ("random", "latin_hypercube", "sobol", "saltelli", "grid")
 
-MOST_SOBOL = 1 << 30
-"""Samples of a Sobol sequence."""
-
 _ROUNDS = 6
 _KEY = zlib.crc32(b"campaign")
 
