@@ -36,19 +36,19 @@ class Forecast:
 
 def forecast(spec: Spec, workers: int) -> Forecast:
     """Measure on this machine, in this process."""
-    probe = replace(spec, duration=LONG, steady=LONG)
     drawn = draw(spec, range(min(PROBE, spec.runs)))
+    short, long = (replace(spec, duration=length, steady=length) for length in (SHORT, LONG))
+    flown(short, drawn)  # compiled and imported
     took: list[float] = []
-    came = flown(replace(probe, duration=SHORT, steady=SHORT), drawn)  # compiled and imported
-    for length in (SHORT, LONG):
+    for probe in (short, long):
         started = time.perf_counter()
-        came = flown(replace(probe, duration=length, steady=length), drawn)
+        came = flown(probe, drawn)
         took.append(time.perf_counter() - started)
     a_second = max(took[1] - took[0], 0.0) / (LONG - SHORT)
     begin = max(took[0] - SHORT * a_second, 0.0)
     each = (begin + spec.duration * a_second) / len(drawn.runs)
-    size = size_of(table_of(spec, drawn, came)) - size_of(table_of(spec, drawn.at([]), {}))
     empty = size_of(table_of(spec, drawn.at([]), {}))
+    size = size_of(table_of(spec, drawn, came)) - empty
     return Forecast(
         runs=spec.runs,
         shards=spec.shards,
