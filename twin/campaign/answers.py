@@ -15,7 +15,8 @@ from twin.campaign.dependence import dependences
 from twin.campaign.indices import Index, sobol_indices
 from twin.campaign.merit import METRICS
 from twin.campaign.results import Results
-from twin.campaign.statistics import Interval, bootstrap, high, holm, mean, median
+from twin.campaign.statistics import bootstrap, high, holm, mean, median
+from twin.interval import Interval
 
 Array = NDArray[np.float64]
 

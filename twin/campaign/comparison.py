@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from twin.campaign.results import Results
 from twin.campaign.statistics import (
-    Interval,
     bootstrap,
     holm,
     of_machines,
@@ -16,6 +15,7 @@ from twin.campaign.statistics import (
     signed_ranks,
     unpaired_difference,
 )
+from twin.interval import Interval
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from twin.campaign.comparison import paired_rows, ratio_of_pairs
 from twin.campaign.dependence import dependences, grids_within
 from twin.campaign.results import Results
-from twin.campaign.statistics import Interval, holm
+from twin.campaign.statistics import holm
+from twin.interval import Interval
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from twin.campaign.results import Results
-from twin.campaign.statistics import Interval, correlation_within, rank_correlation
+from twin.campaign.statistics import correlation_within, rank_correlation
+from twin.interval import Interval
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.campaign.results import Results
-from twin.campaign.statistics import Interval, bootstrap
+from twin.campaign.statistics import bootstrap
+from twin.interval import Interval
 
 Array = NDArray[np.float64]
 

@@ -5,11 +5,12 @@ is resampled by samples, and whatever is tested is one number a machine.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+
+from twin.interval import Interval
 
 Array = NDArray[np.float64]
 
@@ -20,19 +21,6 @@ _BLOCK = 10**6
 """Numbers held at once."""
 
 Statistic = Callable[..., Array]
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A value with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
-
-    def document(self) -> dict[str, float]:
-        """For JSON."""
-        return {"value": self.value, "low": self.low, "high": self.high}
 
 
 def bootstrap(

@@ -13,5 +13,4 @@ from twin.procedures.setup import balancing as balancing
 from twin.procedures.setup import random_offsets as random_offsets
 from twin.procedures.setup import refuse as refuse
 from twin.procedures.setup import usual_target as usual_target
-from twin.procedures.statement import Interval as Interval
 from twin.procedures.statement import Statement as Statement

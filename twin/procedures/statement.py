@@ -10,6 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from twin.controller.exchange import exchange_of
 from twin.identify import Misfit
+from twin.interval import Interval
 from twin.platform import Platform
 from twin.procedures.plan import length
 from twin.recording import Recording
@@ -21,23 +22,6 @@ CORNER = 1.0
 """Of the low-pass before the observed torque [Hz]."""
 EDGE = 2.0
 """What the filter spoils at either end [s]."""
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A value and its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
-
-    def holds(self, truth: float) -> bool:
-        """Whether the truth is in it."""
-        return self.low <= truth <= self.high
-
-    def document(self) -> Mapping[str, float]:
-        """For `--json`."""
-        return {"value": self.value, "low": self.low, "high": self.high}
 
 
 @dataclass(frozen=True)

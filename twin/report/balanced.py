@@ -1,7 +1,8 @@
 """What a balancing leaves, in lines for a terminal."""
 
+from twin.interval import Interval
 from twin.platform import Platform
-from twin.procedures import Interval, Statement
+from twin.procedures import Statement
 from twin.report.words import pair
 from twin.units import fitting, printed, three_digits
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from twin.campaign.answers import Answers, Blamed, Spread
 from twin.campaign.comparison import Comparison
 from twin.campaign.merit import METRICS
-from twin.campaign.statistics import Interval
+from twin.interval import Interval
 from twin.units import fitting
 
 Rows = tuple[tuple[str, ...], list[list[str]]]
