@@ -1,7 +1,6 @@
 """The emulated line: bytes take their time, settings must agree, faults are those of the seed."""
 
 import ast
-import time
 from pathlib import Path
 
 import pytest
@@ -45,17 +44,17 @@ def test_bytes_take_their_time_one_after_the_other():
 
 
 def test_a_line_of_9600_baud_needs_a_second_for_960_bytes(tmp_path):
-    device = EmulatedSolar2(baud=9600, text=True, streaming=True, interval=0.02)
+    device = EmulatedSolar2(baud=9600, text=True, streaming=True, interval=0.015)
+    now, size = 0.0, 0
     with (
-        EmulatedLine(device, tmp_path / "port"),
-        serial.Serial(str(tmp_path / "port"), 9600, timeout=0.1) as port,
+        EmulatedLine(device, tmp_path / "port", lockstep=True) as line,
+        serial.Serial(str(tmp_path / "port"), 9600, timeout=0.1),
     ):
-        port.read(port.in_waiting or 1)
-        start, size = time.monotonic(), 0
-        while time.monotonic() < start + 0.5:
-            size += len(port.read(64))
-        rate = size / (time.monotonic() - start)
-    assert rate == pytest.approx(18 / 0.02, rel=0.15), "18 bytes each 20 ms fill 94 % of the line"
+        while now < 1.0:
+            told = line.go_on(1.0, 0)
+            assert told is not None, "the emulation is gone"
+            now, size = told
+    assert size == pytest.approx(960, abs=20), "18 bytes each 15 ms, 1200 a second, overfill it"
 
 
 def test_a_host_at_another_rate_gets_garbage(tmp_path):
