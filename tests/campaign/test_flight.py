@@ -1,5 +1,7 @@
 """Runs of a campaign, flown: the same bits in any company, and a reason where one fails."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,6 +76,18 @@ def test_a_run_that_diverges_is_a_row_with_a_reason(spec_of):
             assert "the run has diverged (at " in one.reason
             assert one.duration <= 1.0
             assert all(np.isnan(value) for value in one.metrics.values())
+
+
+def test_a_run_that_diverges_lasts_until_its_plant_stopped_it(spec_of):
+    rate = "rate = { uniform = [[0.0, 0.0, 2300.0], [0.0, 0.0, 2400.0]] }\nhangs"
+    spec = spec_of(("hangs", rate))
+    arm = spec.arms[0]
+    slower = replace(arm.platform, control_rate=30.0, step=1.0 / 90.0)
+    spec = replace(spec, arms=(replace(arm, platform=slower),))
+    for one in flown(spec, draw(spec, range(2))).values():
+        assert one.ended == "failed"
+        ticks = one.duration * slower.control_rate
+        assert ticks == pytest.approx(round(ticks), abs=1e-9), "no time read in a sentence, in ms"
 
 
 @pytest.mark.parametrize("steady", ["0.95", "0.65"])

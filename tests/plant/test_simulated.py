@@ -287,6 +287,8 @@ def test_a_run_that_diverges_is_stopped_with_the_reason_and_litters_nowhere(
     reading = plant.read(sads.tick)
     assert list(plant.stopped) == [1]
     assert "diverged" in plant.stopped[1]
+    assert list(plant.stopped_at) == [1]
+    assert 0.0 <= plant.stopped_at[1] <= sads.tick
     assert list(tmp_path.iterdir()) == []
     assert capfd.readouterr().err == ""
     assert reading.streams["gyro"].valid[:, -1].tolist() == [True, False, True]

@@ -128,7 +128,7 @@ def _batch(
             ended, reason, lasted = _of_notes(notes, row, spec)
         if row in outcome.stopped and ended != "stopped":
             ended, reason = "failed", outcome.stopped[row]
-            lasted = _time_of(reason, outcome.duration)
+            lasted = plant.stopped_at[row]
         lost = ended == "failed" and row in outcome.stopped
         values = {name: np.nan if lost else float(v[row]) for name, v in rows.items()}
         came[run] = Came(ended, reason, lasted, values)
@@ -172,9 +172,3 @@ def _of_notes(notes: Notes, row: int, spec: Spec) -> tuple[str, str, float]:
         return "stopped", told.reason, told.since
     late = f"not balanced within {spec.duration:g} s; it was in phase {told.phase.name}"
     return "stopped", late, spec.duration
-
-
-def _time_of(reason: str, otherwise: float) -> float:
-    """When a plant stopped a run, as its reason ends: `(at 1.250 s)`."""
-    _, at, rest = reason.rpartition("(at ")
-    return float(rest.removesuffix(" s)")) if at else otherwise

@@ -77,6 +77,8 @@ class SimulatedPlant(Plant):
         self.platform = platform
         self.n = len(runs)
         self.stopped = {}
+        self.stopped_at: dict[int, float] = {}
+        """When each of these was: row -> time [s]."""
         self.machine = compile_model(platform)
         self._limits = Limits(platform)
         model = self.machine.model
@@ -370,6 +372,7 @@ class SimulatedPlant(Plant):
 
     def _stop(self, run: int, reason: str) -> None:
         self.stopped[run] = f"{reason} (at {self.time:.3f} s)"
+        self.stopped_at[run] = self.time
         self._alive[run] = False
         self._ids = self._living()
 
