@@ -100,6 +100,8 @@ def _dispatch(words: list[str]) -> int:
 def _run(name: str, words: list[str]) -> int:
     import tyro
 
+    from twin.cli.numbers import check_numbers
+
     module, class_name, _ = VERBS[name]
     arguments: type[Verb] = getattr(importlib.import_module(module), class_name)
     try:
@@ -111,6 +113,7 @@ def _run(name: str, words: list[str]) -> int:
         )
     except SystemExit as stop:  # help was printed, or the arguments do not parse
         return stop.code if isinstance(stop.code, int) else WRONG_USE
+    check_numbers(verb)
     return verb.run()
 
 
