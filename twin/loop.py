@@ -17,7 +17,8 @@ import numpy as np
 
 from twin.clock import Clock, Timing
 from twin.controller import AnyController
-from twin.controller.load import tell_mistake
+from twin.controller.load import tell_mistake, tell_refused
+from twin.errors import CommandError, UnknownName
 from twin.estimators.estimator import Estimator
 from twin.plant.plant import Plant
 from twin.reference import Reference
@@ -76,7 +77,8 @@ def fly(
     Ctrl-C ends it after the tick in hand, so that no row is half written; a second one interrupts.
 
     Raises:
-        ControllerError: the law is of somebody's file, and something in it raises.
+        ControllerError: the law is of somebody's file, and something in it raises or the machine
+            refuses its command.
     """
     platform, n = plant.platform, plant.n
     runs = range(n)
@@ -97,7 +99,11 @@ def fly(
                 tell_mistake(controller, problem)
                 raise
             clock.lap("control")
-            applied = plant.write(wanted)
+            try:
+                applied = plant.write(wanted)
+            except (CommandError, UnknownName) as problem:
+                tell_refused(controller, problem)
+                raise
             estimate = estimator.told(estimate, applied)
             clock.lap("write")
             if observers:

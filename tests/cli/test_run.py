@@ -200,6 +200,8 @@ class Mistaken(Controller[None]):
 '''
 _TORQUE = "        torque = np.zeros((len(estimate.valid), 3))\n"
 _ANSWER = '{"command_wheel_torque": torque}, state'
+_RETURNED = ": line 16: what update returns: "
+_WHEELS = "command_wheel_torque"
 
 
 @pytest.mark.parametrize(
@@ -218,8 +220,24 @@ _ANSWER = '{"command_wheel_torque": torque}, state'
         ("return None", "return platform.size", ": line 14: AttributeError: 'Platform' object has"),
         (_ANSWER, "torque", ": ValueError: "),
         (_ANSWER, "torque, state", ": TypeError: the command is of type ndarray, not a dict"),
+        (
+            _ANSWER,
+            '{"command_wheel_torque": [[0.0] * 3]}, state',
+            f"{_RETURNED}{_WHEELS} is of type list",
+        ),
+        (
+            _ANSWER,
+            '{"command_wheel_torque": torque + 1j}, state',
+            f"{_RETURNED}{_WHEELS} is of type complex128; this platform takes a float64 array",
+        ),
+        (
+            _ANSWER,
+            '{"command_wheel_torque": torque[:, 1:]}, state',
+            f"{_RETURNED}{_WHEELS} has shape (1, 2)",
+        ),
+        (_ANSWER, '{"command_torque": torque}, state', f"{_RETURNED}no command channel"),
     ],
-    ids=["at once", "later", "in init", "no state", "no dict"],
+    ids=["at once", "later", "in init", "no state", "no dict", "list", "complex", "shape", "name"],
 )
 def test_a_mistake_in_a_law_of_ones_own_is_told_with_its_line(
     right, wrong, sentence, tmp_path, capsys

@@ -298,6 +298,12 @@ def test_a_run_that_diverges_is_stopped_with_the_reason_and_litters_nowhere(
     ("command", "error", "sentence"),
     [
         ({"command_wheel_torque": np.zeros((1, 2))}, CommandError, r"shape \(1, 2\).*\(1, 3\)"),
+        (
+            {"command_wheel_torque": [[0.0] * 3]},
+            CommandError,
+            "type list; .* float64 array",
+        ),
+        ({"command_wheel_torque": np.zeros((1, 3), complex)}, CommandError, "type complex128; "),
         ({"command_dipole": np.zeros((1, 3))}, UnknownName, "no command channel.*command_dipole"),
     ],
 )

@@ -65,6 +65,21 @@ def tell_mistake(law: AnyController, problem: Exception) -> None:
         ) from problem
 
 
+def tell_refused(law: AnyController, problem: TwinError) -> None:
+    """Say whose file gave a command that the machine refuses; of what is no file, nothing.
+
+    Raises:
+        ControllerError: file, line of its `update`, and what is refused.
+    """
+    path = file_of(type(law).__module__)
+    if path is not None:
+        code = type(law).update.__code__
+        line = f"line {code.co_firstlineno}: " if code.co_filename == str(path) else ""
+        raise ControllerError(
+            f"{path}: {line}what update returns: {problem}; `twin check {path}` says more"
+        ) from problem
+
+
 def raised_at(path: Path, problem: BaseException) -> str:
     """Line of `path`, kind and message of what was raised in it."""
     lines = [

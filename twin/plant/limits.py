@@ -38,11 +38,17 @@ class Limits:
 
         Raises:
             UnknownName: a channel the machine lacks.
-            CommandError: an array of the wrong shape.
+            CommandError: no array of real numbers, or one of the wrong shape.
         """
         for name, value in command.items():
             if name not in self._widths:
                 raise UnknownName("command channel of this platform", name, self._widths)
+            kind = _kind_unless_real(value)
+            if kind:
+                raise CommandError(
+                    f"{name} is of type {kind}; this platform takes a float64 array of shape "
+                    f"{(n, self._widths[name])}"
+                )
             if value.shape != (n, self._widths[name]):
                 raise CommandError(
                     f"{name} has shape {value.shape}; this platform takes {(n, self._widths[name])}"
@@ -86,3 +92,10 @@ class Limits:
         """
         coils = np.clip(self.coils(wanted), -self._dipole, self._dipole)
         return coils, np.einsum("nc,ci->ni", coils, self._coil_axes)
+
+
+def _kind_unless_real(value: object) -> str:
+    """What it is where it is no array of real numbers; empty where it is one."""
+    if not isinstance(value, np.ndarray):
+        return type(value).__name__
+    return "" if value.dtype.kind in "fiub" else f"{value.dtype}"
