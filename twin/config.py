@@ -93,8 +93,12 @@ class Table:
         low: float = -math.inf,
         high: float = math.inf,
         unit: str = "",
+        infinite: bool = False,
     ) -> float:
-        """A finite number in [low, high]; `unit` is for the error's sentence only."""
+        """A number in [low, high], finite unless `infinite` means that there is no limit.
+
+        `unit` is for the error's sentence only.
+        """
         value = self._get(key, default)
         if value is default and default is not _REQUIRED:
             return value
@@ -102,6 +106,8 @@ class Table:
             raise self.fail(key, f"is {value!r}", f"give a number{_in(unit)}")
         if not low <= value <= high:
             raise self.fail(key, f"is {value:g}{_unit(unit)}", _range(low, high, unit))
+        if math.isinf(value) and not infinite:
+            raise self.fail(key, f"is {value:g}{_unit(unit)}", f"give a finite number{_in(unit)}")
         return float(value)
 
     def numbers(

@@ -39,6 +39,8 @@ def refusal(folder: Path, variant: str = "") -> PlatformError:
 WRONG = {
     "mass is negative": ("mass = 95.0", "mass = -95.0", "mass is -95 kg"),
     "mass is text": ("mass = 95.0", 'mass = "95 kg"', "give a number in kg"),
+    "mass is endless": ("mass = 95.0", "mass = inf", "mass is inf kg; give a finite number in kg"),
+    "ramp is endless": ("acceleration = 0.02", "acceleration = inf", "give a finite number"),
     "mass is true": ("mass = 95.0", "mass = true", "give a number in kg"),
     "inertia has five entries": ("12.0, 0.0, 0.0, 0.0]", "12.0, 0.0, 0.0]", "give 6 numbers"),
     "inertia is not positive": (
@@ -170,6 +172,15 @@ def test_every_shipped_machine_and_variant_loads(name: str):
     base = load_platform(name)
     for variant in variants_of(base.folder):
         assert load_platform(f"{name}:{variant}").name == f"{base.name}:{variant}"
+
+
+@pytest.mark.parametrize(
+    "limit",
+    ["momentum_limit = 5.0", "torque_limit = 0.5", "force_limit = 1.0", "angle = 0.52", "range ="],
+)
+def test_a_limit_may_be_infinite_where_that_means_none(folder: Path, limit: str):
+    edit(folder, limit, f"{limit.partition('=')[0]}= inf #")
+    load_platform(folder)
 
 
 def test_a_variant_changes_only_what_it_states():

@@ -42,6 +42,9 @@ from twin.plant.guard.settings import GuardSettings, bench_settings
 from twin.plant.routes import Array, Route
 from twin.platform import Platform
 
+_UNLIMITED = ("max_balance_step", "tilt_cutout", "watchdog")
+"""Numbers of [hardware.guard] that may be infinite: the operator watches instead."""
+
 
 @dataclass(frozen=True)
 class HardwareSetup:
@@ -102,7 +105,9 @@ def _guard(table: Table, platform: Platform) -> GuardSettings:
     usual = bench_settings(platform)
     cycles = round(table.number("stale_cycles", usual.stale_cycles, low=1.0))
     numbers = {
-        field.name: table.number(field.name, getattr(usual, field.name), low=0.0)
+        field.name: table.number(
+            field.name, getattr(usual, field.name), low=0.0, infinite=field.name in _UNLIMITED
+        )
         for field in fields(GuardSettings)
         if field.name != "stale_cycles"
     }

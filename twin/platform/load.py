@@ -69,7 +69,7 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
         )
     frames.close()
     tilt_stop = table.table("tilt_stop", required=False)
-    tilt_limit = tilt_stop.number("angle", np.inf, low=0.0, unit="rad")
+    tilt_limit = tilt_stop.number("angle", np.inf, low=0.0, unit="rad", infinite=True)
     if np.pi < tilt_limit < np.inf:
         raise tilt_stop.fail(
             "angle", f"is {tilt_limit:g} rad", "give at most 3.14159 rad, or inf for none"

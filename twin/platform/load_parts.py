@@ -47,7 +47,7 @@ def read_base(table: Table, layout: Layout) -> Base:
         joint=table.text("joint"),
         body=table.text("body"),
         actuator=table.text("actuator", None),
-        torque_limit=table.number("torque_limit", np.inf, low=0.0, unit="N m"),
+        torque_limit=table.number("torque_limit", np.inf, low=0.0, unit="N m", infinite=True),
         planar=table.texts("planar", ()),
         locked=table.texts("locked", ()),
     )
@@ -111,8 +111,8 @@ def _wheel(table: Table, layout: Layout, gimbals: list[str]) -> Wheel:
         axis=_axis(table, layout),
         gimbal=_gimbal_of(table, layout, gimbals),
         inertia=table.number("inertia", low=1e-12, unit="kg m^2"),
-        momentum_limit=table.number("momentum_limit", low=0.0, unit="N m s"),
-        torque_limit=table.number("torque_limit", low=0.0, unit="N m"),
+        momentum_limit=table.number("momentum_limit", low=0.0, unit="N m s", infinite=True),
+        torque_limit=table.number("torque_limit", low=0.0, unit="N m", infinite=True),
         home=table.number("home", 0.0, unit="rad/s"),
     )
     if abs(wheel.home) > wheel.speed_limit:
@@ -189,7 +189,7 @@ def _magnetorquer(table: Table, layout: Layout, base: Base) -> Magnetorquer:
         raise table.fail("name", "has its site at the centre of rotation", "set it off the CR")
     torquer = Magnetorquer(
         name=table.text("name"),
-        dipole_limit=table.number("dipole_limit", low=0.0, unit="A m^2"),
+        dipole_limit=table.number("dipole_limit", low=0.0, unit="A m^2", infinite=True),
         axis=away / distance,
     )
     table.close()
@@ -207,7 +207,7 @@ def _thruster(table: Table, layout: Layout, base: Base) -> Thruster:
         )
     thruster = Thruster(
         name=table.text("name"),
-        force_limit=table.number("force_limit", low=0.0, unit="N"),
+        force_limit=table.number("force_limit", low=0.0, unit="N", infinite=True),
         point=point,
         direction=push,
     )

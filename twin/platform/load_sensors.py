@@ -51,10 +51,10 @@ def read_sensor(
         noise=table.numbers("noise", width, low=0.0, unit=unit),
         bias=table.numbers("bias", width, none, low=0.0, unit=unit),
         resolution=table.number("resolution", 0.0, low=0.0, unit=unit),
-        range=table.number("range", np.inf, low=0.0, unit=unit),
+        range=table.number("range", np.inf, low=0.0, unit=unit, infinite=True),
         latency=table.number("latency", 0.0, low=0.0, high=10.0, unit="s"),
         dropout=table.number("dropout", 0.0, low=0.0, high=1.0),
-        cutoff=table.number("cutoff", np.inf, low=1e-3, unit="Hz"),
+        cutoff=table.number("cutoff", np.inf, low=1e-3, unit="Hz", infinite=True),
         order=_order(table),
         site=_site(table, stream, layout),
     )
