@@ -68,7 +68,13 @@ WRONG = {
     "frame is no rotation": ("[0.0, 1.0, 0.0, 0.0]", "[0.0, 2.0, 0.0, 0.0]", "scale it to length"),
     "tilt stop beyond pi": ("angle = 0.52", "angle = 30.52", "at most 3.14159 rad"),
     "sensor is unknown": ("[sensors.gyro]", "[sensors.girometer]", "use gyro, attitude"),
-    "sensor is faster than the step": ("rate = 100.0", "rate = 1000.0", "between 0.001 and 100 Hz"),
+    "sensor is faster than the step": (
+        "rate = 100.0",
+        "rate = 190.0",
+        "is 190 Hz, but there is at most one sample a step of 0.01 s; give at most 100 Hz, or a "
+        "simulation.step of 0.005 s",
+    ),
+    "sensor is endlessly fast": ("rate = 100.0", "rate = inf", "give a finite number in Hz"),
     "noise is negative": ("noise = 1e-3", "noise = -1e-3", "at least 0 rad/s"),
     "noise is a word": ("noise = 1e-3", 'noise = "low"', "give 3 numbers in rad/s"),
     "dropout is certain": ("range = 5.24", "dropout = 1.5", "between 0 and 1"),

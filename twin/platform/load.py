@@ -85,7 +85,7 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
 
     sensor_table = table.table("sensors", required=False)
     sensors = {
-        stream: read_sensor(sensor_table, stream, parts, base, layout, step)
+        stream: read_sensor(sensor_table, stream, parts, base, layout, (step, control_rate))
         for stream in sensor_table.keys
     }
     effects = _effects(table.table("effects", required=False))

@@ -1,5 +1,7 @@
 """Read a sensor's table out of platform.toml."""
 
+import math
+
 import numpy as np
 
 from twin.config import Table
@@ -30,9 +32,14 @@ _AT_SITE = ("inclinometer", "accelerometer")
 
 
 def read_sensor(
-    sensors: Table, stream: str, parts: Parts, base: Base, layout: Layout, step: float
+    sensors: Table,
+    stream: str,
+    parts: Parts,
+    base: Base,
+    layout: Layout,
+    timing: tuple[float, float],
 ) -> Sensor:
-    """The table [sensors.STREAM]."""
+    """The table [sensors.STREAM]; `timing` is the physics step [s] and the control rate [Hz]."""
     if stream not in MEASURED:
         raise sensors.fail(
             stream,
@@ -45,9 +52,10 @@ def read_sensor(
         raise sensors.fail(stream, "measures a part the machine does not have", "remove it")
     unit = "rad" if stream == "attitude" else stream_named(stream).unit
     none = np.zeros(width)
+    step, control_rate = timing
     sensor = Sensor(
         stream=stream,
-        rate=table.number("rate", low=1e-3, high=1.0 / step, unit="Hz"),
+        rate=_rate(table, step, control_rate),
         noise=table.numbers("noise", width, low=0.0, unit=unit),
         bias=table.numbers("bias", width, none, low=0.0, unit=unit),
         resolution=table.number("resolution", 0.0, low=0.0, unit=unit),
@@ -68,6 +76,19 @@ def read_sensor(
         _check_attitude(table, sensor)
     table.close()
     return sensor
+
+
+def _rate(table: Table, step: float, control_rate: float) -> float:
+    rate = table.number("rate", low=1e-3, unit="Hz")
+    if rate * step > 1.0 + 1e-9:
+        steps = math.ceil(rate / control_rate * (1.0 - 1e-9))
+        raise table.fail(
+            "rate",
+            f"is {rate:g} Hz, but there is at most one sample a step of {step:g} s",
+            f"give at most {1.0 / step:g} Hz, or a simulation.step of "
+            f"{1.0 / (control_rate * steps):.6g} s",
+        )
+    return rate
 
 
 def _order(table: Table) -> int:
