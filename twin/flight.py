@@ -128,7 +128,7 @@ class Flight:
                     f"the command is of type {type(wanted).__name__}, not a dict of streams"
                 )
         except Exception as problem:
-            tell_mistake(law, problem)
+            tell_mistake(law, self.platform, problem)
             raise
         return cast(Command, wanted)
 

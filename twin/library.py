@@ -47,6 +47,14 @@ def find_model(name: str) -> tuple[Path, str]:
     raise UnknownName("platform", name, model_names())
 
 
+def findable(folder: Path, name: str) -> str:
+    """What `find_model` finds: of a shipped platform its name, of any other its folder."""
+    stem, _, variant = name.partition(":")
+    if library("models") / stem == folder:
+        return name
+    return f"{folder}:{variant}" if variant else str(folder)
+
+
 def find_controller(name: str) -> Path:
     """File of a shipped control law (`quaternion_pd`) or of one's own (`path/to/law.py`).
 

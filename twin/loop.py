@@ -96,7 +96,7 @@ def fly(
             try:
                 wanted, state = controller.update(state, estimate, target, now)
             except Exception as problem:
-                tell_mistake(controller, problem)
+                tell_mistake(controller, platform, problem)
                 raise
             clock.lap("control")
             try:

@@ -247,7 +247,7 @@ def test_a_mistake_in_a_law_of_ones_own_is_told_with_its_line(
     assert main(["run", "sads", "--controller", str(law), "--duration", "1"]) == 1
     said = capsys.readouterr().err.splitlines()[-1]
     assert f"{law}{sentence}" in said
-    assert said.endswith(f"`twin check {law}` says more")
+    assert said.endswith(f"`twin check {law} --platform sads` says more")
 
 
 LAW_THAT_IS_STOPPED = '''

@@ -71,7 +71,7 @@ BROKEN = {
         "        return np.zeros((n, 3))\n",
         "        from twin.errors import ControllerError\n"
         "        raise ControllerError('needs a sail')\n",
-        r"refuses sads \(needs a sail\): check it on another",
+        r"refuses sads \(needs a sail\): check it on another \(--platform\)",
     ),
     "clock": (TORQUE, TORQUE.replace("self.gain", "clock.time()"), "the same call twice"),
     "random numbers": (
@@ -168,6 +168,18 @@ def test_each_broken_promise_is_named(write, right, wrong, sentence):
     findings = check_controller(write(GOOD.replace(right, wrong, 1)))
     assert len(findings) == 1, findings
     assert re.search(sentence, findings[0]), findings[0]
+
+
+def test_columns_for_another_machine_are_told_with_the_parts_of_this_one(write):
+    fourth = RETURN.replace("torque + state", "np.hstack([torque, torque[:, :1]])")
+    (finding,) = check_controller(write(GOOD.replace(RETURN, fourth)))
+    assert "command_wheel_torque has 4 columns, and sads has 3 wheels (w1, w2, w3): " in finding
+    assert "--platform" in finding
+    assert "batch axis" not in finding
+    tas2 = load_platform("tas2")
+    stages = RETURN.replace("wheel_torque", "stage_position").replace("+ state", "[:, :1]")
+    (finding,) = check_controller(write(GOOD.replace(RETURN, stages)), tas2)
+    assert f"has 1 column, and tas2 has {len(tas2.stages)} stages" in finding
 
 
 def test_several_broken_promises_are_all_named(write):

@@ -21,11 +21,14 @@ class Check:
     A platform: platform.toml and its MJCF against each other, in names, types, axes and limits,
     the mass budget, inertia and mass moment about the centre of rotation as MuJoCo compiles them,
     the tilt stop, the default step's error, and its [hardware]. A control law: the
-    promises of a `Controller`.
+    promises of a `Controller`, on the machine that takes its commands.
     """
 
     path: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PLATFORM|LAW")]
     """A shipped platform or law by name, a folder with a platform.toml, or a law's .py file."""
+    platform: Annotated[str | None, tyro.conf.arg(metavar="NAME|FOLDER")] = None
+    """Of a control law: the machine that it is judged on, by default the first shipped one that it
+    does not refuse, `sads` before the others."""
     picture: Annotated[Path | None, tyro.conf.arg(metavar="OUT.png")] = None
     """Draw the platform into this PNG file, too; one that exists is written anew."""
     json: bool = False
@@ -40,9 +43,16 @@ class Check:
         law = self.path.endswith(".py") or self.path in controller_names()
         if law and self.picture is not None:
             raise UsageError("--picture draws platforms, not control laws")
+        if not law and self.platform is not None:
+            raise UsageError(
+                f"--platform says on which machine a control law is judged, and {self.path} is "
+                "none: leave it out, or give the law's .py file"
+            )
         if self.picture is not None:
             check_writable(self.picture, ".png")
-        title, findings = _law(self.path) if law else _platform(self.path, self.picture)
+        title, findings = (
+            _law(self.path, self.platform) if law else _platform(self.path, self.picture)
+        )
         if self.json:
             print_json([dataclasses.asdict(finding) for finding in findings])
         else:
@@ -68,16 +78,21 @@ def _platform(name: str, picture: Path | None) -> "tuple[str, list[Finding]]":
     return f"{platform.name}: {platform.title}", findings
 
 
-def _law(name: str) -> "tuple[str, list[Finding]]":
+def _law(name: str, machine: str | None) -> "tuple[str, list[Finding]]":
     from twin.check import Finding
-    from twin.controller import check_controller
+    from twin.controller import check_controller, load_controller, usual_machine
     from twin.errors import ControllerError
+    from twin.platform import load_platform
 
+    # before the law: a machine that is not there is wrong use, whatever the law is
+    platform = None if machine is None else load_platform(machine)
     try:
-        broken = check_controller(name)
+        law = load_controller(name)
     except ControllerError as problem:
         return name, [Finding("can be loaded", False, "yes", "no", "", str(problem))]
-    check = "keeps the contract"
+    platform = platform or usual_machine(law)
+    broken = check_controller(law, platform)
+    check = f"keeps the contract on {platform.name}"
     kept = [Finding(check, True, "yes", "yes")]
     return name, [Finding(check, False, "yes", "no", "", said) for said in broken] or kept
 

@@ -24,13 +24,21 @@ from twin.library import model_names
 from twin.platform import Platform, load_platform
 from twin.signals import Command
 
+_PARTS = {
+    "command_wheel_torque": "wheels",
+    "command_stage_position": "stages",
+    "command_gimbal_rate": "gimbals",
+    "command_thruster": "thrusters",
+}
+"""Whose columns a command has."""
+
 
 def check_controller(
     controller: AnyController | str | Path, platform: Platform | None = None
 ) -> list[str]:
     """Check a law, or the law of that name or file, on a platform.
 
-    Unless one is given, it is the first that the law accepts: `sads`, or else by name.
+    Unless one is given, it is its `usual_machine`.
 
     Returns:
         One sentence for each promise that the law breaks; empty when it keeps them all.
@@ -40,7 +48,7 @@ def check_controller(
         ControllerError: the file holds no law that can be loaded.
     """
     law = load_controller(str(controller)) if isinstance(controller, str | Path) else controller
-    platform = platform or _first_accepted(law)
+    platform = platform or usual_machine(law)
     findings = list(_declared(law))
     try:
         for promise in (_answers, _repeatable, _rows_apart, _vectorised):
@@ -52,8 +60,9 @@ def check_controller(
     return findings
 
 
-def _first_accepted(law: AnyController) -> Platform:
-    """The first shipped platform that the law does not refuse; `sads` if it refuses all."""
+def usual_machine(law: AnyController) -> Platform:
+    """What a law is judged on where nobody names another: the first shipped platform that it does
+    not refuse, `sads` before the others, and `sads` if it refuses all."""
     usual = load_platform("sads")
     for name in ("sads", *model_names()):
         platform = load_platform(name)
@@ -102,6 +111,8 @@ def _refused(platform: Platform, command: Command, n: int) -> Iterator[str]:
         kind = str(getattr(value, "dtype", type(value).__name__))
         if kind != "float64":
             yield f"{name} is of type {kind}, not a float64 array: start from np.zeros or np.array"
+        elif len(shape) == 2 and shape[0] == n and shape != wanted:
+            yield _other_columns(platform, name, shape[1])
         elif shape != wanted:
             yield (
                 f"{name} has shape {shape}, not {wanted}: the batch axis comes first, one row a "
@@ -112,6 +123,16 @@ def _refused(platform: Platform, command: Command, n: int) -> Iterator[str]:
                 f"{name} holds {value[~np.isfinite(value)][0]} though all it was given is finite: "
                 "look for a division by zero or a root below zero, at rest on target or upside down"
             )
+
+
+def _other_columns(platform: Platform, command: str, found: int) -> str:
+    parts = platform.columns(command)
+    kind = _PARTS.get(command, "columns")
+    return (
+        f"{command} has {found} column{'s' * (found != 1)}, and {platform.name} has "
+        f"{len(parts)} {kind if len(parts) > 1 else kind[:-1]} ({', '.join(parts)}): give each its "
+        "column, in this order, or check the law on the machine that it is for (--platform)"
+    )
 
 
 def _repeatable(law: AnyController, platform: Platform) -> Iterator[str]:

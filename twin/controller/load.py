@@ -11,8 +11,9 @@ from typing import Any
 
 from twin.controller.controller import AnyController, Controller
 from twin.errors import ControllerError, TwinError, UnknownName
-from twin.library import find_controller
+from twin.library import find_controller, findable
 from twin.own_file import file_of, import_alone
+from twin.platform import Platform
 
 
 def load_controller(name: str, gains: Mapping[str, float] | None = None) -> AnyController:
@@ -52,16 +53,23 @@ def called(gain: str) -> str:
     return gain if gain.split("_")[-1] == "gain" else f"gain {gain}"
 
 
-def tell_mistake(law: AnyController, problem: Exception) -> None:
+def tell_mistake(law: AnyController, platform: Platform, problem: Exception) -> None:
     """Say what a law's own file raised, and where, for its author; of what is no file, nothing.
+
+    Args:
+        law: that raised it.
+        platform: on which it did, and on which the check will say more.
+        problem: what was raised.
 
     Raises:
         ControllerError: file, line, kind and message.
     """
     path = file_of(type(law).__module__)
     if path is not None and not isinstance(problem, TwinError):
+        machine = findable(platform.folder, platform.name)
         raise ControllerError(
-            f"{path}: {raised_at(path, problem)}; `twin check {path}` says more"
+            f"{path}: {raised_at(path, problem)}; "
+            f"`twin check {path} --platform {machine}` says more"
         ) from problem
 
 

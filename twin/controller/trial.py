@@ -39,7 +39,9 @@ def start(law: AnyController, platform: Platform, n: int) -> Any:
     try:
         return law.init(platform, n)
     except ControllerError as problem:
-        raise Broken(f"it refuses {platform.name} ({problem}): check it on another") from None
+        raise Broken(
+            f"it refuses {platform.name} ({problem}): check it on another (--platform)"
+        ) from None
     except Exception as problem:
         raise Broken(f"init fails with n = {n}: {_raised(law, problem)}") from problem
 

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from twin.library import library
+from twin.library import findable
 from twin.platform import Platform
 from twin.recording.schema import SCHEMA
 
@@ -27,7 +27,7 @@ def provenance(
     return {
         "schema": SCHEMA,
         "kind": "run",
-        "platform": _findable(platform),
+        "platform": findable(platform.folder, platform.name),
         "platform_files": _hashes(platform.folder),
         "control_rate": platform.control_rate,
         "step": platform.step,
@@ -44,14 +44,6 @@ def provenance(
         },
         "machine": computer.machine(),
     }
-
-
-def _findable(platform: Platform) -> str:
-    """A name that `load_platform` finds: a shipped machine's own, else its folder."""
-    stem, _, variant = platform.name.partition(":")
-    if library("models") / stem == platform.folder:
-        return platform.name
-    return f"{platform.folder}:{variant}" if variant else str(platform.folder)
 
 
 def _hashes(folder: Path) -> dict[str, str]:
