@@ -6,6 +6,7 @@ from twin.check.finding import Finding, compare, judge
 from twin.check.masses import check_masses, check_whole
 from twin.check.motion import check_step, check_stop
 from twin.check.parts import check_joints, check_parts
+from twin.check.passive import check_foreign, passive_terms
 from twin.config import read_toml
 from twin.errors import PlatformError
 from twin.model import compile_model, mass_properties
@@ -28,6 +29,10 @@ def check_platform(platform: Platform) -> list[Finding]:
     findings += check_parts(base, model)
     findings += check_masses(base, model)
     findings += check_stop(base, model)
+    foreign = check_foreign(base, model)
+    findings += [*foreign, passive_terms(base, model)]
+    if not all(finding.ok for finding in foreign):
+        return findings  # it shows in the step's error too, where no smaller step would do
     findings += _compiled(base)
     for variant in variants_of(base.folder):
         findings += _compiled(load_platform(f"{base.folder}:{variant}"))
