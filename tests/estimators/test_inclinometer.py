@@ -63,6 +63,20 @@ def test_lost_tilt_holds_attitude_and_rate_and_the_next_rate_spans_the_gap(machi
 
 
 def test_machine_without_an_inclinometer_is_told_what_would_do(machine):
-    bare = dataclasses.replace(machine, sensors={"gyro": machine.sensors["gyro"]})
+    sensors = {name: sensor for name, sensor in machine.sensors.items() if name != "inclinometer"}
+    bare = dataclasses.replace(machine, sensors=sensors)
     with pytest.raises(UsageError, match="astros has none; use the estimator 'passthrough'"):
         load_estimator("inclinometer").init(bare, 1)
+    blind = dataclasses.replace(machine, sensors={"gyro": machine.sensors["gyro"]})
+    with pytest.raises(UsageError, match=r"none; no estimator .* give it \[sensors\.attitude\]"):
+        load_estimator("inclinometer").init(blind, 1)
+
+
+@pytest.mark.parametrize("name", ["filter", "offset", "vertical_offset"])
+def test_machine_without_attitude_is_told_of_an_estimator_that_becomes_valid(machine, name):
+    sensors = {stream: sensor for stream, sensor in machine.sensors.items() if stream != "attitude"}
+    tilted = dataclasses.replace(machine, sensors=sensors)
+    with pytest.raises(
+        UsageError, match="astros has no attitude; use the estimator 'inclinometer'"
+    ):
+        load_estimator(name).init(tilted, 1)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import UsageError
-from twin.estimators.estimator import Estimator, blank, encoders, newest, shared
+from twin.estimators.estimator import Estimator, blank, encoders, instead, newest, shared
 from twin.platform import Platform, Sensor
 from twin.rotation import (
     conjugate,
@@ -89,7 +89,7 @@ class AttitudeFilter(Estimator):
         if missing:
             raise UsageError(
                 f"the attitude filter needs gyro and attitude, and {platform.name} has no "
-                f"{' and no '.join(missing)}; use the estimator 'passthrough'"
+                f"{' and no '.join(missing)}; {instead(platform)}"
             )
         gyro, attitude = platform.sensors["gyro"], platform.sensors["attitude"]
         covariance = np.zeros((6, 6, n))

@@ -80,8 +80,18 @@ def need_floating_body(platform: Platform, estimator: str) -> None:
         lack = f"has no {' and no '.join(missing)}" if missing else "hangs on no ball"
         raise UsageError(
             f"the estimator {estimator!r} needs gyro and attitude of a body on a ball, and "
-            f"{platform.name} {lack}; use the estimator 'passthrough'"
+            f"{platform.name} {lack}; {instead(platform)}"
         )
+
+
+def instead(platform: Platform) -> str:
+    """What would do where an estimator lacks its sensors: one that these sensors make valid."""
+    if {"attitude", "joint_angle"} & set(platform.sensors):
+        return "use the estimator 'passthrough'"
+    if "inclinometer" in platform.sensors:
+        return "use the estimator 'inclinometer'"
+    shown = "joint_angle" if platform.base.kind == "hinge" else "attitude"
+    return f"no estimator knows how it stands: give it [sensors.{shown}]"
 
 
 def encoders(streams: Mapping[str, Samples], before: Estimate) -> dict[str, Any]:

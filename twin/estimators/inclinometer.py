@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import UsageError
-from twin.estimators.estimator import Estimator, blank, encoders, newest, shared
+from twin.estimators.estimator import Estimator, blank, encoders, instead, newest, shared
 from twin.platform import Platform
 from twin.rotation import conjugate, from_euler_zyx, multiply, to_rotation_vector
 from twin.signals import Estimate, Reading, Samples
@@ -41,7 +41,7 @@ class InclinometerDifferences(Estimator):
         if "inclinometer" not in platform.sensors:
             raise UsageError(
                 f"the estimator 'inclinometer' needs one, and {platform.name} has none; "
-                "use the estimator 'passthrough'"
+                f"{instead(platform)}"
             )
         return TiltEstimate(
             **shared(blank(platform, n)),
