@@ -13,7 +13,12 @@ from twin.controller import AnyController, load_controller
 from twin.controller.load import tell_mistake
 from twin.effects import Effect, effects_of, with_effects
 from twin.errors import UnknownName, UsageError
-from twin.estimators import Estimator, load_estimator, usual_estimator
+from twin.estimators import (
+    Estimator,
+    InclinometerDifferences,
+    load_estimator,
+    usual_estimator,
+)
 from twin.loop import Observer, Outcome, fly
 from twin.plant.initial import InitialState
 from twin.plant.plant import Plant
@@ -22,6 +27,7 @@ from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.recording import open_log
 from twin.reference import Reference, parse_reference
+from twin.rotation import to_euler_zyx
 from twin.signals import Command
 
 if TYPE_CHECKING:
@@ -29,6 +35,16 @@ if TYPE_CHECKING:
     from twin.plant.guard.guarded import Held
 
 PLANTS = ("sim", "replay:LOG", "pty", "pty:FILE.toml", "serial:URL")
+
+_TURNING = {
+    "command_dipole",
+    "command_gimbal_rate",
+    "command_thruster",
+    "command_wheel_torque",
+}
+"""What turns a body about the vertical; masses do not."""
+_LEVEL = 1e-6
+"""Yaw that is none [rad]."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +81,37 @@ class Flight:
                 f"the log is of {self.plant.of_other}, and is replayed as if it were of "
                 f"{self.platform.name}: filter and law take it for that machine"
             ]
+        wanted = self._wanted()
+        return [*self._unseen_heading(wanted), *self._saturation(wanted)]
+
+    def _unseen_heading(self, wanted: Command) -> list[str]:
+        """That the law steers a heading which its estimate takes for 0."""
+        platform, law = self.platform, type(self.controller).__name__
+        if not isinstance(self.estimator, InclinometerDifferences) or not _TURNING & wanted.keys():
+            return []
+        times = np.linspace(0.0, self.duration, 1000)
+        yaw = float(np.max(np.abs(to_euler_zyx(self.reference.at(times).attitude)[..., 0])))
+        follows = (
+            f"{law} neither sees the heading drift nor holds it"
+            if yaw < _LEVEL
+            else f"{law} steers for the {np.degrees(yaw):.3g} deg of yaw that the reference asks "
+            "for and never sees them reached"
+        )
+        remedy = (
+            f"use the estimator {usual_estimator(platform)!r}"
+            if "attitude" in platform.sensors
+            else "give it [sensors.attitude], or a law that needs no heading (mass_pid) and a "
+            "reference without yaw"
+        )
+        return [
+            f"no sensor that the estimator 'inclinometer' reads shows the heading of "
+            f"{platform.name}, which is taken for 0: {follows}; {remedy}"
+        ]
+
+    def _saturation(self, wanted: Command) -> list[str]:
         platform = self.platform
         n = self.plant.n
-        if "command_wheel_torque" not in self._wanted() or platform.base.kind != "ball":
+        if "command_wheel_torque" not in wanted or platform.base.kind != "ball":
             return []
         if any(wheel.gimbal is not None for wheel in platform.wheels):
             return []  # what a wheel takes depends on where its gimbal stands

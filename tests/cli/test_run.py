@@ -1,5 +1,6 @@
 """`twin run`, as its user meets it."""
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from twin.budget import momentum_budget
 from twin.cli.main import main
 from twin.flight import prepare
 from twin.metrics import settled
+from twin.plant.simulated import SimulatedPlant
 from twin.recording import open_log
 
 
@@ -92,6 +94,33 @@ def test_nothing_is_foretold_of_wheels_in_gimbals(tmp_path):
     )
     assert momentum_budget(flight.platform, flight.reference, 100.0).saturates_at is not None
     assert flight.warnings() == []
+
+
+@pytest.mark.parametrize(
+    ("reference", "follows"),
+    [
+        (
+            "slew:0,0,30",
+            "the 30 deg of yaw that the reference asks for and never sees them reached",
+        ),
+        ("hold:5,0,0", "neither sees the heading drift nor holds it"),
+    ],
+)
+def test_a_heading_that_no_sensor_shows_is_told_before_the_flight(tmp_path, reference, follows):
+    law = tmp_path / "idle.py"
+    law.write_text(LAW_OF_WHEELS, encoding="utf-8")
+    names = {"plant": "sim", "reference": reference, "duration": 200.0}
+    flight = prepare("astros", controller=str(law), estimator="inclinometer", **names)
+    (warning,) = flight.warnings()
+    assert follows in warning
+    assert warning.endswith("use the estimator 'filter'")
+    sensors = {"inclinometer": flight.platform.sensors["inclinometer"]}
+    blind = SimulatedPlant(dataclasses.replace(flight.platform, sensors=sensors))
+    (warning,) = dataclasses.replace(flight, plant=blind).warnings()
+    assert "give it [sensors.attitude], or a law that needs no heading (mass_pid)" in warning
+    for told in ({"estimator": "filter"}, {"controller": "mass_pid"}):
+        seen = {"controller": str(law), "estimator": "inclinometer", **names, **told}
+        assert prepare("astros", **seen).warnings() == []
 
 
 LAW_THAT_BREAKS = '''
