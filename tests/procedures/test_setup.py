@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.errors import ControllerError, UnknownName
+from twin.errors import ControllerError, UnknownName, UsageError
 from twin.platform import load_platform
 from twin.procedures import Refused, balancing, random_offsets, refuse, usual_target
 from twin.procedures.means import Reach, damper
@@ -54,6 +54,14 @@ def test_every_machine_with_three_stages_has_a_procedure_and_something_that_damp
 def test_machine_without_stages_is_refused():
     with pytest.raises(ControllerError, match="the 0 stages of"):
         Reach.of(load_platform("dfki_pendulum"))
+
+
+@pytest.mark.parametrize("way", ["direct", "masses", "adaptive"])
+def test_machine_without_attitude_is_refused_before_it_moves(way):
+    astros = load_platform("astros")
+    sensors = {name: sensor for name, sensor in astros.sensors.items() if name != "attitude"}
+    with pytest.raises(UsageError, match="astros has no 'attitude', only gyro, .*mass_pid"):
+        balancing(replace(astros, sensors=sensors), 1, way=way, target=1e-3, workers=0)
 
 
 def test_unknown_procedure_is_named_with_the_known():

@@ -37,7 +37,8 @@ class Balance:
     The vertical mass goes down first, so that the body hangs. Then it is made to swing, J and m r
     are identified from the swing, and the masses move: in the plane at once or under a control law,
     in height by at most half of what is left, never above the CR. In the end it floats free for two
-    minutes, and what is left is stated with 95 % intervals.
+    minutes, and what is left is stated with 95 % intervals. The machine needs `attitude`: from gyro
+    and inclinometer alone the fit of a swing does not settle.
 
     Procedures: direct moves the masses by what was identified (000 eq. 12-15, iterated as in 004);
     masses and masses-and-coils leave the plane to a law (001; 003); adaptive begins with adaptive

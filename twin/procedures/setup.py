@@ -96,13 +96,14 @@ def balancing(
 
     Raises:
         UnknownName: no such procedure.
-        UsageError: a target that is no torque.
+        UsageError: a target that is no torque, or a machine whose attitude nothing shows.
         ControllerError: the machine lacks a part.
     """
     if way not in WAYS:
         raise UnknownName("procedure", way, WAYS)
     if not (np.isfinite(target) and target > 0.0):
         raise UsageError(f"target is {target:g} N m; give a torque above zero")
+    _need_attitude(platform)
     chosen = WAYS[way]
     notes = Notes(n, tell)
     procedure = Balancing(
@@ -115,6 +116,18 @@ def balancing(
     )
     procedure.init(platform, n)
     return procedure
+
+
+def _need_attitude(platform: Platform) -> None:
+    # each procedure begins with a fit of a swing, and by gyro and inclinometer none has settled
+    if "attitude" not in platform.sensors:
+        shown = ", ".join(platform.sensors) or "nothing"
+        raise UsageError(
+            f"{platform.name} has no 'attitude', only {shown}: every procedure begins by "
+            "identifying J and m r from a swing, and without attitude that does not settle; "
+            "carry motion capture or a star tracker as [sensors.attitude], on the bench as "
+            "[hardware.streams.attitude], or level it by `twin run --controller mass_pid`"
+        )
 
 
 def refuse(platform: Platform, way: str, target: float, base: Array) -> None:
