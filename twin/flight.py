@@ -248,15 +248,30 @@ def prepare(
         raise UsageError(f"duration is {length:g} s; give a time above zero")
     observer = load_estimator(estimator or usual_estimator(machine))
     law = _law(controller, gains, machine, simulated=bench is None or lockstep, tell=tell)
+    asked = reference or law.reference
+    followed = parse_reference(asked)
+    if kind != "replay":  # what a log did is done, wherever the law would have gone
+        _check_within_stop(machine, asked, followed, length)
     return Flight(
         plant=body,
         estimator=observer,
         controller=law,
-        reference=parse_reference(reference or law.reference),
+        reference=followed,
         duration=length,
         initial=start,
         bench=bench,
     )
+
+
+def _check_within_stop(machine: Platform, asked: str, followed: Reference, length: float) -> None:
+    if machine.base.kind != "ball" or not np.isfinite(machine.stop_angle):
+        return
+    lean = float(np.max(machine.lean(followed.at(np.linspace(0.0, length, 1000)).attitude)))
+    if lean > machine.stop_angle:
+        raise UsageError(
+            f"reference {asked!r} leans {machine.name} by {np.degrees(lean):.3g} deg, beyond the "
+            f"stop at {np.degrees(machine.stop_angle):.3g} deg; give smaller angles"
+        )
 
 
 def _law(

@@ -96,6 +96,20 @@ def test_nothing_is_foretold_of_wheels_in_gimbals(tmp_path):
     assert flight.warnings() == []
 
 
+@pytest.mark.parametrize("reference", ["hold:40,0,0", "slew:0,-35,20@5", "multisine:60@0.05"])
+def test_a_reference_beyond_the_stop_is_refused_with_both_angles(capsys, reference):
+    words = ["run", "sads", "--controller", "quaternion_pd", "--duration", "60"]
+    assert main([*words, "--reference", reference]) == 2
+    said = capsys.readouterr().err
+    assert f"reference {reference!r} leans sads by " in said
+    assert "deg, beyond the stop at 30 deg" in said
+
+
+def test_a_turn_about_the_vertical_meets_no_stop():
+    names = {"plant": "sim", "estimator": None, "duration": 200.0}
+    prepare("sads", controller="quaternion_pd", reference="slew:0,0,170", **names)
+
+
 @pytest.mark.parametrize(
     ("reference", "follows"),
     [
