@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from twin.errors import UsageError
 from twin.identify import identify
 from twin.identify.excitation import excitation_of
+from twin.identify.track import raw_motion
 from twin.model import compile_model
 from twin.predict.log.motion import motion_of
 from twin.predict.parameters.base import base_parameters
 from twin.recording import Recording
-from twin.report import identified
+from twin.report import compared, identified
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +42,19 @@ def test_wheels_of_which_no_log_says_anything_are_said_to_be_taken_as_at_rest(ca
     found = replace(found, recordings=(Recording(seen, {"kind": "log"}),))
     said = [line for line in identified(found) if "taken as at rest" in line]
     assert [line.strip() for line in said] == found.document()["taken_as_at_rest"][:1]
+
+
+def test_what_several_methods_lack_is_said_once_with_both_streams(campaign):
+    seen = Recording({"gyro": campaign.logs[0]["gyro"]}, {"kind": "log"})
+    with pytest.raises(UsageError) as problem:
+        raw_motion(seen, "ball")
+    assert "no 'attitude': " in str(problem.value)
+    assert "both 'gyro' and 'attitude', of which prediction-error needs one" in str(problem.value)
+    found = identify(campaign.logs[:1], campaign.stated, "momentum")
+    other = UsageError("another sentence")
+    lines = compared({"a": found, "b": problem.value, "c": problem.value, "d": other})
+    assert f"b, c: {problem.value}." in lines
+    assert "d: another sentence." in lines
 
 
 def test_the_combination_of_moments_that_is_known_worst_is_named(campaign):

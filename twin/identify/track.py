@@ -113,8 +113,8 @@ def raw_motion(recording: Recording, kind: str) -> Motion:
     for name in names:
         if name not in recording or len(recording[name]) < 2:
             raise UsageError(
-                f"the log has no {name!r}, without which this method has no equation; "
-                "prediction-error needs one of the two"
+                f"the log has no {name!r}: the method has no equation without both {names[0]!r} "
+                f"and {names[1]!r}, of which prediction-error needs one"
             )
     gyro, shown = (recording[name] for name in names)
     begin, end = max(gyro.time[0], shown.time[0]), min(gyro.time[-1], shown.time[-1])

@@ -33,10 +33,17 @@ def compared(found: Mapping[str, Identification | TwinError]) -> list[str]:
         "what noise in rates and wheel speeds does to the values.",
     ]
     lines += taken_as_at_rest(first.recordings, first.platform)
-    lines += [
-        f"{name}: {problem}." for name, problem in found.items() if isinstance(problem, TwinError)
-    ]
+    lines += _failed(found)
     return lines + [f"Cannot be told: {sentence}." for sentence in first.not_excited]
+
+
+def _failed(found: Mapping[str, Identification | TwinError]) -> list[str]:
+    """Each sentence once, after the names of all methods that it is of."""
+    told: dict[str, list[str]] = {}
+    for name, problem in found.items():
+        if isinstance(problem, TwinError):
+            told.setdefault(str(problem), []).append(name)
+    return [f"{', '.join(names)}: {sentence}." for sentence, names in told.items()]
 
 
 def _cells(found: Identification, count: int) -> list[str]:
