@@ -100,6 +100,7 @@ TOLD = {
     "stage has two joints": "is ['x', 'y']",
     "pitch axis is upright": "is [0.0, 0.0, 1.0]",
     "file is not TOML": "line 21",
+    "machine has no name": "is ' '",
     "two stops": "0.5 rad",
 }
 """Of those whose value is no word of its own, or not the matter."""

@@ -39,6 +39,8 @@ def variants_of(folder: Path) -> tuple[str, ...]:
 def _platform(file: Table, folder: Path, variant: str) -> Platform:
     table, mass_properties = _varied(file, variant)
     name = table.text("name")
+    if not name.strip():
+        raise table.fail("name", f"is {name!r}", "give the machine one, best that of its folder")
     title = table.text("title")
     model_path = folder / table.text("model", "platform.xml")
     if not model_path.resolve().is_relative_to(folder.resolve()):

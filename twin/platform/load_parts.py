@@ -111,7 +111,7 @@ def _wheel(table: Table, layout: Layout, gimbals: list[str]) -> Wheel:
         axis=_axis(table, layout),
         gimbal=_gimbal_of(table, layout, gimbals),
         inertia=table.number("inertia", low=1e-12, unit="kg m^2"),
-        momentum_limit=table.number("momentum_limit", low=0.0, unit="N m s", infinite=True),
+        momentum_limit=table.number("momentum_limit", low=1e-9, unit="N m s", infinite=True),
         torque_limit=table.number("torque_limit", low=0.0, unit="N m", infinite=True),
         home=table.number("home", 0.0, unit="rad/s"),
     )
@@ -178,6 +178,12 @@ def _stage(table: Table, layout: Layout) -> Stage:
         resolution=table.number("resolution", 0.0, low=0.0, unit="m"),
         response=table.number("response", 0.0, low=0.0, high=10.0, unit="s"),
     )
+    if stage.resolution > high - low:
+        raise table.fail(
+            "resolution",
+            f"is {stage.resolution:g} m, more than the {high - low:g} m of its travel",
+            "give the step of its drive in m, or 0 where it is continuous",
+        )
     table.close()
     return stage
 
