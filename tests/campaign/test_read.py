@@ -61,6 +61,7 @@ BROKEN = {
                                 "no wheel"),
     "clock that differs": ("[effects.gyro_bias]", "[effects.clock_lag.gyro]",
                            "share one sampling schedule.*give it one value"),
+    "misspelt start": ("hangs = true", "atitude = 0", "atitude is no key.*mean 'attitude'"),
     "unknown start": ("hangs = true", "hungs = true", "hungs is no key we know.*'hangs'"),
     "start with too few numbers": ("hangs = true", "hangs = true\nrate = [1.0]",
                                    "give 3 numbers in rad/s"),

@@ -58,7 +58,8 @@ def read_initial(table: Table, arms: Sequence[Arm]) -> Initial:
     factors: dict[str, tuple[Factor, ...]] = {}
     reach = isinstance(own.raw("center_of_mass_offset"), str)
     for key, (unit, names) in rows.items():
-        if key not in own or (key == "center_of_mass_offset" and reach):
+        # asked of every key, so that one that is misspelt is told which it may have meant
+        if own.raw(key) is None or (key == "center_of_mass_offset" and reach):
             continue
         spread = read_values(own, key, len(names), unit=unit)
         bounds = _bounds(platform, key, hangs=hangs)
