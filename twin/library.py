@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from twin.errors import UnknownName
+from twin.errors import UnknownName, UsageError
 
 _PACKAGE = Path(__file__).parent
 
@@ -60,9 +60,12 @@ def find_controller(name: str) -> Path:
 
     Raises:
         UnknownName: neither.
+        UsageError: it ends in .py, and there is no such file.
     """
     own = Path(name)
-    if own.suffix == ".py" and own.is_file():
+    if own.suffix == ".py":
+        if not own.is_file():
+            raise UsageError(f"{name}: there is no such file; check the path")
         return own.resolve()
     shipped = library("controllers") / f"{name}.py"
     if name == shipped.stem and shipped.is_file():

@@ -209,6 +209,7 @@ def test_a_recording_of_another_machine_is_replayed_with_a_warning(tmp_path, cap
         (["nosuch"], "no platform named 'nosuch'"),
         (["sads:nosuch"], "no variant named 'nosuch'"),
         (["sads", "--controller", "quaternion_pid"], "did you mean 'quaternion_pd'"),
+        (["sads", "--controller", "my_law.py"], "my_law.py: there is no such file; check the path"),
         (["sads", "--estimator", "kalman"], "no estimator named 'kalman'"),
         (["sads", "--plant", "telnet:COM1"], "no plant named 'telnet:COM1'"),
         (["sads", "--reference", "wobble"], "no reference named 'wobble'"),

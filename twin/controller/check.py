@@ -45,6 +45,7 @@ def check_controller(
 
     Raises:
         UnknownName: no such law.
+        UsageError: no such file.
         ControllerError: the file holds no law that can be loaded.
     """
     law = load_controller(str(controller)) if isinstance(controller, str | Path) else controller

@@ -21,6 +21,7 @@ def load_controller(name: str, gains: Mapping[str, float] | None = None) -> AnyC
 
     Raises:
         UnknownName: no such law, or no such gain.
+        UsageError: no such file.
         ControllerError: the file cannot be imported, does not define exactly one law, or its class
             does not take the gains.
     """
