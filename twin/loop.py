@@ -102,7 +102,7 @@ def fly(
             try:
                 applied = plant.write(wanted)
             except (CommandError, UnknownName) as problem:
-                tell_refused(controller, problem)
+                tell_refused(controller, platform, problem)
                 raise
             estimate = estimator.told(estimate, applied)
             clock.lap("write")

@@ -67,15 +67,18 @@ def tell_mistake(law: AnyController, platform: Platform, problem: Exception) -> 
     """
     path = file_of(type(law).__module__)
     if path is not None and not isinstance(problem, TwinError):
-        machine = findable(platform.folder, platform.name)
         raise ControllerError(
-            f"{path}: {raised_at(path, problem)}; "
-            f"`twin check {path} --platform {machine}` says more"
+            f"{path}: {raised_at(path, problem)}; {_check_says_more(path, platform)}"
         ) from problem
 
 
-def tell_refused(law: AnyController, problem: TwinError) -> None:
+def tell_refused(law: AnyController, platform: Platform, problem: TwinError) -> None:
     """Say whose file gave a command that the machine refuses; of what is no file, nothing.
+
+    Args:
+        law: whose command it is.
+        platform: that refuses it.
+        problem: why.
 
     Raises:
         ControllerError: file, line of its `update`, and what is refused.
@@ -85,8 +88,12 @@ def tell_refused(law: AnyController, problem: TwinError) -> None:
         code = type(law).update.__code__
         line = f"line {code.co_firstlineno}: " if code.co_filename == str(path) else ""
         raise ControllerError(
-            f"{path}: {line}what update returns: {problem}; `twin check {path}` says more"
+            f"{path}: {line}what update returns: {problem}; {_check_says_more(path, platform)}"
         ) from problem
+
+
+def _check_says_more(path: Path, platform: Platform) -> str:
+    return f"`twin check {path} --platform {findable(platform.folder, platform.name)}` says more"
 
 
 def raised_at(path: Path, problem: BaseException) -> str:
