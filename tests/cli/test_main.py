@@ -126,7 +126,7 @@ def test_unknown_argument_is_wrong_use_and_asks_which_one_was_meant():
         (errors.UsageError("--a and --b exclude each other"), 2, "twin: --a and --b exclude"),
         (errors.UnknownName("platform", "sasd", ["sads"]), 2, "did you mean 'sads'?"),
         (errors.RecordingError("a.rrd", "is empty", "record again"), 1, "a.rrd: is empty"),
-        (KeyboardInterrupt(), 130, "twin: interrupted\n"),
+        (KeyboardInterrupt(), 1, "twin: interrupted by Ctrl-C before it was done\n"),
         (3, 3, ""),
     ],
 )

@@ -1,7 +1,8 @@
 """`twin VERB ...`: finds the verb, reads its command line, turns errors into sentences.
 
 The help of `twin` itself comes from the table below, so that it needs neither the verbs nor the
-command-line library. Exit codes: 0 done, 1 failed, 2 wrong use; 130 after Ctrl-C.
+command-line library. Exit codes: 0 done, 1 failed, 2 wrong use. Ctrl-C
+has failed too, unless the verb ends well by it.
 """
 
 import importlib
@@ -42,7 +43,6 @@ which its threads only wait for each other."""
 
 FAILED = 1
 WRONG_USE = 2
-INTERRUPTED = 130
 BROKEN_PIPE = 141
 """As the shell counts a program that SIGPIPE ended."""
 
@@ -70,8 +70,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"twin: {error}", file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:
-        print("twin: interrupted", file=sys.stderr)
-        return INTERRUPTED
+        print("twin: interrupted by Ctrl-C before it was done", file=sys.stderr)
+        return FAILED
     except BrokenPipeError:
         # The interpreter flushes once more at exit; let it do so into nothing.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
