@@ -1,5 +1,6 @@
 """`twin view` shows any log, mending or converting it first where that is needed."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,18 @@ def test_a_cut_recording_is_mended_first_and_that_is_said(shown, tmp_path: Path,
     assert "repaired: a.rrd was cut short" in capsys.readouterr().err
     assert shown[0][0] != path
     assert len(shown[0][1]["gyro"]) == 2000
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="what stands for the viewer is a script")
+def test_a_viewer_that_crashes_has_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    crashing = tmp_path / "viewer"
+    crashing.write_text("#!/bin/sh\nexit 3\n")
+    crashing.chmod(0o755)
+    monkeypatch.setenv("RERUN_CLI_PATH", str(crashing))
+    assert main(["view", str(recorded(tmp_path / "a.rrd"))]) == 1
+    assert "twin: the viewer ended with code 3" in capsys.readouterr().err
 
 
 def test_a_folder_log_is_shown_with_its_machine(shown):

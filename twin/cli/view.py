@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from twin.platform import Platform
     from twin.recording import Recording
 
+_VIEWER = "import sys; from rerun_cli.__main__ import main; sys.exit(main())"
+"""In place of `-m rerun_cli`, which ends with 0 whatever became of the viewer."""
+
 
 @dataclass(frozen=True)
 class View:
@@ -50,5 +53,12 @@ def _platform(recording: "Recording") -> "Platform | None":
 
 
 def _show(path: Path) -> int:
-    done = subprocess.run([sys.executable, "-m", "rerun_cli", str(path)], check=False)
-    return 0 if done.returncode == 0 else 1
+    from twin.errors import TwinError
+
+    done = subprocess.run([sys.executable, "-c", _VIEWER, str(path)], check=False)
+    if done.returncode:
+        raise TwinError(
+            f"the viewer ended with code {done.returncode}, and says why above; "
+            "without a display, open the file where there is one"
+        )
+    return 0
