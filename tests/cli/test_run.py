@@ -214,6 +214,7 @@ def test_a_recording_of_another_machine_is_replayed_with_a_warning(tmp_path, cap
         (["sads", "--plant", "telnet:COM1"], "no plant named 'telnet:COM1'"),
         (["sads", "--reference", "wobble"], "no reference named 'wobble'"),
         (["sads", "--duration", "-3"], "duration is -3 s"),
+        (["sads", "--velocity", "1", "0", "0"], "sads stays where it is, but would start with"),
         (["sads", "--controller", "mass_pid", "--gains", "integral"], "give NAME=VALUE"),
         (["sads", "--controller", "mass_pid", "--gains", "kp=1"], "no gain named 'kp'"),
     ],

@@ -54,3 +54,19 @@ def check_within_stop(platform: Platform, attitude: Array) -> None:
             f"{platform.name} would start at {np.degrees(lean):.3g} deg, beyond the stop at "
             f"{np.degrees(platform.stop_angle):.3g} deg"
         )
+
+
+def check_velocity(platform: Platform, velocity: Array) -> None:
+    """Refuse a velocity (3,) or (n, 3) [m/s] of a machine whose base stays where it is.
+
+    Raises:
+        UsageError: it has one.
+    """
+    base = platform.base
+    slides = base.kind == "free" or set(base.planar[:2]) - set(base.locked)
+    if np.any(velocity) and not slides:
+        given = " ".join(f"{one:g}" for one in np.atleast_2d(velocity)[0])
+        raise UsageError(
+            f"{platform.name} stays where it is, but would start with a velocity of {given} m/s; "
+            "leave it out"
+        )

@@ -18,7 +18,7 @@ from twin.model import compile_model, untouched
 from twin.plant.each import give_each
 from twin.plant.forces import Forces
 from twin.plant.gas import Tanks, thruster_arms
-from twin.plant.initial import InitialState, check_within_stop
+from twin.plant.initial import InitialState, check_velocity, check_within_stop
 from twin.plant.limits import Limits
 from twin.plant.offsets import set_offsets
 from twin.plant.plant import Plant
@@ -250,6 +250,7 @@ class SimulatedPlant(Plant):
 
     def _start(self, initial: InitialState) -> None:
         machine, base = self.machine, self.platform.base
+        check_velocity(self.platform, np.asarray(initial.velocity))
         if base.kind != "hinge":
             quat = np.asarray(initial.attitude, dtype=np.float64)
             self._qpos[:, machine.base_qpos] = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
