@@ -29,9 +29,9 @@ def checkout(tmp_path: Path) -> Path:
     """A folder that looks like a fresh checkout, for commands to write into."""
     for name in ("models", "controllers"):
         shutil.copytree(REPOSITORY / name, tmp_path / name)
-    viewer = tmp_path / "stand_in" / "rerun_cli.py"
-    viewer.parent.mkdir()
-    viewer.write_text("import pathlib, sys; assert pathlib.Path(sys.argv[1]).stat().st_size\n")
+    viewer = tmp_path / "viewer"
+    viewer.write_text('#!/bin/sh\nfor last; do :; done\ntest -s "$last"\n')
+    viewer.chmod(0o755)
     return tmp_path
 
 
@@ -41,7 +41,7 @@ def run(line: str, checkout: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "twin", *words],
         cwd=checkout,
-        env={**os.environ, "PYTHONPATH": str(checkout / "stand_in")},
+        env={**os.environ, "RERUN_CLI_PATH": str(checkout / "viewer")},
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
