@@ -30,7 +30,8 @@ def known_starts(platform: Platform) -> dict[str, Row]:
         rows |= {"joint_angle": ("rad", ("",)), "joint_rate": ("rad/s", ("",))}
     else:
         rows |= {"attitude": ("rad", _ANGLES), "rate": ("rad/s", _XYZ)}
-    if platform.base.kind == "free" or platform.base.planar:
+    slides = set(platform.base.planar[:2]) - set(platform.base.locked)
+    if platform.base.kind == "free" or slides:
         rows["velocity"] = ("m/s", _XYZ)
     if platform.wheels:
         rows["wheel_speed"] = ("rad/s", tuple(wheel.name for wheel in platform.wheels))
