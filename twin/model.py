@@ -132,7 +132,6 @@ def compile_model(platform: Platform) -> Machine:
     # Each of their sites would be moved at every stage of RK4: sixteen are a twentieth of a step.
     taken_out = () if floats else tuple(thruster.name for thruster in platform.thrusters)
     model = load_mjcf(platform.model_path, visuals=False, without=taken_out, edits=edits)
-    _tell_frames_apart(model)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     model.opt.timestep = platform.step
     model.opt.gravity[:] = (0.0, 0.0, -platform.gravity)
@@ -171,6 +170,7 @@ def compile_model(platform: Platform) -> Machine:
 
     for effect in on_body:
         effect.edit_model(model, platform)
+    _tell_frames_apart(model)
     stated = MassProperties(platform.mass, platform.inertia, platform.center_of_mass_offset)
     try:
         set_mass_properties(model, base_body, stated)

@@ -43,4 +43,3 @@ class GimbalCenterOfMassOffset(BodyEffect):
             across = np.cross(data.xaxis[model.joint(name).id], along)
             off = self.moment[0] * along + self.moment[1] * across
             model.body_ipos[body] += data.xmat[body].reshape(3, 3).T @ off / model.body_mass[body]
-            model.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE

@@ -81,4 +81,3 @@ class WheelImbalance(BodyEffect):
             quat = np.empty(4)
             mujoco.mju_mat2Quat(quat, axes.ravel())
             model.body_inertia[body], model.body_iquat[body] = moments, quat
-            model.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
