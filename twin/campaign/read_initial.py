@@ -30,8 +30,7 @@ def known_starts(platform: Platform) -> dict[str, Row]:
         rows |= {"joint_angle": ("rad", ("",)), "joint_rate": ("rad/s", ("",))}
     else:
         rows |= {"attitude": ("rad", _ANGLES), "rate": ("rad/s", _XYZ)}
-    slides = set(platform.base.planar[:2]) - set(platform.base.locked)
-    if platform.base.kind == "free" or slides:
+    if platform.base.travels:
         rows["velocity"] = ("m/s", _XYZ)
     if platform.wheels:
         rows["wheel_speed"] = ("rad/s", tuple(wheel.name for wheel in platform.wheels))

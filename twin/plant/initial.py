@@ -62,9 +62,7 @@ def check_velocity(platform: Platform, velocity: Array) -> None:
     Raises:
         UsageError: it has one.
     """
-    base = platform.base
-    slides = base.kind == "free" or set(base.planar[:2]) - set(base.locked)
-    if np.any(velocity) and not slides:
+    if np.any(velocity) and not platform.base.travels:
         given = " ".join(f"{one:g}" for one in np.atleast_2d(velocity)[0])
         raise UsageError(
             f"{platform.name} stays where it is, but would start with a velocity of {given} m/s; "

@@ -35,6 +35,11 @@ class Base:
     locked: tuple[str, ...] = ()
     """Those of `joint` and `planar` that stand still. A locked ball turns with the heading."""
 
+    @property
+    def travels(self) -> bool:
+        """Whether the CR may move in the room."""
+        return self.kind == "free" or bool(set(self.planar[:2]) - set(self.locked))
+
 
 @dataclass(frozen=True)
 class Wheel:
