@@ -105,6 +105,11 @@ GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
             "write the number, or delete the row",
         ),
         (
+            "t,x,y,z\n0,1,2,3\n1, nan,2,3\n",
+            "gyro.csv:3: column 'x' holds 'nan', which is no finite number; "
+            "write the number, or delete the row",
+        ),
+        (
             "t,x,y,z\n0,1,2,3\n1,,2,3\n",
             "gyro.csv:3: column 'x' holds nothing, which is no finite number; "
             "write the number, or delete the row",

@@ -160,10 +160,10 @@ class CsvFile(NumberFile):
         return "complete the row or delete it"
 
     def _is_number(self, text: str) -> bool:
-        """Or none at all, as programs write it."""
+        """Or none at all, as programs write it and the reader takes it."""
         if self._point == ",":
             text = text.replace(".", "?").replace(",", ".")
-        return _is_number(text)
+        return text in BLANKS or _is_finite(text)
 
     def _leave_out_what_was_cut(self) -> None:
         """A last row that lacks columns and its end was being written when the recorder stopped."""
