@@ -99,12 +99,11 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     if line.now.follows and (line.now.effects or line.left.chance < DOUBTFUL):
         say("laws without a name")
         line = _with_laws(line)
-        # causes that stand in for a law may have hidden it
-        bare = Line(plain, search, every)
-        if line.now.effects and line.now.laws:
-            line = _with_laws(bare, than=line, lead=-SHADOW)
-        elif len(line.now.effects) > 1:
-            line = _with_laws(bare, than=line)
+        lawful = bool(line.now.effects and line.now.laws)
+        if lawful or len(line.now.effects) > 1:
+            # causes that stand in for a law may have hidden it
+            lead = -SHADOW if lawful else TIED
+            line = _with_laws(Line(plain, search, every), than=line, lead=lead)
     needed = _needed_only(line.now, line.search.limit)
     if needed is line.now:
         return line

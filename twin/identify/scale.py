@@ -139,7 +139,7 @@ def scales_of(
     scales: list[Scale] = []
     for i, one in enumerate(perturbations):
         name = one.name.removesuffix("_scale")
-        log = next(log for log in scaled if name in log.factor)
+        log = _log_of(name, scaled)
         row = i - len(perturbations)
         change = max(1.0 + float(found.at.strengths[i]), 1.0 / FARTHEST)
         half = quantile * float(np.sqrt(spread[row, row])) / change
@@ -155,10 +155,16 @@ def as_taken(scales: Sequence[Scale], scaled: Sequence[Scaled]) -> tuple[Scale, 
     return tuple(
         scale
         if scale.known
-        else replace(scale, value=abs(_factor_of(scale.stream, scaled)), low=0.0, high=np.inf)
+        else replace(
+            scale,
+            value=abs(_log_of(scale.stream, scaled).factor[scale.stream]),
+            low=0.0,
+            high=np.inf,
+        )
         for scale in scales
     )
 
 
-def _factor_of(stream: str, scaled: Sequence[Scaled]) -> float:
-    return next(log.factor[stream] for log in scaled if stream in log.factor)
+def _log_of(stream: str, scaled: Sequence[Scaled]) -> Scaled:
+    """The first that has a stream."""
+    return next(log for log in scaled if stream in log.factor)
