@@ -151,7 +151,7 @@ def _switched_off(model: mujoco.MjModel) -> Finding:
         ", ".join(off) or "none",
         "",
         f"{', '.join(off)}: disabled by <flag> in the MJCF, which holds for every simulation; "
-        " take it out (without gravity, set environment.gravity = 0)",
+        "take it out (without gravity, set environment.gravity = 0)",
     )
 
 

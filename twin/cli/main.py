@@ -1,8 +1,8 @@
 """`twin VERB ...`: finds the verb, reads its command line, turns errors into sentences.
 
 The help of `twin` itself comes from the table below, so that it needs neither the verbs nor the
-command-line library. Exit codes: 0 done, 1 failed, 2 wrong use. Ctrl-C
-has failed too, unless the verb ends well by it.
+command-line library. Exit codes: 0 done, 1 failed, 2 wrong use. What Ctrl-C
+ends has failed too, unless the verb ends well by it.
 """
 
 import importlib

@@ -21,8 +21,7 @@ class RunNotes:
     reason: str = ""
     """Why it was stopped; empty unless it was."""
     statement: Statement | None = None
-    """Of the machine as it stands: once it is balanced, or where it was judged and stopped at once.
-    """
+    """Of the machine as it stands: once it is balanced, or stopped where it was judged."""
 
 
 class Notes:
