@@ -60,7 +60,9 @@ def test_a_statement_on_a_machine_that_is_as_stated_has_no_doubt(tmp_path, seed)
     assert statement.misfit.chi2_per_sample < high + 0.5 * (high - low)
 
 
-def test_a_statement_doubts_itself_where_something_hidden_moves_the_machine(tmp_path, seed):
+@pytest.mark.parametrize("again", [None, 1190215373], ids=["drawn", "states off the model's path"])
+def test_a_statement_doubts_itself_where_something_hidden_moves_the_machine(tmp_path, seed, again):
+    seed = again or seed
     force = np.random.default_rng(seed).uniform(*DRAFT)
     draft = f"room_draft=0.1/0/0.3/{force}/{force}/0/0.3/1"
     statement = stated(tmp_path, seed, "--effects", draft)

@@ -131,7 +131,10 @@ def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
     def innovations(at: Unknowns) -> Innovations:
         return most_likely(problem, problem.innovations(at), near)
 
-    return _iterate(problem, first, innovations)
+    # Freed of the model's path, the states go to their best first: linearised before that, the logs
+    # look likelier than any step makes them.
+    freed = innovations(first.moved(np.zeros(first.columns.shape[1])))
+    return _iterate(problem, freed, innovations)
 
 
 def _iterate(
