@@ -116,6 +116,17 @@ def test_of_two_that_look_alike_both_are_told(rng):
     assert abs(behind) < 6.0
 
 
+def test_several_that_can_each_be_done_without_do_not_have_together_for_nothing_what_one_does(rng):
+    space = rng.normal(size=(500, 5))
+    columns = np.column_stack([space @ rng.normal(size=(5, 9)), space[:, 0]])
+    traces = [trace("a", 3), trace("b", 3), trace("c", 3), trace("d")]
+    found = weighing(rng, np.append(np.zeros(9), 2.0), traces, columns)
+    search = Search(found, range(4))
+    gain = [found.weigh(some).gain for some in ((0, 1), (0, 2), (1, 2), (0, 1, 2))]
+    assert gain == pytest.approx(gain[:1] * 4), "any two of the three do as well as all of them"
+    assert search.evidence((3,)) > search.evidence((0, 1, 2)) + 6.0
+
+
 def test_a_vector_explains_no_more_than_its_numbers_are_worth():
     assert price(60.0, np.full(3, 0.1)) == pytest.approx(3.0 * (1.0 + np.log(20.0)))
     assert price(0.5, np.ones(1)) == 1.0

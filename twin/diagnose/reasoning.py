@@ -109,7 +109,11 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
         return line
     search = search_from(needed, line.asked)
     nameless = line.nameless if needed.laws else 0.0
-    return Line(needed, search, line.asked, nameless)
+    fewer = Line(needed, search, line.asked, nameless)
+    if needed.laws or not needed.follows or set(search.best()) == set(needed.own):
+        return fewer
+    # one that stood for what is left over is better than what is left
+    return min(fewer, _searched(needed, search, line.asked, say), key=lambda one: one.score)
 
 
 def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line | None:

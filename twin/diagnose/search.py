@@ -115,8 +115,19 @@ class Search:
         return sorted(found, key=lambda score: -score.evidence)
 
     def evidence(self, chosen: tuple[int, ...]) -> float:
-        """Of a set against nothing at all."""
-        return self._gain(chosen) - sum(self._price(chosen, index) for index in chosen)
+        """Of a set against nothing at all.
+
+        Each cause pays for what it gains beside the others; and all of them at least as much as if
+        they came in turn, the strongest first: several that can do without any one of them gain
+        next to nothing each, and had them all for nothing.
+        """
+        beside = sum(self._price(chosen, index) for index in chosen)
+        strongest = sorted(chosen, key=lambda index: -self._gain((index,)))
+        in_turn = sum(
+            self._price(tuple(strongest[: place + 1]), index)
+            for place, index in enumerate(strongest)
+        )
+        return self._gain(chosen) - max(beside, in_turn)
 
     def best(self) -> tuple[int, ...]:
         """The set with the most evidence, each of its causes beyond the chance of a false alarm."""
