@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rerun.chunk import RrdReader
 
 from twin.clock import SimulatedClock
 from twin.errors import RecordingError
@@ -19,7 +20,9 @@ from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.recording import read_recording
+from twin.recording.schema import TIMELINE
 from twin.signals import Command, Estimate, Reading, Samples, Target, Tick, stream_named
+from twin.stream.plots import SAID
 from twin.stream.provenance import provenance
 from twin.stream.recorder import FileRecorder, MemoryRecorder
 
@@ -98,6 +101,19 @@ def test_a_file_holds_what_memory_holds_to_the_last_bit(sads, tmp_path: Path):
     assert written.repairs == ()
     done = subprocess.run([sys.executable, "-m", "rerun_cli", "rrd", "verify", tmp_path / "a.rrd"])
     assert done.returncode == 0
+
+
+def test_what_is_said_of_a_moment_stands_beside_it_and_is_no_stream(sads, tmp_path: Path):
+    path = tmp_path / "a.rrd"
+    with FileRecorder(path) as recorder:
+        recorder.start(sads, {"schema": 1}, remarks=True)
+        flown(sads, [recorder])
+        recorder.say(0.25, "swing: swinging, hardly damped")
+    chunks = RrdReader(path).stream()
+    (said,) = [one.to_record_batch() for one in chunks if one.entity_path == f"/{SAID}"]
+    assert said.column("TextLog:text").to_pylist() == [["swing: swinging, hardly damped"]]
+    assert said.column(TIMELINE).cast("int64").to_pylist() == [250_000_000]
+    assert not any("said" in name for name in read_recording(path))
 
 
 def test_nobody_in_the_loop_writes_to_what_a_recorder_keeps(sads):

@@ -94,7 +94,7 @@ class Balance:
         from twin.plant.plant import Plant
         from twin.plant.simulated import SimulatedPlant
         from twin.platform import load_platform
-        from twin.procedures import balancing, usual_target
+        from twin.procedures import Remark, balancing, usual_target
         from twin.reference import Hold
         from twin.service.first_use import armed
         from twin.stream.provenance import provenance
@@ -133,12 +133,20 @@ class Balance:
             machine = plant.platform
             # a fit takes no time where the wall's clock does not count
             wait = simulated or self.lockstep
-            procedure = balancing(machine, self.runs, way=way, target=target, tell=tell, wait=wait)
+            recorder = None if self.rrd is None else stack.enter_context(FileRecorder(self.rrd))
+
+            def heard(remark: Remark) -> None:
+                which = f"run {remark.run}, " if self.runs > 1 else ""
+                tell(f"{which}{remark.time:8.1f} s  {remark.words}")
+                if recorder is not None and remark.run == 0:
+                    recorder.say(remark.time, remark.words)
+
+            procedure = balancing(machine, self.runs, way=way, target=target, tell=heard, wait=wait)
             stack.enter_context(procedure.lab.fits)
             observers: list[Observer] = [procedure.lab.logbook]
-            if self.rrd is not None:
-                recorder = stack.enter_context(FileRecorder(self.rrd))
-                recorder.start(machine, provenance(machine, seed=self.seed, command=sys.argv))
+            if recorder is not None:
+                facts = provenance(machine, seed=self.seed, command=sys.argv)
+                recorder.start(machine, facts, remarks=True)
                 observers.append(recorder)
             estimator = load_estimator(usual_estimator(machine))
             # last, for a machine on its bench moves from now on

@@ -5,6 +5,7 @@ from twin.procedures.fits import Fits as Fits
 from twin.procedures.lab import Lab as Lab
 from twin.procedures.logbook import Logbook as Logbook
 from twin.procedures.notes import Notes as Notes
+from twin.procedures.notes import Remark as Remark
 from twin.procedures.phases import Phase as Phase
 from twin.procedures.plan import Aim as Aim
 from twin.procedures.setup import WAYS as WAYS

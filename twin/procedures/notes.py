@@ -2,9 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from twin.procedures.phases import OVER, WORDS, Phase
 from twin.procedures.statement import Statement
+
+
+class Remark(NamedTuple):
+    """What is said of a run."""
+
+    run: int
+    time: float
+    """[s]."""
+    words: str
 
 
 @dataclass
@@ -16,7 +26,7 @@ class RunNotes:
     """[s]."""
     identified: int = 0
     """How many times its offset was."""
-    said: list[str] = field(default_factory=list[str])
+    said: list[Remark] = field(default_factory=list[Remark])
     """In the order of time."""
     reason: str = ""
     """Why it was stopped; empty unless it was."""
@@ -25,9 +35,9 @@ class RunNotes:
 
 
 class Notes:
-    """Notes of n runs; each line is handed on as it is written."""
+    """Notes of n runs; each remark is handed on as it is made."""
 
-    def __init__(self, n: int, tell: Callable[[str], None] | None = None) -> None:
+    def __init__(self, n: int, tell: Callable[[Remark], None] | None = None) -> None:
         self.runs = [RunNotes() for _ in range(n)]
         self._tell = tell
 
@@ -41,12 +51,11 @@ class Notes:
         self.say(run, time, f"{phase.name}: {WORDS[phase]}")
 
     def say(self, run: int, time: float, words: str) -> None:
-        """One line."""
-        which = f"run {run}, " if len(self.runs) > 1 else ""
-        line = f"{which}{time:8.1f} s  {words}"
-        self.runs[run].said.append(line)
+        """One remark."""
+        remark = Remark(run, time, words)
+        self.runs[run].said.append(remark)
         if self._tell is not None:
-            self._tell(line)
+            self._tell(remark)
 
     def stop(self, run: int, time: float, reason: str) -> None:
         """It cannot go on."""

@@ -15,7 +15,7 @@ from twin.procedures.fits import Fits
 from twin.procedures.lab import Lab
 from twin.procedures.logbook import Logbook
 from twin.procedures.means import Reach, mean_inertia
-from twin.procedures.notes import Notes
+from twin.procedures.notes import Notes, Remark
 from twin.procedures.plan import AIM, Aim
 from twin.reference import Hold, Reference, parse_reference
 
@@ -79,7 +79,7 @@ def balancing(
     *,
     way: str,
     target: float,
-    tell: Callable[[str], None] | None = None,
+    tell: Callable[[Remark], None] | None = None,
     workers: int = 1,
     wait: bool = True,
 ) -> Balancing:
@@ -90,7 +90,7 @@ def balancing(
         n: runs.
         way: of `WAYS`.
         target: residual torque [N m].
-        tell: takes each line of progress.
+        tell: takes each remark on a run.
         workers: processes that fit.
         wait: for fits, as a simulation must.
 

@@ -94,6 +94,11 @@ class RrdFile:
         """Append anything else that is to be seen."""
         rr.send_chunks(chunks, recording=self.rerun)
 
+    def say(self, path: str, time: float, words: str) -> None:
+        """Append words that are to be seen at a moment [s]."""
+        columns = rr.TextLog.columns(text=[words])
+        self.rerun.send_columns(path, indexes=[timeline(np.array([time]))], columns=columns)
+
     def flush(self) -> None:
         """Return when all that was written is in the file."""
         self.rerun.flush()

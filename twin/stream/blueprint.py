@@ -11,8 +11,8 @@ from twin.stream import plots
 from twin.stream.scene import WORLD
 
 
-def blueprint(platform: Platform) -> rrb.Blueprint:
-    """The layout for a platform: only plots of what it has."""
+def blueprint(platform: Platform, *, remarks: bool = False) -> rrb.Blueprint:
+    """The layout for a platform: only plots of what it has; `remarks`: below it what is said."""
     views: list[tuple[str, str]]
     if platform.base.kind == "hinge":
         views = [
@@ -46,10 +46,13 @@ def blueprint(platform: Platform) -> rrb.Blueprint:
         for title, path in views
     ]
     columns = 1 if len(graphs) <= 3 else 2
+    scene: rrb.Spatial3DView | rrb.Vertical = _machine(platform)
+    if remarks:
+        words = rrb.TextLogColumns(text_log_columns=["body"])
+        said = rrb.TextLogView(origin=plots.SAID, name="what was said", columns=words)
+        scene = rrb.Vertical(scene, said, row_shares=[3, 1])
     return rrb.Blueprint(
-        rrb.Horizontal(
-            _machine(platform), rrb.Grid(*graphs, grid_columns=columns), column_shares=[2, 3]
-        ),
+        rrb.Horizontal(scene, rrb.Grid(*graphs, grid_columns=columns), column_shares=[2, 3]),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="collapsed"),

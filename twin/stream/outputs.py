@@ -39,6 +39,8 @@ def write(path: Path | None, viewer: bool, frames: queue.SimpleQueue[bytes | Non
         elif kind == "rows":
             blocks = {stream: Block(*block) for stream, block in content[0].items()}
             _each(outputs, lambda output, blocks=blocks: output.write_blocks(blocks))
+        elif kind == "said":
+            _each(outputs, lambda output, content=content: output.say(*content))
         else:
             closed |= kind == "close"
             ended |= kind == "ended"

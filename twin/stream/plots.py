@@ -13,6 +13,7 @@ from twin.recording.rrd import PALETTE
 Array = NDArray[np.float64]
 Rows = Mapping[str, tuple[Array, Array]]
 
+SAID = "plots/said"
 TILT = "plots/tilt"
 ATTITUDE = "plots/attitude"
 ATTITUDE_ERROR = "plots/attitude_error"

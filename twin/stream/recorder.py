@@ -41,9 +41,11 @@ class FileRecorder:
         self._sent = 0.0
         self._sent_wall = 0.0
 
-    def start(self, platform: Platform, provenance: Mapping[str, Any]) -> None:
-        """Say what is recorded, before the first tick."""
-        self._writer.start(platform, provenance)
+    def start(
+        self, platform: Platform, provenance: Mapping[str, Any], *, remarks: bool = False
+    ) -> None:
+        """Say what is recorded, before the first tick; `remarks`: that `say` will be called."""
+        self._writer.start(platform, provenance, remarks=remarks)
         self._rows = Rows(platform, self._run)
         self._sent_wall = time.monotonic()
 
@@ -58,6 +60,14 @@ class FileRecorder:
         if tick.reading.time - self._sent >= CHUNK or wall - self._sent_wall >= CHUNK_WALL:
             self._sent, self._sent_wall = tick.reading.time, wall
             self._send()
+
+    def say(self, time: float, words: str) -> None:
+        """Words that the viewer shows beside a moment [s]; they are no data, and not read back.
+
+        Raises:
+            RecordingError: the writer has failed.
+        """
+        self._writer.say(time, words)
 
     def close(self) -> None:
         """Send what is left, and return when the file is complete.

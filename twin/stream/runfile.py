@@ -12,7 +12,7 @@ from twin.recording.recording import Recording
 from twin.recording.rrd import RrdFile, scalars
 from twin.recording.schema import SCHEMA
 from twin.stream.blueprint import blueprint
-from twin.stream.plots import Plots
+from twin.stream.plots import SAID, Plots
 from twin.stream.rows import Block, Header, decode
 from twin.stream.scene import Scene
 
@@ -31,13 +31,16 @@ class RunFile:
         self._plots: Plots | None = None
         self._undrawn: dict[str, list[tuple[Array, Array]]] = {}
 
-    def start(self, platform: Platform | None, provenance: Mapping[str, Any]) -> None:
-        """Write what stays the same: where it comes from, and the machine's shape."""
+    def start(
+        self, platform: Platform | None, provenance: Mapping[str, Any], remarks: bool = False
+    ) -> None:
+        """Write what stays the same: where it comes from, and the machine's shape; with room for
+        remarks where there will be some."""
         self._file.provenance(provenance)
         if platform is None:
             return
         self._scene, self._plots = Scene(platform), Plots(platform)
-        self._file.rerun.send_blueprint(blueprint(platform))
+        self._file.rerun.send_blueprint(blueprint(platform, remarks=remarks))
         for path, archetype in (*self._scene.shapes(), *self._plots.styles()):
             self._file.rerun.log(path, archetype, static=True, strict=True)
 
@@ -54,6 +57,10 @@ class RunFile:
         self._file.flush()
         for stream, row in rows.items():
             self._undrawn.setdefault(stream, []).append(row)
+
+    def say(self, time: float, words: str) -> None:
+        """Show words beside a moment [s]."""
+        self._file.say(SAID, time, words)
 
     def draw(self) -> None:
         """Append what the rows since the last call show."""

@@ -56,14 +56,21 @@ class RecordingWriter:
         self._backlog: deque[memoryview] = deque()
         self._closed = False
 
-    def start(self, platform: Platform, provenance: Mapping[str, Any]) -> None:
+    def start(
+        self, platform: Platform, provenance: Mapping[str, Any], *, remarks: bool = False
+    ) -> None:
         """Say what is recorded; returns when the process is ready for rows.
+
+        Args:
+            platform: the machine.
+            provenance: where the recording comes from; JSON-able.
+            remarks: whether `say` will be called: they are given a place in view.
 
         Raises:
             RecordingError: it has ended, or does not come up.
         """
         self._litter = False
-        self._send("start", platform, dict(provenance))
+        self._send("start", platform, dict(provenance), remarks)
         ready = self._process.stdout
         assert ready is not None
         if not select.select([ready], [], [], READY_TIMEOUT)[0]:
@@ -87,6 +94,14 @@ class RecordingWriter:
         """
         # plain tuples: pickling the class beside each would take three times as long
         self._send("rows", {name: tuple(block) for name, block in blocks.items()})
+
+    def say(self, time: float, words: str) -> None:
+        """Hand over what is said of a moment [s]; returns at once.
+
+        Raises:
+            RecordingError: the process has ended.
+        """
+        self._send("said", time, words)
 
     def close(self) -> None:
         """Return when the file is complete.
