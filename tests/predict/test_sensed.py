@@ -28,6 +28,8 @@ from twin.reference import parse_reference
 from twin.stream.recorder import MemoryRecorder
 
 SEED = 20261121
+NOISE = 1e-4
+"""Of a sharp accelerometer [m/s^2]."""
 
 
 @pytest.fixture(scope="module")
@@ -113,6 +115,35 @@ def test_a_filtered_gyro_on_a_table_that_glides_is_not_found_early_or_late():
     late, spread = -np.sum(left * slope) / np.sum(slope**2), 1.0 / np.sqrt(np.sum(slope**2))
     print(f"late by {1e3 * late:.3f} +- {1e3 * spread:.3f} ms")
     assert abs(late) < 4.0 * spread
+
+
+@pytest.mark.parametrize(("part", "window"), [(0.5, 0.01), (1.0, 0.03), (1.0, 0.036)])
+def test_an_accelerometers_window_is_predicted_as_it_is_simulated(part: float, window: float):
+    """Under pulses of thrusters, which other windows show otherwise; on any step."""
+    stated = load_platform("whorl1")
+    sensors = {name: stated.sensors[name] for name in ("gyro", "attitude", "accelerometer")}
+    sharp = replace(sensors["accelerometer"], rate=50.0, noise=np.full(3, NOISE), window=window)
+    platform = replace(stated, sensors=sensors | {"accelerometer": sharp})
+    recorder = MemoryRecorder(platform, {"platform": platform.name, "source": f"seed {SEED}"})
+    hidden = replace(platform, step=part * platform.step)
+    with SimulatedPlant(hidden, seed=SEED) as plant:
+        law, estimator = load_controller("thruster_pd"), load_estimator("filter")
+        reference, clock = parse_reference("multisine:2"), SimulatedClock()
+        fly(plant, estimator, law, reference, clock, duration=20.0, observers=[recorder])
+    log = recorder.recording().without_truth()
+    left: dict[float, float] = {}
+    for believed in (window, 0.0):
+        sensor = replace(sharp, window=believed)
+        machine = replace(platform, sensors=sensors | {"accelerometer": sensor})
+        body = body_of(compile_model(machine), log, motion_of(log, machine))
+        _, found = refitted(body)
+        (felt,) = (output for output in body.outputs if output.stream == "accelerometer")
+        off = felt.residual(found.innovations.exact[0].path, body.grid.step)[0] * felt.sigma
+        left[believed] = float(np.std(off - off.mean(axis=0)) / NOISE)
+    print(f"leaves {left[window]:.3f} of its noise, with another window {left[0.0]:.3f}")
+    # of 3000 numbers; a little more, for the step of the prediction
+    assert left[window] < 1.1
+    assert left[0.0] > 1.2 or window == platform.step, "the window shows"
 
 
 def without(log: Recording, *names: str) -> Recording:

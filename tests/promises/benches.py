@@ -119,7 +119,12 @@ def flown(bench: Bench, effects: tuple[Effect, ...], seed: int) -> Recording | N
         EffectError: the machine cannot have the effects.
     """
     platform = machine(bench)
-    platform = replace(platform, step=0.5 * platform.step)
+    # a window of a step would be another sensor's on half of it
+    sensors = {
+        name: replace(sensor, window=sensor.window or platform.step) if sensor.site else sensor
+        for name, sensor in platform.sensors.items()
+    }
+    platform = replace(platform, step=0.5 * platform.step, sensors=sensors)
     for effect in effects:
         platform = able(platform, effect)
     excitation = Excitation(

@@ -1,9 +1,10 @@
 """Streams that stand in no column of MuJoCo's state: what a perfect sensor makes of it.
 
-Specific force is the mean over the physics step before the sample, as an accelerometer that sums
-up velocity increments gives it.
+Specific force is the mean over the physics step before the sample, or over as many of them as fill
+the sensor's window, as an accelerometer that sums up velocity increments gives it.
 """
 
+import math
 from collections.abc import Callable
 
 import mujoco
@@ -15,8 +16,14 @@ from twin.platform import Sensor
 from twin.rotation import conjugate, cross, rotate
 
 Array = NDArray[np.float64]
+_EPS = 1e-9
 Derived = Callable[[Sensor | None, Array, Array], Array]
-"""Of a sensor, states (n, m, nq + nv) and the state before them (n, 1, nq + nv): (n, m, k)."""
+"""Of a sensor, states (n, m, nq + nv) and those before them (n, b, nq + nv): (n, m, k)."""
+
+
+def window_steps(sensor: Sensor, step: float) -> int:
+    """Physics steps that hold a sensor's window, at least one."""
+    return max(math.ceil(sensor.window / step - _EPS), 1)
 
 
 def derived_streams(machine: Machine) -> dict[str, Derived]:
@@ -81,14 +88,20 @@ class _Derived:
     def accelerometer(self, sensor: Sensor | None, states: Array, before: Array) -> Array:
         """Specific force at the sensor's site, body axes [m/s^2]."""
         assert sensor is not None
-        earlier = np.concatenate([before, states[:, :-1]], axis=1)
+        steps, window = window_steps(sensor, self._step), max(sensor.window, self._step)
+        moving = np.concatenate([before[:, before.shape[1] - steps :], states], axis=1)
+        earlier = moving[:, :-steps]
+        too_early = steps - window / self._step
+        if too_early > _EPS:
+            later = moving[:, 1 : moving.shape[1] - steps + 1]
+            earlier = earlier + too_early * (later - earlier)
         rate, site = states[..., self._rate], self._sites[sensor.site]
-        turning = (rate - earlier[..., self._rate]) / self._step
+        turning = (rate - earlier[..., self._rate]) / window
         push = np.zeros_like(rate)
         push[..., 2] = self._gravity
         if self._speed.size:
             gained = states[..., self._speed] - earlier[..., self._speed]
-            push[..., : self._speed.size] += gained / self._step
+            push[..., : self._speed.size] += gained / window
         return specific_force(states[..., self._attitude], push, rate, turning, site)
 
     def inclinometer(self, sensor: Sensor | None, states: Array, before: Array) -> Array:

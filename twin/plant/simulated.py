@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from twin.effects import Effect, ScatterEffect, series_effects
 from twin.errors import UsageError
 from twin.model import compile_model, untouched
+from twin.plant.derived import window_steps
 from twin.plant.each import give_each
 from twin.plant.forces import Forces
 from twin.plant.gas import Tanks, thruster_arms
@@ -146,7 +147,9 @@ class SimulatedPlant(Plant):
         self._forces = Forces(self.machine, self.n, effects, shared)
         self._forces.start(self._batch, self._qpos)
         self._truth = Truth(self.machine, offsets, own, shared)
-        self._before = np.concatenate([self._qpos, self._qvel], axis=1)[:, None, :]
+        first = np.concatenate([self._qpos, self._qvel], axis=1)[:, None, :]
+        longest = [window_steps(one, platform.step) for one in platform.sensors.values()]
+        self._before = first.repeat(max(longest, default=1), axis=1)
         self._started = False
 
     @property
@@ -160,7 +163,7 @@ class SimulatedPlant(Plant):
             raise UsageError(f"time runs forward: the plant is at {self.time:g} s, not {until:g} s")
         if not self._started:
             self._started = True
-            self._sample(self._before)
+            self._sample(self._before[:, -1:])
         if steps > 0:
             self._sample(self._advance(steps))
         streams: dict[str, Samples] = {}
@@ -348,7 +351,10 @@ class SimulatedPlant(Plant):
                 seen = sensor.low_passed(seen)
             causes = [self._truth.true(e.cause, states)[:, picks] for e in sensor.scatter]
             sensor.measure(seen[:, picks], times[picks], valid, causes)
-        self._before = states[:, -1:]
+        count = self._before.shape[1]
+        if steps < count:
+            states = np.concatenate([self._before[:, steps:], states], axis=1)
+        self._before = states[:, -count:]
 
     def _stop_diverged(self, last: Array) -> None:
         rate = last[:, self.machine.model.nq :][:, self.machine.base_dof]

@@ -75,7 +75,8 @@ class Truth:
     def measured(self, sensor: Sensor, states: Array, before: Array) -> Array:
         """What a perfect sensor would show in each of `states` (n, m, nq + nv), shape (n, m, k).
 
-        `before` (n, 1, nq + nv) is the state one physics step before the first.
+        `before` (n, b, nq + nv) are the states one physics step after the other before the first,
+        as many as the longest window of a sensor takes.
         """
         if sensor.stream in self._columns:
             return self.true(sensor.stream, states)

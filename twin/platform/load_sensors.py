@@ -65,6 +65,7 @@ def read_sensor(
         cutoff=table.number("cutoff", np.inf, low=1e-3, unit="Hz", infinite=True),
         order=_order(table),
         site=_site(table, stream, layout),
+        window=_window(table, stream),
     )
     if np.isfinite(sensor.cutoff) and sensor.cutoff >= 0.5 / step:
         raise table.fail(
@@ -127,6 +128,10 @@ def _width(stream: str, parts: Parts, base: Base) -> int:
         "joint_rate": int(not turns),
         "gas_pressure": int(parts.gas is not None),
     }[stream]
+
+
+def _window(table: Table, stream: str) -> float:
+    return table.number("window", 0.0, low=0.0, high=1.0, unit="s") if stream in _AT_SITE else 0.0
 
 
 def _site(table: Table, stream: str, layout: Layout) -> str:

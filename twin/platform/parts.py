@@ -194,6 +194,9 @@ class Sensor:
     """Of that filter."""
     site: str = ""
     """Of the MJCF, at which specific force is felt; of accelerometers and inclinometers."""
+    window: float = 0.0
+    """Of the same: over which they take the mean change of the velocity, at least a physics step
+    [s]."""
 
 
 @dataclass(frozen=True)

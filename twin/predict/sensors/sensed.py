@@ -2,7 +2,8 @@
 
 The same laws as the simulated sensors have, on every instant of the grid, behind the low-pass that
 platform.toml states. A sensor feels how fast the rate changes; that is the mean over the step
-before an instant, as one that sums up velocity increments has it.
+before an instant, or over the sensor's window if that is longer, as one that sums up velocity
+increments has it.
 """
 
 from dataclasses import dataclass
@@ -42,6 +43,8 @@ class Sense:
     """(3,) [T]."""
     site: Array
     """(3,) from the CR, body axes [m]."""
+    window: float
+    """Over which the change of the rate is taken, where that is longer than a step [s]."""
     sections: Array | None
     """(., 6) second-order sections of the low-pass; None without one."""
     memory: int
@@ -79,9 +82,9 @@ class Sense:
     def moved_by(self, path: States, change: Array) -> Array:
         """(S, steps + 1, k, a) change of the values by changes (S, steps + 1, x, a) of the state,
         none before the first instant."""
-        turning = np.diff(change[:, :, 3:6], axis=1) / self.step
-        turning = np.concatenate([turning[:, :1], turning], axis=1)
-        moved = self._slopes(path) @ np.concatenate([change[:, :, :6], turning], axis=2)
+        turning = self._turning(np.moveaxis(change[:, :, 3:6], 1, 0))
+        felt = np.concatenate([change[:, :, :6], np.moveaxis(turning, 0, 1)], axis=2)
+        moved = self._slopes(path) @ felt
         return moved if self.sections is None else sosfilt(self.sections, moved, axis=1)
 
     def _slopes(self, path: States) -> Array:
@@ -111,8 +114,7 @@ class Sense:
     def _extended(self, path: States) -> tuple[Array, Array, Array]:
         """Attitude, rate and its derivative, from so long before each segment as is remembered."""
         position, rate = path.position, path.rate
-        turning = np.diff(rate, axis=2) / self.step
-        turning = np.concatenate([turning[:, :, :1], turning], axis=2)
+        turning = np.moveaxis(self._turning(np.moveaxis(rate, 2, 0)), 0, 2)
         if not self.memory:
             return position, rate, turning
         ago = self.step * np.arange(self.memory, 0, -1)[:, None]
@@ -123,6 +125,23 @@ class Sense:
             np.concatenate([before, position], axis=2),
             np.concatenate([first - slope * ago, rate], axis=2),
             np.concatenate([np.repeat(slope, self.memory, axis=2), turning], axis=2),
+        )
+
+    def _turning(self, rate: Array) -> Array:
+        """How fast rates (steps + 1, ...) change, at each instant the mean over the window; as if
+        they had changed before the first as they do after it."""
+        slope = np.diff(rate, axis=0) / self.step
+        slope = np.concatenate([slope[:1], slope])
+        steps = max(self.window / self.step, 1.0)
+        if steps == 1.0:
+            return slope
+        # of a step that the window does not fill, its part
+        parts = np.clip(steps - np.arange(np.ceil(steps)), 0.0, 1.0) / steps
+        padded = np.concatenate([slope[:1].repeat(len(parts) - 1, axis=0), slope])
+        last = len(parts) - 1
+        return sum(
+            (part * padded[last - back : len(padded) - back] for back, part in enumerate(parts)),
+            start=np.zeros_like(slope),
         )
 
 
@@ -146,7 +165,9 @@ def senses_of(machine: Machine, step: float, field_world: Array) -> dict[str, Se
         if glides and name in ("inclinometer", "accelerometer"):
             continue
         site = sites.get(sensor.site, np.zeros(3))
-        found[name] = Sense(name, step, platform.gravity, field_world, site, sections, memory)
+        found[name] = Sense(
+            name, step, platform.gravity, field_world, site, sensor.window, sections, memory
+        )
     return found
 
 
