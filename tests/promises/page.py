@@ -63,14 +63,19 @@ UNSEEN_WHY = {
 
 
 def rows_of(path: Path) -> list[Row]:
-    """Every case of a file, by kind, evidence and number."""
+    """Every case of a file as it was done last, the one longest ago first."""
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-    rows = [json.loads(line) for line in lines]
-    return sorted(rows, key=lambda row: (row["kind"], row["evidence"], row["seed"]))
+    latest: dict[tuple[str, int, int], Row] = {}
+    for row in map(json.loads, lines):
+        key = row["kind"], row["evidence"], row["seed"]
+        latest.pop(key, None)
+        latest[key] = row
+    return list(latest.values())
 
 
 def page(rows: list[Row]) -> str:
     """The whole of it."""
+    rows = sorted(rows, key=lambda row: (row["kind"], row["evidence"], row["seed"]))
     done = [row for row in rows if "verdict" in row and "failed" not in row]
     lines = [HEAD, *_provenance(rows), "", "## One effect", "", *_singles(done), ""]
     lines += ["## Nothing, two, or what the catalogue lacks", "", *_others(done), ""]

@@ -6,6 +6,9 @@ and one that is killed loses a case of each worker at most. By itself:
 
     python tests/promises/panel.py --kinds single,null --evidence 60 --cases 20 --jobs 2
 
+As the code goes on, the oldest answers are its own no more: `--anew 20` does the 20 cases again
+that were done longest ago, whatever came out, and replaces them.
+
 Cases are numbered. Those from 1000 on have logs of 300 s at 100 Hz: `--kinds single --first 1000`.
 """
 
@@ -40,9 +43,11 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=10, help="of each kind and evidence")
     parser.add_argument("--first", type=int, default=0, help="number of the first")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--anew", type=int, help="do so many again, the oldest, and no others")
     options = parser.parse_args()
-    there = {Case(row["kind"], row["evidence"], row["seed"]) for row in rows_of(options.rows)}
+    there = [Case(row["kind"], row["evidence"], row["seed"]) for row in rows_of(options.rows)]
     todo = [case for case in cases(options) if case not in there]
+    todo = todo if options.anew is None else there[: options.anew]
     print(f"{len(todo)} cases to do", flush=True)
     done = 0
     with options.rows.open("a", encoding="utf-8") as rows:
@@ -52,7 +57,9 @@ def main() -> int:
                 rows.flush()
                 done += 1
                 print(f"{done}/{len(todo)} {case.name}: {told(row)}", flush=True)
-    PAGE.write_text(page(rows_of(options.rows)), encoding="utf-8")
+    rows = rows_of(options.rows)
+    options.rows.write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
+    PAGE.write_text(page(rows), encoding="utf-8")
     print(PAGE.read_text(encoding="utf-8"))
     return 0
 
