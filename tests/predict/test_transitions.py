@@ -26,3 +26,18 @@ def test_neighbours_go_as_rollouts_of_them_do(platform: str, monkeypatch: pytest
     off = np.abs(change - due).max(axis=(0, 1, 2)) / largest
     print(f"{platform}: at most {off.max():.1e} of the largest change of each number")
     assert off.max() < 1e-3
+
+
+def test_neighbours_of_a_path_that_meets_the_stop_are_rolled_out(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(rollouts, "STOP_GUARD", np.radians(5.0))
+    body = predictor(flown("whorl1", SEED), "whorl1")
+    base = base_parameters(body.machine)
+    model = base.model(base.as_stated)
+    turn = np.zeros((body.grid.segments, body.start.width))
+    turn[:, 0] = body.machine.platform.stop_angle
+    beyond = body.start.moved(turn)
+    found = body.rollouts.around(model, beyond)
+    monkeypatch.setattr(rollouts, "is_gyrostat", lambda *_: False)
+    rolled = body.rollouts.around(model, beyond)
+    np.testing.assert_array_equal(found[0].rate, rolled[0].rate)
+    np.testing.assert_array_equal(found[1], rolled[1])

@@ -28,6 +28,8 @@ STEP = 1e-6
 """Of finite differences of a state [SI]."""
 STOP_GUARD = np.radians(2.0)
 """A log that stays so far from the tilt stop is predicted without contacts, at half the cost."""
+TOUCH = np.radians(0.5)
+"""And a path of any other that stays so far from it carries its neighbours by its own equations."""
 
 
 class Rollouts:
@@ -35,7 +37,7 @@ class Rollouts:
 
     def __init__(self, machine: Machine, inputs: Inputs, motion: Motion, grid: Grid) -> None:
         self.machine, self.inputs, self.grid = machine, inputs, grid
-        self._contacts = _near_stop(machine, motion)
+        self._contacts = _leans(machine, motion.position, STOP_GUARD)
         drives = [
             inputs.drive(Segment(start, start + grid.length)) for start in grid.starts.tolist()
         ]
@@ -89,13 +91,20 @@ class Rollouts:
         Raises:
             TwinError: the motion is unbounded.
         """
-        smooth = is_gyrostat(self.machine, model) and self._response.whole and not self._contacts
-        if not smooth or (push is not None and push.laws):
-            x = start.width
-            shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
-            paths = self.paths(model, start.one().moved(shifts), push)
-            return paths, carried_states(np.moveaxis(paths[1:].less(paths[:1]), 0, -1) / STEP)
-        path, position, velocity = self._paths(model, start.one(), push)
+        smooth = is_gyrostat(self.machine, model) and self._response.whole
+        if smooth and not (push is not None and push.laws):
+            path, position, velocity = self._paths(model, start.one(), push)
+            if not self._contacts or not _leans(self.machine, path.position, TOUCH):
+                return self._beside(model, path, position, velocity)
+        x = start.width
+        shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
+        paths = self.paths(model, start.one().moved(shifts), push)
+        return paths, carried_states(np.moveaxis(paths[1:].less(paths[:1]), 0, -1) / STEP)
+
+    def _beside(
+        self, model: mujoco.MjModel, path: States, position: Array, velocity: Array
+    ) -> tuple[States, Array]:
+        """As `around`, of a path that touches nothing."""
         masses = self._response.masses(model, 0.5 * (path.rate[0, :, :-1] + path.rate[0, :, 1:]))
         field = self.inputs.field_world
         passage = Passage(path[0], position, velocity, self._dipole, field, self.grid.step)
@@ -269,12 +278,12 @@ class Rollouts:
             model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 
 
-def _near_stop(machine: Machine, motion: Motion) -> bool:
-    """Whether the log comes near the stop."""
+def _leans(machine: Machine, position: Array, guard: float) -> bool:
+    """Whether a base (..., 4) comes so near to its stop."""
     platform = machine.platform
     if platform.base.kind != "ball":
         return True
-    return float(platform.lean(motion.position).max()) > platform.stop_angle - STOP_GUARD
+    return float(platform.lean(position).max()) > platform.stop_angle - guard
 
 
 def _rolled(batch: Batch, driven: Array) -> tuple[Array, Array]:
