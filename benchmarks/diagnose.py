@@ -20,7 +20,7 @@ LONG, SHORT = 300.0, 100.0
 """Of the logs [s]; the gyro of `sads` is sampled at 100 Hz."""
 HIDDEN = {"nothing": [], "a cable": ["--effects", "harness_stiffness=0.01"]}
 GOAL = "<= 60"
-ROUNDS = 3
+ROUNDS = 5
 MACHINES = ("astros", "cubesat", "tas2", "whorl1")
 SHARES = (4, 2, 1)
 """What part of the catalogue is asked: one in so many."""
