@@ -83,6 +83,20 @@ def test_what_the_base_does_as_well_is_not_asked(rng):
     assert Search(found, range(2)).asked == (1,)
 
 
+def test_what_a_fit_has_settled_stays_though_a_little_less_of_it_shows_beside_the_base(rng):
+    base = rng.normal(size=(400, 4))
+    column = 20.0 * base[:, :1] / np.linalg.norm(base[:, 0]) * 1e3
+    column += 160.0 * rng.normal(size=(400, 1)) / np.sqrt(400)
+    noise = rng.normal(size=400)
+    asked, settled = (
+        Weighing(noise - column[:, 0], base, column, [replace(trace("a"), fitted=fitted)])
+        for fitted in (False, True)
+    )
+    assert not asked.shown(0), "it may be no more than the error of a linearised base"
+    assert settled.shown(0)
+    assert Search(settled, range(1)).best() == (0,)
+
+
 @pytest.mark.parametrize("constant", [True, False])
 def test_a_constant_error_beyond_what_is_stated_of_it_is_named(rng, constant):
     samples, stated, true = 10_000, 2.0, 20.0

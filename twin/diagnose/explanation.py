@@ -274,7 +274,7 @@ class Explanation:
         looked = looked_among(self.bodies) if effect.rings else 0.0
         low, high = (low - origin)[free], (high - origin)[free]
         constant = isinstance(effect, BiasEffect)
-        return Trace(effect.label, low, high, looked=looked, constant=constant)
+        return Trace(effect.label, low, high, looked=looked, constant=constant, fitted=True)
 
 
 def explain(

@@ -112,8 +112,11 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     fewer = Line(needed, search, line.asked, nameless)
     if needed.laws or not needed.follows or set(search.best()) == set(needed.own):
         return fewer
-    # one that stood for what is left over is better than what is left
-    return min(fewer, _searched(needed, search, line.asked, say), key=lambda one: one.score)
+    # one of those that were dropped, or another, may explain more than what is left
+    found = _searched(needed, search, line.asked, say)
+    if _needed_only(found.now, found.search.limit) is not found.now:
+        return fewer
+    return min(fewer, found, key=lambda one: one.score)
 
 
 def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line | None:

@@ -17,6 +17,9 @@ Index = NDArray[np.intp]
 HIDDEN = 1e-2
 """A direction of which less than this share is left when the base is free cannot be told from it:
 what is left may be the error of a linearised base."""
+FITTED = 2.5e-3
+"""Less of what a fit has settled where it stands, or a share close to that would be found, fitted,
+and dropped as none."""
 KNOWN = 1e-6
 """But of what is the same wherever it is formed, a sensor's constant error. What is left of that
 beside the base is what platform.toml says of its size, and no error."""
@@ -42,11 +45,15 @@ class Trace:
     """Logarithm of how many like it were looked among, of which it is the best."""
     constant: bool = False
     """Whether it is the same wherever its columns are formed."""
+    fitted: bool = False
+    """Whether a fit has settled it where its columns are formed."""
 
     @property
     def hidden(self) -> float:
         """Share that must be left of a column for it to be told from the base."""
-        return KNOWN if self.constant else HIDDEN
+        if self.constant:
+            return KNOWN
+        return FITTED if self.fitted else HIDDEN
 
 
 @dataclass(frozen=True)
