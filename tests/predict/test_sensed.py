@@ -122,7 +122,7 @@ def test_an_accelerometers_window_is_predicted_as_it_is_simulated(part: float, w
     """Under pulses of thrusters, which other windows show otherwise; on any step."""
     stated = load_platform("whorl1")
     sensors = {name: stated.sensors[name] for name in ("gyro", "attitude", "accelerometer")}
-    sharp = replace(sensors["accelerometer"], rate=50.0, noise=np.full(3, NOISE), window=window)
+    sharp = replace(sensors["accelerometer"], noise=np.full(3, NOISE), window=window)
     platform = replace(stated, sensors=sensors | {"accelerometer": sharp})
     recorder = MemoryRecorder(platform, {"platform": platform.name, "source": f"seed {SEED}"})
     hidden = replace(platform, step=part * platform.step)

@@ -46,8 +46,8 @@ def main() -> int:
     parser.add_argument("--anew", type=int, help="do so many again, the oldest, and no others")
     options = parser.parse_args()
     there = [Case(row["kind"], row["evidence"], row["seed"]) for row in rows_of(options.rows)]
-    todo = [case for case in cases(options) if case not in there]
-    todo = todo if options.anew is None else there[: options.anew]
+    new = [case for case in cases(options) if case not in there]
+    todo = new if options.anew is None else there[: options.anew]
     print(f"{len(todo)} cases to do", flush=True)
     done = 0
     with options.rows.open("a", encoding="utf-8") as rows:
