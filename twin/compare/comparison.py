@@ -21,6 +21,7 @@ from twin.platform import Platform, in_gravity_of, in_order_of
 from twin.predict.body import Body, body_of
 from twin.predict.log.motion import motion_of
 from twin.predict.log.possible import check_possible
+from twin.predict.log.usable import usable
 from twin.predict.parameters.base import BaseParameters
 from twin.recording import Recording
 from twin.recording.pauses import longest_of
@@ -116,7 +117,7 @@ def compare(
     platform = in_gravity_of([recording], platform)
     recording = in_order_of(platform, recording.without_truth())
     check_possible(recording, platform)
-    recording = longest_of(recording)
+    recording = longest_of(usable(recording, platform))
     say("conventions and noise")
     conventions = tuple(check_conventions(recording, platform))
     recording = corrected(recording, list(conventions))

@@ -27,6 +27,7 @@ from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of
 from twin.predict.body import body_of
 from twin.predict.log.motion import motion_of
+from twin.predict.log.usable import usable
 from twin.predict.whitening.innovations import Innovations, Problem
 from twin.recording import Recording
 from twin.recording.pauses import pieces_of
@@ -100,7 +101,8 @@ def diagnose(
     platform = in_gravity_of(recordings, platform)
     check_logs(recordings, platform)
     say("conventions and noise")
-    pieces = [piece for recording in recordings for piece in pieces_of(recording)]
+    used = [usable(recording, platform) for recording in recordings]
+    pieces = [piece for recording in used for piece in pieces_of(recording)]
     read = [read_rightly(piece, platform) for piece in pieces]
     logs = [log for log, _ in read]
     noise = tuple(finding for log in logs for finding in noise_findings(log, platform))

@@ -11,7 +11,7 @@ from twin.identify.prediction_error import NORMAL
 from twin.platform import Platform
 from twin.predict.body import Body
 from twin.predict.log.possible import OF_PARTS, check_possible
-from twin.predict.log.ranges import within_range
+from twin.predict.log.usable import within_range
 from twin.predict.parameters.base import BaseParameters
 from twin.recording import Recording
 

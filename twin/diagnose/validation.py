@@ -20,6 +20,7 @@ from twin.predict.effects.perturbation import Perturbation
 from twin.predict.effects.reference import references_of
 from twin.predict.effects.retrace import retraced
 from twin.predict.log.motion import motion_of
+from twin.predict.log.usable import usable
 from twin.predict.whitening.apart import fit_apart
 from twin.predict.whitening.innovations import Problem
 from twin.recording import Recording
@@ -49,7 +50,8 @@ def validate(diagnosis: Diagnosis, recording: Recording) -> Validation:
     Raises:
         UsageError: the log lacks the streams that the prediction needs.
     """
-    log, conventions = read_rightly(longest_of(recording), diagnosis.platform)
+    used = usable(recording, diagnosis.platform)
+    log, conventions = read_rightly(longest_of(used), diagnosis.platform)
     before, after = (
         _held(one, log, diagnosis.platform) for one in (diagnosis.plain, diagnosis.explained)
     )

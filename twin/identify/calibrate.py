@@ -5,19 +5,18 @@ from dataclasses import replace
 from twin.errors import UsageError
 from twin.identify.identification import identify
 from twin.platform import Platform, in_order_of
-from twin.predict.log.ranges import within_range
-from twin.predict.log.scales import sought
+from twin.predict.log.scales import first_scaled, sought
+from twin.predict.log.usable import usable
 from twin.recording import Recording
 
 
 def calibrated(recording: Recording, platform: Platform) -> Recording:
-    """The log without samples at the end of a range, its scales found; `repairs` says so.
+    """The log without samples that say nothing, its scales found; `repairs` says so.
 
     Raises:
         UsageError: a stream has `scale = "fit"` and the log does not tell the scale.
     """
-    checked, said = within_range(in_order_of(platform, recording), platform)
-    checked = replace(checked, repairs=(*checked.repairs, *said))
+    checked = usable(in_order_of(platform, recording), platform)
     if not sought(checked):
         return checked
     found = identify([checked], platform)
@@ -32,7 +31,9 @@ def calibrated(recording: Recording, platform: Platform) -> Recording:
             f"{scale.stream} was scaled by {scale.value:.3g} {scale.unit}, as the fit found it "
             f"({scale.low:.3g} to {scale.high:.3g})"
         )
-    scaled = found.recordings[0]
+    # the identification may have taken a log with pauses as several
+    guess = first_scaled(checked, platform)
+    scaled = guess.by({s.stream: s.value / guess.factor[s.stream] for s in found.scales}).recording
     streams = {**checked.streams, **{s.stream: scaled[s.stream] for s in found.scales}}
     facts = scaled.provenance
     known = {n: {**f, "fit_scale": False} for n, f in dict(facts["streams"]).items()}

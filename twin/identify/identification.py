@@ -37,8 +37,8 @@ from twin.predict.body import body_of
 from twin.predict.effects.perturbation import Perturbation
 from twin.predict.log.motion import motion_of
 from twin.predict.log.possible import check_possible
-from twin.predict.log.ranges import within_range
 from twin.predict.log.scales import Scaled
+from twin.predict.log.usable import usable
 from twin.predict.parameters.base import BaseParameters
 from twin.predict.whitening.innovations import Problem, Unknowns
 from twin.recording import Recording
@@ -94,7 +94,7 @@ class Identification:
     scales: tuple[Scale, ...] = ()
     """Of the streams whose log.toml asks for them."""
     not_used: tuple[str, ...] = ()
-    """A sentence for each stream of which samples were left out."""
+    """A sentence for each stream of which nothing was used."""
     not_rigid: str = ""
     """A sentence where what fits best is no rigid body; theta is the nearest one."""
 
@@ -185,7 +185,7 @@ class Ground:
     unseen: tuple[str, ...]
     """Sentences on what no motion in them shows."""
     not_used: tuple[str, ...]
-    """Sentences on samples that were left out."""
+    """Sentences on streams that were left out."""
 
 
 def ground_of(recordings: Sequence[Recording], platform: Platform) -> Ground:
@@ -197,12 +197,12 @@ def ground_of(recordings: Sequence[Recording], platform: Platform) -> Ground:
     for recording in recordings:
         check_times(recording, platform)
         check_possible(recording, platform)
-    pieces = [piece for recording in recordings for piece in pieces_of(recording)]
+    used = [usable(recording, platform) for recording in recordings]
+    pieces = [piece for recording in used for piece in pieces_of(recording)]
     ordered = [in_order_of(platform, recording.without_truth()) for recording in pieces]
-    checked = [within_range(recording, platform) for recording in ordered]
-    for recording, _ in checked:
+    for recording in ordered:
         check_possible(recording, platform)
-    turned = [as_measured(recording, machine) for recording, _ in checked]
+    turned = [as_measured(recording, machine) for recording in ordered]
     scaled = scaled_together([log for log, _ in turned], platform)
     logs = [log.recording for log in scaled]
     base, full = base_of(machine, logs)
@@ -212,7 +212,7 @@ def ground_of(recordings: Sequence[Recording], platform: Platform) -> Ground:
         Logs(logs, base),
         full,
         tuple(common_scale(machine, logs)),
-        tuple(sentence for _, said in (*checked, *turned) for sentence in said),
+        tuple(sentence for _, said in turned for sentence in said),
     )
 
 

@@ -15,6 +15,7 @@ from twin.noise.clock import GAP
 from twin.platform import Platform, in_order_of, taken_as_at_rest
 from twin.predict.log.motion import motion_of
 from twin.predict.log.possible import ImpossibleLog, check_possible, check_within_stop
+from twin.predict.log.usable import cleaned, usable
 from twin.recording import Recording, Series
 from twin.signals import DERIVED, LOGGED, stream_named
 from twin.units import fitting, printed, three_digits
@@ -96,6 +97,8 @@ def contents_of(
     if recording.provenance.get("kind") == "log":
         findings += (_unused(name) for name in recording if not _known(name))
     advice = convention_advice(recording, platform)
+    used = cleaned(recording) if platform is None else usable(recording, platform)
+    findings += (f"{one}." for one in used.repairs if one not in recording.repairs)
     if platform is not None:
         findings += taken_as_at_rest([recording], platform)
         findings += _impossible(recording, platform, read_rightly=not advice.findings)

@@ -16,6 +16,7 @@ from scipy.stats import t as student
 from twin import rotation
 from twin.errors import UsageError
 from twin.noise import noise_of
+from twin.predict.log.usable import cleaned
 from twin.recording import Recording
 from twin.strapdown.faults import NAMES
 from twin.strapdown.turns import LONGEST, Turns, chained, turns_of
@@ -74,6 +75,7 @@ def compare_gyro(recording: Recording) -> GyroComparison:
         recording["gyro"].columns != ("x", "y", "z")
     ):
         raise UsageError("the log has no gyro about x, y and z beside an attitude; nothing to hold")
+    recording = cleaned(recording)
     gyro_noise, attitude_noise = (
         float(np.sqrt(np.mean(np.square(noise_of(recording[name]))))) for name in _STREAMS
     )

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from twin.errors import UsageError
 from twin.platform import Platform
 from twin.predict.log.motion import Motion
-from twin.predict.log.ranges import AT_RANGE
+from twin.predict.log.usable import AT_RANGE
 from twin.recording import Recording
 from twin.signals import OF_MOTION
 from twin.units import printed

@@ -1,0 +1,99 @@
+"""Samples that say nothing of the motion are left out, said, and change no answer."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin import rotation
+from twin.clock import SimulatedClock
+from twin.controller import load_controller
+from twin.diagnose import diagnose
+from twin.estimators import load_estimator
+from twin.loop import fly
+from twin.plant.simulated import SimulatedPlant
+from twin.platform import Platform, load_platform
+from twin.predict.log.usable import cleaned
+from twin.recording import Recording
+from twin.reference import Multisine
+from twin.report.contents import contents_of
+from twin.stream.recorder import MemoryRecorder
+
+FIRST = 1000
+"""Row from which a stream is spoiled."""
+
+
+@pytest.fixture(scope="module")
+def sads() -> Platform:
+    return load_platform("sads")
+
+
+@pytest.fixture(scope="module")
+def log(sads) -> Recording:
+    """40 s of a multisine, its seed printed."""
+    seed = int(np.random.SeedSequence().generate_state(1)[0])
+    print("seed", seed)
+    memory = MemoryRecorder(sads)
+    fly(
+        SimulatedPlant(sads, seed=seed),
+        load_estimator("filter"),
+        load_controller("quaternion_pd"),
+        Multisine(),
+        SimulatedClock(),
+        duration=40.0,
+        observers=[memory],
+    )
+    return memory.recording().without_truth()
+
+
+def spoiled(log: Recording, name: str, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
+    value = change(log[name].value.copy())
+    return replace(log, streams={**log.streams, name: replace(log[name], value=value)})
+
+
+def hangs(value: np.ndarray) -> np.ndarray:
+    value[FIRST + 1 : FIRST + 200] = value[FIRST]
+    return value
+
+
+def wrong_bytes(value: np.ndarray) -> np.ndarray:
+    value[50::150] += 2.0
+    return value
+
+
+def another_marker(value: np.ndarray) -> np.ndarray:
+    away = rotation.from_rotation_vector(np.array([0.3, 1.0, 2.0]))
+    value[FIRST : FIRST + 5] = rotation.multiply(value[FIRST : FIRST + 5], away)
+    return value
+
+
+FAULTS = [
+    ("gyro", hangs, "repeat one that was read before"),
+    ("attitude", hangs, "repeat one that was read before"),
+    ("gyro", wrong_bytes, "lie far off the ones before and after"),
+    ("attitude", another_marker, "lie far off the ones before and after"),
+]
+
+
+@pytest.mark.parametrize(("stream", "change", "words"), FAULTS)
+def test_a_machine_as_stated_stays_healthy_whatever_its_sensors_did_at_times(
+    sads, log, stream, change, words
+):
+    bad = spoiled(log, stream, change)
+    found = diagnose([bad], sads)
+    assert found.verdict == "healthy"
+    (said,) = found.recordings[0].repairs
+    assert stream in said
+    assert words in said
+    assert f"{said}." in contents_of("a log", bad, sads).findings
+
+
+def test_a_good_log_is_left_as_it_is(log):
+    assert cleaned(log) == log
+
+
+def test_what_is_left_out_is_counted(sads, log):
+    kept = cleaned(spoiled(log, "gyro", wrong_bytes))
+    lost = len(log["gyro"]) - len(kept["gyro"])
+    assert kept.repairs[0].startswith(f"{lost} of {len(log['gyro'])} samples of gyro, from ")
