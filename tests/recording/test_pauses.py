@@ -41,6 +41,25 @@ def test_a_log_is_parted_where_it_paused_and_what_was_commanded_holds():
     )
 
 
+def test_commands_of_a_clock_keep_their_ticks_where_a_log_is_parted():
+    told = np.arange(0.0, 60.0, 0.05)
+    shown = np.r_[np.arange(0.0, 20.0, 0.02), np.arange(40.013, 60.0, 0.02)]
+    streams = {
+        "gyro": Series(shown, np.zeros((len(shown), 3)), ("x", "y", "z"), "rad/s"),
+        "command_stage_position": Series(told, np.sin(told)[:, None], ("s1",), "m"),
+    }
+    _, second = pieces_of(Recording(streams, {"source": "monday"}))
+    kept = second["command_stage_position"]
+    np.testing.assert_array_equal(kept.time, told[-len(kept) :])
+    assert 38.9 < kept.time[0] < 39.1, "what a stage was still following"
+    told = told[(told < 19.0) | (told > 40.1)]
+    streams["command_stage_position"] = Series(told, np.sin(told)[:, None], ("s1",), "m")
+    _, second = pieces_of(Recording(streams, {"source": "monday"}))
+    held = second["command_stage_position"]
+    np.testing.assert_allclose(held.time[:2], [40.0, 40.15])
+    assert held.value[0, 0] == np.sin(18.95)
+
+
 def test_a_stretch_that_tells_nothing_is_left_out_and_said_to_be():
     (only,) = pieces_of(log((0.0, 20.0), (100.0, 101.0)))
     assert only["gyro"].time[-1] < 20.0

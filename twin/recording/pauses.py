@@ -14,6 +14,8 @@ PAUSE = 5.0
 """Without a sample of the motion that parts a log [s]; shorter ones are predicted through."""
 RARE = 20.0
 """Usual intervals of what shows the motion that a pause lasts at least."""
+FOLLOWED = 1.0
+"""By which a stage or a gimbal is behind its command at most [s]."""
 SHORTEST = 5.0
 """Of what is a log of its own [s]."""
 
@@ -39,7 +41,7 @@ def pieces_of(recording: Recording) -> list[Recording]:
     ]
     if not spans:
         return [recording]
-    first, *others = (_piece(recording, *span) for span in spans)
+    first, *others = (part_of(recording, *span) for span in spans)
     longest = int(pauses[np.argmax(interval[pauses])])
     sentence = (
         f"{recording.source}: nothing shows the motion from {time[longest]:.6g} to "
@@ -62,7 +64,8 @@ def longest_of(recording: Recording) -> Recording:
     return replace(longest, repairs=(*recording.repairs, sentence))
 
 
-def _piece(recording: Recording, start: float, stop: float) -> Recording:
+def part_of(recording: Recording, start: float, stop: float) -> Recording:
+    """What was measured from start to stop [s], and what was commanded by then."""
     streams = {
         name: (_held if name.startswith("command_") else _cut)(series, start, stop)
         for name, series in recording.items()
@@ -80,13 +83,22 @@ def _cut(series: Series, start: float, stop: float) -> Series:
 
 
 def _held(series: Series, start: float, stop: float) -> Series:
-    """Commands, of which the last before the start holds until the next."""
-    within = _cut(series, start, stop)
-    if not len(series) or series.time[0] >= start or (len(within) and within.time[0] == start):
+    """Commands, with those that what they move was still following at the start.
+
+    Of older ones the last holds until the next, as if given anew, of those that come by a clock a
+    whole number of intervals before that: drives heed commands at ticks of their own.
+    """
+    within = _cut(series, start - FOLLOWED, stop)
+    if not len(series) or series.time[0] >= start or (len(within) and within.time[0] <= start):
         return within
+    interval = float(np.median(np.diff(series.time))) if len(series) > 1 else 0.0
+    given = start
+    if len(within) and 0.0 < interval <= FOLLOWED:
+        given = float(within.time[0])
+        given -= float(np.ceil((given - start) / interval)) * interval
     return replace(
         within,
-        time=np.r_[start, within.time],
+        time=np.r_[given, within.time],
         value=np.concatenate([series.held_at(np.array([start])), within.value]),
     )
 
