@@ -7,7 +7,7 @@ import pytest
 
 from twin.controller import load_controller
 from twin.conventions import check_conventions
-from twin.diagnose.diagnosis import plain_of
+from twin.diagnose.plain import plain_of
 from twin.plant.initial import InitialState
 from twin.platform import load_platform
 from twin.reproduce.flown import flown

@@ -5,7 +5,7 @@ import pytest
 
 from tests.predict.flights import flown
 from twin.diagnose.determined import determined
-from twin.diagnose.diagnosis import plain_of
+from twin.diagnose.plain import plain_of
 from twin.effects.thrusters.thruster_misalignment import ThrusterMisalignment
 from twin.effects.wheels.wheel_misalignment import WheelMisalignment
 from twin.platform import load_platform

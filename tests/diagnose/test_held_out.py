@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from twin.cli.main import main
-from twin.diagnose.diagnosis import plain_of
 from twin.diagnose.held_out import held_out
+from twin.diagnose.plain import plain_of
 from twin.platform import load_platform
-from twin.recording import open_log
+from twin.recording import Recording, open_log
 
 
 @pytest.mark.parametrize(("seconds", "segments"), [(9, 1), (19, 2)])
@@ -20,3 +20,15 @@ def test_of_one_segment_nothing_is_held_out(seconds: int, segments: int, tmp_pat
     plain = plain_of([open_log(run).without_truth()], load_platform("sads"))
     assert plain.bodies[0].grid.segments == segments
     assert np.isfinite(held_out(plain).after) == (segments > 1)
+
+
+def test_a_short_log_beside_a_long_one_keeps_biases_of_its_own(tmp_path: Path):
+    logs: list[Recording] = []
+    for seed, seconds in enumerate((19, 9, 80)):
+        run = tmp_path / f"{seed}.rrd"
+        fly = ["run", "sads", "--controller", "quaternion_pd", "--reference", "multisine"]
+        more = ["--duration", str(seconds), "--seed", str(seed), "--rrd", str(run)]
+        assert main([*fly, *more]) == 0
+        logs.append(open_log(run).without_truth())
+    gain = held_out(plain_of(logs, load_platform("sads")))
+    assert gain.after < 1.0 + 2.0 * (gain.high - 1.0), "a true model strays"

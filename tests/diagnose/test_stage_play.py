@@ -8,7 +8,7 @@ import pytest
 
 from twin.controller import AnyController, Controller, load_controller
 from twin.diagnose.candidates import candidate
-from twin.diagnose.diagnosis import plain_of
+from twin.diagnose.plain import plain_of
 from twin.effects import with_effects
 from twin.effects.clocks.clock_drift import ClockDrift
 from twin.effects.stages.stage_backlash import StageBacklash

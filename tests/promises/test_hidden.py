@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from twin.diagnose import Diagnosis, diagnose
-from twin.diagnose.diagnosis import plain_of
+from twin.diagnose.plain import plain_of
 from twin.diagnose.remainder import remainder
 from twin.effects import SensorLaw, effect_named, parameter
 

@@ -3,32 +3,25 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from twin.compare.free_run import HORIZONS, FreeRun, free_run
 from twin.conventions import ConventionFinding
 from twin.diagnose.candidates import Candidate, Candidates, candidates_of
 from twin.diagnose.cause import Cause, Equation, Tried, causes_of, equation_of, tried_of
 from twin.diagnose.experiment import Experiment, next_experiment
-from twin.diagnose.explanation import Explanation, explain
-from twin.diagnose.grounds import check_logs, check_numbers, check_seen
+from twin.diagnose.explanation import Explanation
+from twin.diagnose.grounds import check_logs, check_seen
 from twin.diagnose.held_out import HeldOut, held_out
+from twin.diagnose.plain import plain_of
+from twin.diagnose.pushes import Push, but_for, pushes_of
 from twin.diagnose.reading import read_rightly
 from twin.diagnose.reasoning import Line, reason
 from twin.diagnose.remainder import Remainder
 from twin.diagnose.scatter import scatter_causes
 from twin.effects import BiasEffect, Effect
 from twin.errors import UsageError
-from twin.identify.momentum import momentum_fit
-from twin.identify.prediction_error import Fit, fit_disturbed
-from twin.identify.start import base_of, first_biases, first_theta
-from twin.model import compile_model
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of
-from twin.predict.body import body_of
-from twin.predict.log.motion import motion_of
 from twin.predict.log.usable import usable
-from twin.predict.whitening.innovations import Innovations, Problem
 from twin.recording import Recording
 from twin.recording.pauses import pieces_of
 
@@ -39,6 +32,8 @@ UNEXPLAINED = 1e-4
 CROWD = 3
 """Kinds of causes at once. What the catalogue lacks looks like more of them, each small beside it:
 six explained an inclinometer's misalignment that had been left out."""
+STRAYS = 2.0
+"""Half widths of the band in which a true model's chi-square stays 95 times in 100."""
 ROUGH = 1.5
 """Chi-square a sample beyond which no cause has made the motion follow the model. The logs are then
 predicted in segments apart, and what they say counts for less."""
@@ -71,11 +66,13 @@ class Diagnosis:
     """By horizon [s]; None where the logs are too short."""
     next_experiment: Experiment | None
     """What would split the ties best, if there are any and it can be foretold."""
+    pushes: tuple[Push, ...] = ()
+    """From outside; all else is of the time between them."""
 
     @property
     def verdict(self) -> str:
         """healthy, explained, ambiguous or unexplained."""
-        if _unexplained(self.explained, self.remainder, self.held_out):
+        if self.pushes or _unexplained(self.explained, self.remainder, self.held_out):
             return "unexplained"
         if not self.causes:
             return "healthy"
@@ -106,18 +103,13 @@ def diagnose(
     read = [read_rightly(piece, platform) for piece in pieces]
     logs = [log for log, _ in read]
     noise = tuple(finding for log in logs for finding in noise_findings(log, platform))
-    say("the base")
-    plain = plain_of(logs, platform)
-    candidates = candidates_of(plain.bodies)
-    line = reason(plain, candidates.asked, say)
-    if line.left.chi2 > ROUGH:
-        say("the base, by segments")
-        plain = plain_of(logs, platform, follows=False)
-        line = reason(plain, candidates.asked, say)
+    reasoned, pushes = _but_for_pushes(_reasoned(logs, platform, say), logs, platform, say)
+    plain, candidates, line = reasoned.plain, reasoned.candidates, reasoned.line
     now = line.now
-    held = held_out(now)
-    unexplained = _unexplained(now, line.left, held)
-    causes = (*causes_of(now, line.search, unexplained=unexplained), *scatter_causes(now))
+    causes = (
+        *causes_of(now, line.search, unexplained=reasoned.unexplained),
+        *scatter_causes(now),
+    )
     experiment = next_experiment(platform, now, causes, line.asked, say)
     tried = tried_of(line.search, now.own, line.asked)
     say("free runs")
@@ -134,18 +126,60 @@ def diagnose(
         {**_unasked(candidates, causes), **_silent(candidates, line, causes, tried)},
         equation_of(now, line.nameless),
         line.left,
-        held,
+        reasoned.held,
         {horizon: free_run(horizon, plain.account, now.account) for horizon in HORIZONS},
         experiment,
+        pushes,
     )
     if found.verdict == "healthy":
         check_seen(plain)
     return found
 
 
+@dataclass(frozen=True)
+class _Reasoned:
+    """What a line of reasoning over logs came to."""
+
+    plain: Explanation
+    candidates: Candidates
+    line: Line
+    held: HeldOut
+
+    @property
+    def unexplained(self) -> bool:
+        return _unexplained(self.line.now, self.line.left, self.held)
+
+
+def _reasoned(logs: Sequence[Recording], platform: Platform, say: Say) -> _Reasoned:
+    say("the base")
+    plain = plain_of(logs, platform)
+    candidates = candidates_of(plain.bodies)
+    line = reason(plain, candidates.asked, say)
+    if line.left.chi2 > ROUGH:
+        say("the base, by segments")
+        plain = plain_of(logs, platform, follows=False)
+        line = reason(plain, candidates.asked, say)
+    return _Reasoned(plain, candidates, line, held_out(line.now))
+
+
+def _but_for_pushes(
+    found: _Reasoned, logs: Sequence[Recording], platform: Platform, say: Say
+) -> tuple[_Reasoned, tuple[Push, ...]]:
+    """Of logs that nothing explains, what explains them but for a few moments, if anything does."""
+    if not found.unexplained or (found.line.now.laws and found.line.left.chance > UNEXPLAINED):
+        return found, ()
+    say("pushes from outside")
+    pushes = pushes_of(logs, platform)
+    rest = but_for(pushes, logs)
+    if not pushes or not rest:
+        return found, ()
+    again = _reasoned(rest, platform, say)
+    return (found, ()) if again.unexplained else (again, pushes)
+
+
 def _unexplained(now: Explanation, left: Remainder, held: HeldOut) -> bool:
     """Whether there is something at work that no cause is a name for."""
-    doubtful = crowded(now.effects) or foretells_nothing(now.effects, held)
+    doubtful = crowded(now.effects) or foretells_nothing(now.effects, held) or strays(held)
     return bool(now.laws) or not now.follows or doubtful or left.chance < UNEXPLAINED
 
 
@@ -156,6 +190,11 @@ def foretells_nothing(effects: Sequence[Effect], held: HeldOut) -> bool:
     """
     lasting = any(not isinstance(effect, BiasEffect) for effect in effects)
     return lasting and held.log_likelihood <= 0.0
+
+
+def strays(held: HeldOut) -> bool:
+    """Whether time that took no part in the fit is missed by more than a true model ever misses."""
+    return held.after > 1.0 + STRAYS * (held.high - 1.0)
 
 
 def crowded(effects: Sequence[Effect]) -> bool:
@@ -184,35 +223,3 @@ def _silent(
         for label in dict.fromkeys(one.label for one in candidates.asked)
         if label not in told
     }
-
-
-def plain_of(logs: Sequence[Recording], platform: Platform, *, follows: bool = True) -> Explanation:
-    """The base fitted, and nothing else."""
-    machine = compile_model(platform)
-    bodies = [body_of(machine, log, motion_of(log, platform)) for log in logs]
-    plain, base = base_of(machine, logs)
-    check_numbers(bodies, base)
-    pairs = [(log, body.motion) for log, body in zip(logs, bodies, strict=True)]
-    first = first_theta(plain, momentum_fit(pairs, plain))
-    theta = np.concatenate([first, base.as_stated[len(first) :]])
-    problem = Problem(bodies, base)
-    biases = [first_biases(body) for body in bodies]
-    start = problem.start(theta, biases)
-    found = explain(bodies, base, (), start, follows=follows)
-    if not isinstance(found.now, Innovations):
-        return found
-    if not found.converged:
-        # the momentum may be off by more than it says, and the machine as stated be nearer
-        start_as_stated = problem.start(base.as_stated, biases)
-        again = explain(bodies, base, (), start_as_stated, follows=follows)
-        found = min(found, again, key=lambda one: one.cost)
-    if not found.converged and isinstance(found.now, Innovations):
-        # a motion that may stray from the model leads closer, however bad the start
-        near = fit_disturbed(problem, Fit(found.now, converged=False), start)
-        again = explain(bodies, base, (), near.at, follows=follows)
-        found = min(found, again, key=lambda one: one.cost)
-    left = found.account.left
-    known = [body.with_noise_of(parts) for body, parts in zip(bodies, left, strict=True)]
-    if all(new is body for new, body in zip(known, bodies, strict=True)):
-        return found
-    return explain(known, base, (), found.at, follows=follows)

@@ -1,16 +1,20 @@
 """What causes gain on time that took no part in fitting them, block by block.
 
-The logs' segments are cut into blocks, one after the other. For each block base, biases and causes
-are fitted to the others, where the whole fit is linearised; the block's own innovations, each
-predicted from the samples before it, then tell how likely it was, with the causes and without.
+The segments of each log are cut into blocks, one after the other, and the first ones of all logs
+are one block, and so on: each log has biases of its own, which nothing tells where all of it is
+held out. For each block base, biases and causes are fitted to the others, where the whole fit is
+linearised; the block's own innovations, each predicted from the samples before it, then tell how
+likely it was, with the causes and without.
 """
 
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.diagnose.explanation import Explanation
+from twin.diagnose.rows import Rows
 from twin.identify.prediction_error import NORMAL
 
 Array = NDArray[np.float64]
@@ -20,7 +24,7 @@ BLOCKS = 5
 
 @dataclass(frozen=True)
 class HeldOut:
-    """All blocks together; NaN where the logs are one segment, of which nothing can be held out."""
+    """All blocks together; NaN where each log is one segment, of which nothing can be held out."""
 
     log_likelihood: float
     """Gained by the causes."""
@@ -35,40 +39,48 @@ class HeldOut:
 def held_out(found: Explanation) -> HeldOut:
     """Measure it."""
     now, (bare, _) = found.rows, found.without()
-    before = _chi2(bare.cluster, bare.residual, bare.columns)
-    after = _chi2(now.cluster, now.residual, now.columns)
-    samples = sum(body.samples for body in found.bodies)
+    cut = [body.grid.segments > 1 for body in found.bodies]
+    bodies = list(compress(found.bodies, cut))
+    block = np.concatenate([_blocks(body.grid.segments) for body in found.bodies])
+    before, after = (_chi2(block, one) for one in (bare, now))
+    samples = sum(body.samples for body in bodies)
     spread = sum(
         2.0
         * output.slot.size
         * (1.0 if output.stated else float(np.mean(1.0 / output.worth - 1.0)))
-        for body in found.bodies
+        for body in bodies
         for output in body.outputs
         if output.scatters
     )
-    half = NORMAL * float(np.sqrt(spread)) / samples
-    states = sum(start.width for start in found.at.starts)
+    half = NORMAL * float(np.sqrt(spread)) / max(samples, 1)
+    states = sum(start.width for start in compress(found.at.starts, cut))
+    free = max(samples - states, 1)
     return HeldOut(
         0.5 * (before - after),
-        before / (samples - states),
-        after / (samples - states),
+        before / free,
+        after / free,
         1.0 - half,
         1.0 + half,
     )
 
 
-def _chi2(cluster: NDArray[np.intp], residual: Array, columns: Array) -> float:
-    """Of all blocks, each predicted by what the others fit."""
-    segments = np.unique(cluster[cluster >= 0])
-    if len(segments) < 2:
+def _blocks(segments: int) -> NDArray[np.intp]:
+    """(segments,) of one log; -1 of one that cannot be cut."""
+    if segments < 2:
+        return np.full(segments, -1)
+    return np.arange(segments) * min(BLOCKS, segments) // segments
+
+
+def _chi2(block: NDArray[np.intp], rows: Rows) -> float:
+    """Of all blocks (segments,), each predicted by what the others fit."""
+    if block.max(initial=-1) < 0:
         return np.nan
+    residual, columns = rows.residual, rows.columns
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    block = np.full(len(cluster), -1)
-    rank = np.searchsorted(segments, cluster[cluster >= 0])
-    block[cluster >= 0] = rank * BLOCKS // len(segments)
+    of_rows = np.where(rows.cluster < 0, -1, block[rows.cluster])
     total = 0.0
-    for b in range(BLOCKS):
-        out = block == b
+    for b in range(block.max() + 1):
+        out = of_rows == b
         step = np.linalg.lstsq(columns[~out] / size, -residual[~out], rcond=1e-10)[0]
         left = residual[out] + columns[out] @ (step / size)
         total += float(left @ left)

@@ -1,14 +1,15 @@
 """What a diagnosis found, in sentences."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from twin.compare.free_run import FreeRun
 from twin.diagnose import Diagnosis
 from twin.diagnose.cause import Cause, Equation
-from twin.diagnose.diagnosis import crowded, foretells_nothing
+from twin.diagnose.diagnosis import crowded, foretells_nothing, strays
 from twin.diagnose.law import TORQUE
+from twin.diagnose.pushes import Push
 from twin.diagnose.remainder import Remainder
 from twin.diagnose.validation import Validation
 from twin.identify.excitation import not_excited
@@ -30,6 +31,7 @@ def diagnosed(found: Diagnosis) -> list[str]:
     said = [finding.sentence for finding in found.conventions]
     said += taken_as_at_rest(found.recordings, found.platform)
     said.append(verdict_sentence(found))
+    said += [push_sentence(found.pushes)] if found.pushes else []
     said += [cause_sentence(cause) for cause in found.causes]
     if found.next_experiment is not None:
         said.append(experiment_sentence(found.next_experiment))
@@ -48,9 +50,27 @@ def diagnosed(found: Diagnosis) -> list[str]:
     return said
 
 
+def push_sentence(pushes: Sequence[Push]) -> str:
+    """When something happened that no model has."""
+    when = ", ".join(
+        f"from {push.start:.4g} to {push.stop:.4g} s of {push.source}" for push in pushes
+    )
+    return (
+        f"Something pushed the machine, or was at work only then, {when}; those times are left out "
+        "of all else that is said here."
+    )
+
+
 def verdict_sentence(found: Diagnosis) -> str:
     """The verdict, as a person says it."""
     names = " and ".join(cause_name(cause) for cause in found.causes)
+    if found.pushes:
+        times = "once" if len(found.pushes) == 1 else f"{len(found.pushes)} times"
+        rest = f"the model lacks {names}, and with that" if names else "as the model is,"
+        return (
+            f"Unexplained: {times} something happened that no cause explains; for the rest of the "
+            f"time, {rest} nothing but noise is left."
+        )
     if found.verdict == "healthy":
         return (
             "Healthy: what the model leaves is the sensors' noise, and none of "
@@ -79,6 +99,12 @@ def verdict_sentence(found: Diagnosis) -> str:
         return (
             f"Unexplained: these logs are explained best by {names}, which foretells nothing of "
             "the time that took no part in the fit."
+        )
+    if found.equation is None and strays(found.held_out):
+        best = f"these logs are explained best by {names}, but " if names else ""
+        return (
+            f"Unexplained: {best}time that took no part in the fit is missed by more than a true "
+            "model ever does."
         )
     beside = f" beside {names}" if names else ""
     return f"Unexplained: the model lacks something{beside} that the catalogue has no name for."

@@ -55,6 +55,9 @@ def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[
                 )
             ],
         },
+        "pushes": [
+            {"log": push.source, "start": push.start, "stop": push.stop} for push in found.pushes
+        ],
         "next_experiment": None
         if found.next_experiment is None
         else experiment_document(found.next_experiment),

@@ -14,6 +14,7 @@ from twin.report.diagnosed import (
     could_show,
     diagnosed,
     equation_sentence,
+    push_sentence,
     validated,
     verdict_sentence,
 )
@@ -38,6 +39,8 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
     own = [cause_sentence(cause) for cause in found.causes]
     if found.equation is not None:
         own.append(equation_sentence(found.equation))
+    if found.pushes:
+        own.insert(0, push_sentence(found.pushes))
     told = [verdict, *own]
     if found.next_experiment is not None:
         told.append(experiment_sentence(found.next_experiment))

@@ -1,0 +1,168 @@
+"""Pushes from outside: a hand, a cable that caught, a door. Each acts once, for a moment, and says
+nothing of the machine; what it does to a fit looks like causes that are none.
+
+The logs are predicted in segments, each from a start of its own and by its own scatter, so that a
+push spoils the segment that it falls into and no other. There it lies where one motion of the
+machine fits what was read before, another one what was read after, and none both.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.diagnose.explanation import Explanation
+from twin.diagnose.plain import plain_of
+from twin.errors import TwinError
+from twin.platform import Platform
+from twin.predict.whitening.apart import Apart
+from twin.recording import Recording
+from twin.recording.pauses import SHORTEST, part_of
+
+Array = NDArray[np.float64]
+
+SPOILED = 1.5
+"""Times the usual mean squared residual from where on a segment may have been pushed."""
+SIGMAS = 8.0
+"""By which that must be more than noise."""
+MOST = 3
+"""Pushes of all logs; what acts oftener is at work all the time."""
+TRIES = 6
+"""Times that the next one is looked for: one may take two, the second beside the first."""
+NEAR = 1.0
+"""Between two that are one [s]."""
+LASTS = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""How long a push may be, its ends included [s]."""
+STEP = 0.05
+"""By which its middle is sought [s]."""
+MARGIN = 0.1
+"""Left out besides, before and after [s]."""
+SHOWN = 1e-10
+"""Directions of a state that show less than this share of the best one are not fitted."""
+WORTH = 3.0
+"""Residual that a number must save, in units of its variance, to be left out."""
+
+
+@dataclass(frozen=True)
+class Push:
+    """When it was; nothing of the log is used from start to stop."""
+
+    log: int
+    """Which one."""
+    source: str
+    """Its name."""
+    start: float
+    """[s]."""
+    stop: float
+
+
+def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[Push, ...]:
+    """When logs were pushed, if that so few times left out they follow the model; else none.
+
+    The worst push first: the base that is fitted beside it is bent, and so is what it leaves of the
+    others.
+    """
+    pushes: list[Push] = []
+    for _ in range(TRIES):
+        parts = _parts(pushes, logs)
+        try:
+            apart = plain_of([part for _, part in parts], platform, follows=False)
+        except TwinError:  # too little is left
+            break
+        worst = _worst(apart)
+        if worst is None:
+            return tuple(pushes)
+        place, segment = worst
+        log, _ = parts[place]
+        pushes = _merged([*pushes, Push(log, logs[log].source, *_span(apart, place, segment))])
+        if len(pushes) > MOST:
+            break
+    return ()
+
+
+def but_for(pushes: Sequence[Push], logs: Sequence[Recording]) -> list[Recording]:
+    """The parts of logs between their pushes, but those too short to be logs."""
+    return [part for _, part in _parts(pushes, logs)]
+
+
+def _parts(pushes: Sequence[Push], logs: Sequence[Recording]) -> list[tuple[int, Recording]]:
+    """Each with the log that it is of."""
+    found: list[tuple[int, Recording]] = []
+    for log, recording in enumerate(logs):
+        own = [push for push in pushes if push.log == log]
+        starts = [recording.start, *(push.stop for push in own)]
+        stops = [*(push.start for push in own), recording.stop]
+        found += [
+            (log, part_of(recording, start, stop) if own else recording)
+            for start, stop in zip(starts, stops, strict=True)
+            if stop - start >= SHORTEST or not own
+        ]
+    return found
+
+
+def _worst(apart: Explanation) -> tuple[int, int] | None:
+    """The log and the segment of it that follow the model least, if that is more than noise."""
+    assert isinstance(apart.now, Apart)
+    scatter = 1.0 / apart.now.weights
+    places = [(log, s) for log, body in enumerate(apart.bodies) for s in range(body.grid.segments)]
+    few = 2.0 / np.maximum(apart.now.counts, 1.0)
+    limit = float(np.median(scatter)) * np.maximum(SPOILED, 1.0 + SIGMAS * np.sqrt(few))
+    worst = int(np.argmax(scatter / limit))
+    return places[worst] if scatter[worst] > limit[worst] else None
+
+
+def _span(apart: Explanation, log: int, segment: int) -> tuple[float, float]:
+    """Which time of a segment, left out, leaves least to a motion before and another one after."""
+    body = apart.bodies[log]
+    begin = float(body.grid.starts[segment])
+    end = begin + body.grid.length
+    time, rows = _rows_of(apart, log, segment)
+    squares = np.cumsum(np.einsum("ni,nj->nij", rows, rows), axis=0)
+    squares = np.concatenate([np.zeros_like(squares[:1]), squares])
+    lasts, starts = np.meshgrid(LASTS, np.arange(begin - 0.5 * LASTS[-1], end, STEP))
+    inside = (starts + 0.5 * lasts > begin) & (starts + 0.5 * lasts < end)
+    starts, stops = starts[inside], (starts + lasts)[inside]
+    first, last = np.searchsorted(time, starts), np.searchsorted(time, stops, side="right")
+    before, after = squares[first], squares[-1] - squares[last]
+    cost = _left(before) + _left(after) + WORTH * (last - first)
+    best = int(np.argmin(cost))
+    return float(starts[best]) - MARGIN, float(stops[best]) + MARGIN
+
+
+def _rows_of(apart: Explanation, log: int, segment: int) -> tuple[Array, Array]:
+    """Of a segment the times (n,), and (n, x + 1): what the states that it starts from do to each
+    number that was read, and what is left of that."""
+    body, state = apart.bodies[log], apart.now.exact[log].linear.state
+    size = np.maximum(np.linalg.norm(state, axis=1, keepdims=True), 1e-300)
+    columns = [body.gather(column) for column in np.moveaxis(state / size, -1, 0)]
+    times: list[Array] = []
+    rows: list[Array] = []
+    for place, (output, left) in enumerate(zip(body.outputs, apart.account.left[log], strict=True)):
+        own = output.segment == segment
+        if output.scatters and own.any():
+            parts = [*(column[place][own] for column in columns), left[own]]
+            times.append(np.repeat(output.time[own], left.shape[1]))
+            rows.append(np.stack([part.ravel() for part in parts], axis=1))
+    time, every = np.concatenate(times), np.concatenate(rows)
+    order = np.argsort(time, kind="stable")
+    return time[order], every[order]
+
+
+def _left(squares: Array) -> Array:
+    """Of (w, x + 1, x + 1) products of columns and of what is left (w,) the least squares."""
+    inverse = np.linalg.pinv(squares[:, :-1, :-1], rcond=SHOWN, hermitian=True)
+    across = squares[:, :-1, -1]
+    return squares[:, -1, -1] - np.einsum("wi,wij,wj->w", across, inverse, across)
+
+
+def _merged(pushes: list[Push]) -> list[Push]:
+    """Those that overlap, or nearly so, are one."""
+    found: list[Push] = []
+    for push in sorted(pushes, key=lambda one: (one.log, one.start)):
+        last = found[-1] if found else None
+        if last and last.log == push.log and push.start <= last.stop + NEAR:
+            found[-1] = replace(last, stop=max(last.stop, push.stop))
+        else:
+            found.append(push)
+    return found
