@@ -81,8 +81,7 @@ def a_shove(draw: np.random.Generator) -> Shove:
     return Shove(start=float(draw.uniform(6.0, LENGTH - 7.0)), lasts=lasts, torque_body=torque)
 
 
-@pytest.mark.parametrize("case", range(3))
-def test_the_moment_of_a_push_is_found(sads, draw, case):
+def test_the_moment_of_a_push_is_found(sads, draw):
     shove = a_shove(draw)
     print(shove)
     (push,) = pushes_of([flown(sads, draw, shove)], sads)

@@ -76,6 +76,7 @@ FAULTS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("stream", "change", "words"), FAULTS)
 def test_a_machine_as_stated_stays_healthy_whatever_its_sensors_did_at_times(
     sads, log, stream, change, words

@@ -89,12 +89,15 @@ class Equation:
     """Against the best that the catalogue offers."""
 
 
-def causes_of(now: Explanation, search: Search, *, unexplained: bool) -> tuple[Cause, ...]:
+def causes_of(
+    now: Explanation, search: Search, rivals: Mapping[str, float], *, unexplained: bool
+) -> tuple[Cause, ...]:
     """The effects of an explanation, the surest first.
 
     Args:
         now: the explanation.
         search: where it stands.
+        rivals: by how much those are behind that were fitted in an only cause's place, by label.
         unexplained: something is at work that has no name; it may be all of what a cause was
             found for.
     """
@@ -104,17 +107,30 @@ def causes_of(now: Explanation, search: Search, *, unexplained: bool) -> tuple[C
     ):
         rest = tuple(other for other in now.own if other != index)
         evidence = search.evidence(now.own) - search.evidence(rest)
-        instead = search.instead(now.own, index)
-        rivals = [behind for _, behind in instead] + [max(evidence, 0.0)]
+        instead = _as_fitted(search, search.instead(now.own, index), rivals)
+        behind = [far for _, far in instead] + [max(evidence, 0.0)]
         beside = NORMAL * known.deviations
         half = np.where(known.leaning, np.nan, beside)
-        share = _share(rivals) * (NAMELESS if unexplained else 1.0)
+        share = _share(behind) * (NAMELESS if unexplained else 1.0)
         alone = search.evidence((index,))
         ties = ties_of(search, instead, search.apart(now.own, index))
         least = effect.least(now.bodies[0].machine.platform)
         told_of = free | np.isfinite(known.deviations)
         found.append(Cause(least, told_of, half, beside, evidence, alone, share, ties))
     return tuple(sorted(found, key=lambda cause: -cause.evidence))
+
+
+def _as_fitted(
+    search: Search, instead: Sequence[tuple[int, float]], rivals: Mapping[str, float]
+) -> list[tuple[int, float]]:
+    """What could stand in a cause's place, those that were fitted there no further behind than that
+    showed."""
+    fitted, found = dict(rivals), list(instead)
+    for place, (other, behind) in enumerate(instead):
+        # of a cause of many shapes it was the nearest that was fitted
+        as_fitted = fitted.pop(search.weighing.traces[other].label, behind)
+        found[place] = (other, min(behind, as_fitted))
+    return sorted(found, key=lambda one: one[1])
 
 
 def ties_of(

@@ -12,10 +12,11 @@ from twin.diagnose.explanation import Explanation
 from twin.diagnose.grounds import check_logs, check_seen
 from twin.diagnose.held_out import HeldOut, held_out
 from twin.diagnose.plain import plain_of
-from twin.diagnose.pushes import Push, but_for, pushes_of
+from twin.diagnose.pushes import Push, but_for, pushed, pushes_of
 from twin.diagnose.reading import read_rightly
-from twin.diagnose.reasoning import Line, reason
-from twin.diagnose.remainder import Remainder
+from twin.diagnose.reasoning import Line, likeliest, reason
+from twin.diagnose.remainder import Remainder, remainder
+from twin.diagnose.rivals import against_rivals
 from twin.diagnose.scatter import scatter_causes
 from twin.effects import BiasEffect, Effect
 from twin.errors import UsageError
@@ -103,11 +104,13 @@ def diagnose(
     read = [read_rightly(piece, platform) for piece in pieces]
     logs = [log for log, _ in read]
     noise = tuple(finding for log in logs for finding in noise_findings(log, platform))
-    reasoned, pushes = _but_for_pushes(_reasoned(logs, platform, say), logs, platform, say)
+    say("the base")
+    plain = plain_of(logs, platform)
+    reasoned, pushes = _but_for_pushes(plain, logs, say) or (_reasoned(plain, logs, say), ())
     plain, candidates, line = reasoned.plain, reasoned.candidates, reasoned.line
     now = line.now
     causes = (
-        *causes_of(now, line.search, unexplained=reasoned.unexplained),
+        *causes_of(now, line.search, line.rivals, unexplained=reasoned.unexplained),
         *scatter_causes(now),
     )
     experiment = next_experiment(platform, now, causes, line.asked, say)
@@ -150,31 +153,35 @@ class _Reasoned:
         return _unexplained(self.line.now, self.line.left, self.held)
 
 
-def _reasoned(logs: Sequence[Recording], platform: Platform, say: Say) -> _Reasoned:
-    say("the base")
-    plain = plain_of(logs, platform)
+def _reasoned(plain: Explanation, logs: Sequence[Recording], say: Say) -> _Reasoned:
     candidates = candidates_of(plain.bodies)
     line = reason(plain, candidates.asked, say)
     if line.left.chi2 > ROUGH:
         say("the base, by segments")
-        plain = plain_of(logs, platform, follows=False)
+        plain = plain_of(logs, plain.base.machine.platform, follows=False)
         line = reason(plain, candidates.asked, say)
+    line = against_rivals(line)
     return _Reasoned(plain, candidates, line, held_out(line.now))
 
 
 def _but_for_pushes(
-    found: _Reasoned, logs: Sequence[Recording], platform: Platform, say: Say
-) -> tuple[_Reasoned, tuple[Push, ...]]:
-    """Of logs that nothing explains, what explains them but for a few moments, if anything does."""
-    if not found.unexplained or (found.line.now.laws and found.line.left.chance > UNEXPLAINED):
-        return found, ()
+    plain: Explanation, logs: Sequence[Recording], say: Say
+) -> tuple[_Reasoned, tuple[Push, ...]] | None:
+    """What explains logs but for a few moments, if no cause does what was seen in these."""
+    if plain.follows and remainder(plain).chance > UNEXPLAINED:
+        return None
     say("pushes from outside")
+    platform = plain.base.machine.platform
     pushes = pushes_of(logs, platform)
     rest = but_for(pushes, logs)
     if not pushes or not rest:
-        return found, ()
-    again = _reasoned(rest, platform, say)
-    return (found, ()) if again.unexplained else (again, pushes)
+        return None
+    apart = plain_of(logs, platform, follows=False)
+    if any(not pushed(one) for one in likeliest(apart, candidates_of(apart.bodies).asked)):
+        return None
+    say("the base, but for pushes")
+    found = _reasoned(plain_of(rest, platform), rest, say)
+    return None if found.unexplained else (found, pushes)
 
 
 def _unexplained(now: Explanation, left: Remainder, held: HeldOut) -> bool:

@@ -101,6 +101,11 @@ def _parts(pushes: Sequence[Push], logs: Sequence[Recording]) -> list[tuple[int,
     return found
 
 
+def pushed(apart: Explanation) -> bool:
+    """Whether a segment does not follow the model as the others do."""
+    return _worst(apart) is not None
+
+
 def _worst(apart: Explanation) -> tuple[int, int] | None:
     """The log and the segment of it that follow the model least, if that is more than noise."""
     assert isinstance(apart.now, Apart)

@@ -1,7 +1,7 @@
 """From one explanation to a better one: what to add, what to drop, until nothing pays."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -58,6 +58,8 @@ class Line:
     """What it weighs beside the explanation's own parts."""
     nameless: float = 0.0
     """Evidence that laws without a name brought beyond the catalogue's causes; 0 without any."""
+    rivals: Mapping[str, float] = field(default_factory=dict[str, float])
+    """By how much causes that were fitted in an only one's place are behind, by label."""
 
     @cached_property
     def left(self) -> Remainder:
@@ -119,6 +121,16 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     return min(fewer, found, key=lambda one: one.score)
 
 
+def likeliest(plain: Explanation, asked: Sequence[Candidate]) -> Iterator[Explanation]:
+    """The set of causes that promises most, fitted, and each of a few that promise most alone."""
+    search = search_from(plain, asked)
+    alone = sorted(search.asked, key=lambda index: -search.weighing.weigh((index,)).gain)[:LED]
+    for chosen in (search.best(), *((index,) for index in alone)):
+        found = _fitted(plain, guesses(plain, asked, search.weighing, chosen))
+        if found is not None:
+            yield found
+
+
 def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line | None:
     """Searched from the likeliest single cause, where a model without any loses the motion.
 
@@ -130,7 +142,7 @@ def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: 
     tries: dict[str, Effect] = {}
     for now, one in ((lead, near), (plain, search)):
         for score in one.scores()[:LED]:
-            (guess,) = _guesses(now, asked, one.weighing, (score.index,))
+            (guess,) = guesses(now, asked, one.weighing, (score.index,))
             tries.setdefault(guess.label, guess)
     best = plain
     for label, guess in tries.items():
@@ -159,9 +171,9 @@ def _sole(
     best = max(chosen, key=lambda index: gain[index])
     if gain[best] < max(UNMISTAKABLE, NEARLY * search.weighing.weigh(chosen).gain):
         return None
-    (guess,) = _guesses(plain, asked, search.weighing, (best,))
+    (guess,) = guesses(plain, asked, search.weighing, (best,))
     say(f"fitting {guess.label} alone")
-    alone = _followed(plain, (guess,))
+    alone = followed(plain, (guess,))
     if alone is None or remainder(alone).chance < DOUBTFUL:
         return None
     say("causes weighed")
@@ -196,9 +208,9 @@ def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
         first = len(now.own)
         if index < first or not _bends(asked[index - first]):
             continue
-        (guess,) = _guesses(now, asked, search.weighing, (index,))
+        (guess,) = guesses(now, asked, search.weighing, (index,))
         say(f"fitting {guess.label} alone")
-        alone = _followed(now, (guess,))
+        alone = followed(now, (guess,))
         if alone is None:
             continue
         if single and Line(alone, search_from(alone, ()), asked).score > line.score:
@@ -235,10 +247,10 @@ def _searched(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
         if labels in seen:
             break
         seen.append(labels)
-        guesses = _guesses(now, asked, search.weighing, chosen)
+        guessed = guesses(now, asked, search.weighing, chosen)
         say("fitting " + ", ".join(sorted(labels)))
-        tried = _fitted(now, guesses)
-        fitted = guesses if tried is None else tried.effects
+        tried = _fitted(now, guessed)
+        fitted = guessed if tried is None else tried.effects
         if tried is None or not all(_possible_alone(now, effect) for effect in fitted):
             asked = _possible(now, asked, fitted)
         elif _astray(now, tried):
@@ -285,7 +297,7 @@ def _fitted(
         return None
 
 
-def _followed(
+def followed(
     now: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
 ) -> Explanation | None:
     """Likewise; None too where the fit loses the motion."""
@@ -319,7 +331,7 @@ def search_from(now: Explanation, asked: Sequence[Candidate]) -> Search:
     return Search(weighing, range(len(weighing.traces)))
 
 
-def _guesses(
+def guesses(
     now: Explanation, asked: Sequence[Candidate], weighing: Weighing, chosen: tuple[int, ...]
 ) -> list[Effect]:
     """The chosen effects, new ones with their linearised strengths."""
@@ -356,11 +368,11 @@ def _with_laws(line: Line, than: Line | None = None, lead: float = TIED) -> Line
     if not found or line.score - more > than.score - lead:
         return than
     kept = [effect for index, effect in enumerate(now.effects) if index in best]
-    there = _followed(now, kept, found)
+    there = followed(now, kept, found)
     if there is None:
         return than
     # their columns were formed along a motion that lacked them
-    there = _followed(there, there.effects, there.laws) or there
+    there = followed(there, there.effects, there.laws) or there
     lawful = Line(there, search_from(there, line.asked), line.asked, more)
     return lawful if lawful.score < than.score - min(lead, 0.0) else than
 
@@ -381,7 +393,7 @@ def _needed_only(now: Explanation, limit: float) -> Explanation:
         count = len(now.effects)
         effects = [effect for index, effect in enumerate(now.effects) if index in kept]
         laws = [law for index, law in enumerate(now.laws) if index + count in kept]
-        fewer = _followed(now, effects, laws)
+        fewer = followed(now, effects, laws)
         if fewer is None:
             break
         now = fewer

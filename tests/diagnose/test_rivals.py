@@ -1,0 +1,58 @@
+"""An only cause is held against its rivals as they are when fitted, not as its fit shows them."""
+
+import numpy as np
+import pytest
+
+from twin.clock import SimulatedClock
+from twin.controller import load_controller
+from twin.diagnose.candidates import candidates_of
+from twin.diagnose.plain import plain_of
+from twin.diagnose.reasoning import Line, guesses, search_from
+from twin.diagnose.rivals import against_rivals
+from twin.effects import effect_named, with_effects
+from twin.estimators import load_estimator
+from twin.loop import fly
+from twin.plant.simulated import SimulatedPlant
+from twin.platform import load_platform
+from twin.reference import parse_reference
+from twin.stream.recorder import MemoryRecorder
+
+
+@pytest.fixture(scope="module")
+def line() -> Line:
+    """Of slow slews that rub a little; drag does nearly the same."""
+    seed = int(np.random.SeedSequence().generate_state(1)[0])
+    print("seed", seed)
+    platform = load_platform("sads")
+    rubbing = effect_named("bearing_viscous_friction")(damping=0.001)
+    memory = MemoryRecorder(platform)
+    fly(
+        SimulatedPlant(with_effects(platform, (rubbing,)), seed=seed),
+        load_estimator("filter"),
+        load_controller("quaternion_pd"),
+        parse_reference("slew:10,-10,120@5"),
+        SimulatedClock(),
+        duration=60.0,
+        observers=[memory],
+    )
+    plain = plain_of([memory.recording().without_truth()], platform)
+    asked = candidates_of(plain.bodies).asked
+    now = plain.instead((rubbing,))
+    return Line(now, search_from(now, asked), asked)
+
+
+@pytest.mark.slow
+def test_whichever_of_two_rivals_reasoning_ended_at_the_answer_is_the_same(line: Line):
+    best = against_rivals(line)
+    (own,) = best.now.effects
+    assert best.rivals[own.label] == 0.0
+    others = {label: behind for label, behind in best.rivals.items() if label != own.label}
+    assert others, "drag and viscous friction are rivals in a slew"
+    label = min(others, key=lambda one: others[one])
+    weighing = best.search.weighing
+    place = next(i for i, _ in best.search.instead((0,), 0) if weighing.traces[i].label == label)
+    there = best.now.instead(guesses(best.now, best.asked, weighing, (place,)))
+    again = against_rivals(Line(there, search_from(there, best.asked), best.asked))
+    (found,) = again.now.effects
+    assert found.label == own.label
+    assert again.rivals[label] == pytest.approx(others[label], abs=1.0)
