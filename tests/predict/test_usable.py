@@ -12,9 +12,9 @@ from twin.controller import load_controller
 from twin.diagnose import diagnose
 from twin.estimators import load_estimator
 from twin.loop import fly
+from twin.noise.cleaning import cleaned
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
-from twin.predict.log.usable import cleaned
 from twin.recording import Recording
 from twin.reference import Multisine
 from twin.report.contents import contents_of

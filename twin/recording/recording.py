@@ -50,6 +50,10 @@ class Series:
         first, last = np.searchsorted(self.time, [start, stop])
         return replace(self, time=self.time[first:last], value=self.value[first:last])
 
+    def only(self, rows: NDArray[np.bool_]) -> "Series":
+        """Some of the rows, by a mask (m,)."""
+        return replace(self, time=self.time[rows], value=self.value[rows])
+
     def held_at(self, times: Array) -> Array:
         """Zero-order hold: the last value at or before each time, shape (len(times), k)."""
         index = np.searchsorted(self.time, times, side="right") - 1

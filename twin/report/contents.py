@@ -11,11 +11,12 @@ from twin import rotation
 from twin.conventions import ConventionAdvice, convention_advice
 from twin.errors import TwinError, UnknownName
 from twin.noise import StreamNoise, measure_noise, noise_findings
+from twin.noise.cleaning import cleaned
 from twin.noise.clock import GAP
 from twin.platform import Platform, in_order_of, taken_as_at_rest
 from twin.predict.log.motion import motion_of
 from twin.predict.log.possible import ImpossibleLog, check_possible, check_within_stop
-from twin.predict.log.usable import cleaned, usable
+from twin.predict.log.usable import usable
 from twin.recording import Recording, Series
 from twin.signals import DERIVED, LOGGED, stream_named
 from twin.units import fitting, printed, three_digits

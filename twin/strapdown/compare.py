@@ -16,7 +16,7 @@ from scipy.stats import t as student
 from twin import rotation
 from twin.errors import UsageError
 from twin.noise import noise_of
-from twin.predict.log.usable import cleaned
+from twin.noise.cleaning import cleaned
 from twin.recording import Recording
 from twin.strapdown.faults import NAMES
 from twin.strapdown.turns import LONGEST, Turns, chained, turns_of
