@@ -106,7 +106,7 @@ def diagnose(
     noise = tuple(finding for log in logs for finding in noise_findings(log, platform))
     say("the base")
     plain = plain_of(logs, platform)
-    reasoned, pushes = _but_for_pushes(plain, logs, say) or (_reasoned(plain, logs, say), ())
+    reasoned, pushes = _explained(plain, logs, say)
     plain, candidates, line = reasoned.plain, reasoned.candidates, reasoned.line
     now = line.now
     causes = (
@@ -164,24 +164,41 @@ def _reasoned(plain: Explanation, logs: Sequence[Recording], say: Say) -> _Reaso
     return _Reasoned(plain, candidates, line, held_out(line.now))
 
 
-def _but_for_pushes(
+def _explained(
     plain: Explanation, logs: Sequence[Recording], say: Say
-) -> tuple[_Reasoned, tuple[Push, ...]] | None:
-    """What explains logs but for a few moments, if no cause does what was seen in these."""
-    if plain.follows and remainder(plain).chance > UNEXPLAINED:
-        return None
-    say("pushes from outside")
-    platform = plain.base.machine.platform
-    pushes = pushes_of(logs, platform)
+) -> tuple[_Reasoned, tuple[Push, ...]]:
+    """What explains logs; and the moments but for which it does, where nothing explains them whole.
+
+    Where the rest is as the machine is stated, and no cause does what was seen in the moments, the
+    whole need not be reasoned over, which takes longest where it comes to nothing.
+    """
+    pushes = () if _is_noise(plain) else _pushes(logs, plain.base.machine.platform, say)
+    if not pushes:
+        return _reasoned(plain, logs, say), ()
     rest = but_for(pushes, logs)
-    if not pushes or not rest:
-        return None
+    bare = plain_of(rest, plain.base.machine.platform)
+    whole = None if _is_noise(bare) else _reasoned(plain, logs, say)
+    if whole is not None and not whole.unexplained:
+        return whole, ()
+    found = _reasoned(bare, rest, say)
+    if not found.unexplained:
+        return found, pushes
+    return whole or _reasoned(plain, logs, say), ()
+
+
+def _is_noise(plain: Explanation) -> bool:
+    return plain.follows and remainder(plain).chance > UNEXPLAINED
+
+
+def _pushes(logs: Sequence[Recording], platform: Platform, say: Say) -> tuple[Push, ...]:
+    """Moments without which logs follow the model, and that none of the likeliest causes makes."""
+    say("pushes from outside")
+    pushes = pushes_of(logs, platform)
+    if not pushes or not but_for(pushes, logs):
+        return ()
     apart = plain_of(logs, platform, follows=False)
-    if any(not pushed(one) for one in likeliest(apart, candidates_of(apart.bodies).asked)):
-        return None
-    say("the base, but for pushes")
-    found = _reasoned(plain_of(rest, platform), rest, say)
-    return None if found.unexplained else (found, pushes)
+    causes = likeliest(apart, candidates_of(apart.bodies).asked)
+    return () if any(not pushed(one) for one in causes) else pushes
 
 
 def _unexplained(now: Explanation, left: Remainder, held: HeldOut) -> bool:

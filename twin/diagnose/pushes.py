@@ -16,7 +16,7 @@ from twin.diagnose.explanation import Explanation
 from twin.diagnose.plain import plain_of
 from twin.errors import TwinError
 from twin.platform import Platform
-from twin.predict.whitening.apart import Apart
+from twin.predict.whitening.apart import Apart, counts_of
 from twin.recording import Recording
 from twin.recording.pauses import SHORTEST, part_of
 
@@ -28,6 +28,10 @@ SIGMAS = 8.0
 """By which that must be more than noise."""
 MOST = 3
 """Pushes of all logs; what acts oftener is at work all the time."""
+SHARE = 0.2
+"""Of all time, likewise."""
+LOST = 2.0
+"""Usual mean squared residual beyond which the model is not this machine's at any time."""
 TRIES = 6
 """Times that the next one is looked for: one may take two, the second beside the first."""
 NEAR = 1.0
@@ -70,13 +74,16 @@ def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[Push, ...]
             apart = plain_of([part for _, part in parts], platform, follows=False)
         except TwinError:  # too little is left
             break
+        if _usual(apart) > LOST:
+            break
         worst = _worst(apart)
         if worst is None:
             return tuple(pushes)
         place, segment = worst
         log, _ = parts[place]
         pushes = _merged([*pushes, Push(log, logs[log].source, *_span(apart, place, segment))])
-        if len(pushes) > MOST:
+        left_out = sum(push.stop - push.start for push in pushes)
+        if len(pushes) > MOST or left_out > SHARE * sum(log.stop - log.start for log in logs):
             break
     return ()
 
@@ -108,13 +115,22 @@ def pushed(apart: Explanation) -> bool:
 
 def _worst(apart: Explanation) -> tuple[int, int] | None:
     """The log and the segment of it that follow the model least, if that is more than noise."""
-    assert isinstance(apart.now, Apart)
-    scatter = 1.0 / apart.now.weights
+    scatter = _scatter(apart)
     places = [(log, s) for log, body in enumerate(apart.bodies) for s in range(body.grid.segments)]
-    few = 2.0 / np.maximum(apart.now.counts, 1.0)
-    limit = float(np.median(scatter)) * np.maximum(SPOILED, 1.0 + SIGMAS * np.sqrt(few))
+    few = 2.0 / np.array([max(count, 1.0) for body in apart.bodies for count in counts_of(body)])
+    limit = _usual(apart) * np.maximum(SPOILED, 1.0 + SIGMAS * np.sqrt(few))
     worst = int(np.argmax(scatter / limit))
     return places[worst] if scatter[worst] > limit[worst] else None
+
+
+def _usual(apart: Explanation) -> float:
+    return float(np.median(_scatter(apart)))
+
+
+def _scatter(apart: Explanation) -> Array:
+    """(segments,) of all logs: mean squared residual, at least 1."""
+    assert isinstance(apart.now, Apart)
+    return 1.0 / apart.now.weights
 
 
 def _span(apart: Explanation, log: int, segment: int) -> tuple[float, float]:
