@@ -53,6 +53,14 @@ def flown(sads) -> Callable[..., Recording]:
 
 
 @pytest.fixture
+def draw() -> np.random.Generator:
+    """Another one each time, its seed printed."""
+    seed = np.random.SeedSequence().entropy
+    print("seed", seed)
+    return np.random.default_rng(seed)
+
+
+@pytest.fixture
 def swing() -> Callable[..., Series]:
     """A gyro that swings at 0.3 Hz by 0.05 rad/s, with white noise: swing(draw, noise)."""
 

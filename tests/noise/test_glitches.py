@@ -11,13 +11,6 @@ from twin.recording import Series
 
 
 @pytest.fixture
-def draw() -> np.random.Generator:
-    seed = np.random.SeedSequence().entropy
-    print("seed", seed)
-    return np.random.default_rng(seed)
-
-
-@pytest.fixture
 def turning(draw) -> Series:
     """An attitude that swings by 20 deg, with noise of 1 mrad."""
     time = np.arange(3000) * 0.02

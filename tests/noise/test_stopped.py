@@ -16,13 +16,6 @@ def hung(series: Series, first: int, count: int) -> Series:
     return replace(series, value=value)
 
 
-@pytest.fixture
-def draw() -> np.random.Generator:
-    seed = np.random.SeedSequence().entropy
-    print("seed", seed)
-    return np.random.default_rng(seed)
-
-
 def test_all_that_a_hung_sensor_repeats_is_found_wherever_it_hung(swing, draw):
     whole = swing(draw, 1e-3)
     first, count = int(draw.integers(0, 5000)), int(draw.integers(10, 900))

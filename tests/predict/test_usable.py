@@ -94,7 +94,7 @@ def test_a_good_log_is_left_as_it_is(log):
     assert cleaned(log) == log
 
 
-def test_what_is_left_out_is_counted(sads, log):
+def test_what_is_left_out_is_counted(log):
     kept = cleaned(spoiled(log, "gyro", wrong_bytes))
     lost = len(log["gyro"]) - len(kept["gyro"])
     assert kept.repairs[0].startswith(f"{lost} of {len(log['gyro'])} samples of gyro, from ")

@@ -16,7 +16,7 @@ from twin.diagnose.explanation import Explanation
 from twin.diagnose.plain import plain_of
 from twin.errors import TwinError
 from twin.platform import Platform
-from twin.predict.whitening.apart import Apart, counts_of
+from twin.predict.whitening.apart import Apart
 from twin.recording import Recording
 from twin.recording.pauses import SHORTEST, part_of
 
@@ -115,9 +115,10 @@ def pushed(apart: Explanation) -> bool:
 
 def _worst(apart: Explanation) -> tuple[int, int] | None:
     """The log and the segment of it that follow the model least, if that is more than noise."""
+    assert isinstance(apart.now, Apart)
     scatter = _scatter(apart)
     places = [(log, s) for log, body in enumerate(apart.bodies) for s in range(body.grid.segments)]
-    few = 2.0 / np.array([max(count, 1.0) for body in apart.bodies for count in counts_of(body)])
+    few = 2.0 / np.maximum(apart.now.counts, 1.0)
     limit = _usual(apart) * np.maximum(SPOILED, 1.0 + SIGMAS * np.sqrt(few))
     worst = int(np.argmax(scatter / limit))
     return places[worst] if scatter[worst] > limit[worst] else None

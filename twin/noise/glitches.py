@@ -2,8 +2,8 @@
 another.
 
 A stream leaves its course in one step, and within a quarter of a second comes back to it in one
-step, calm before and after. No body does that: what has been pushed stays pushed. What is no more
-than noise leaves alone is not touched: nothing depends on samples that a fit can bear.
+step, calm before and after. No body does that: what has been pushed stays pushed. What noise may do
+is not touched.
 """
 
 from collections.abc import Callable
