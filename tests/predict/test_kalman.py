@@ -30,7 +30,9 @@ def test_whitening_agrees_with_the_dense_covariance():
         rng.normal(size=(segments - 1, x, u)),
         np.zeros((segments - 1, x, x)),
     )
-    local = Local(measured, carried, pushed, step, wander, drift)
+    row = np.arange(rows, dtype=np.int32).reshape(1, instants, width).repeat(segments, axis=0)
+    by_row = measured.reshape(segments, rows, x)
+    local = Local(by_row, row, carried, pushed, step, wander, drift)
     white, logarithm = whitened(linear, local, intensity)
 
     total = 0.0

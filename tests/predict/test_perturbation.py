@@ -11,7 +11,8 @@ from twin.identify.prediction_error import fit
 from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.body import Body, body_of
-from twin.predict.effects.perturbation import Added, Perturbation
+from twin.predict.effects import perturbation
+from twin.predict.effects.perturbation import Added, Perturbation, formed
 from twin.predict.log.motion import motion_of
 from twin.predict.parameters.base import base_parameters
 from twin.predict.path.push import Push
@@ -112,7 +113,7 @@ def test_a_lags_column_does_not_see_what_a_law_commands_afterwards(
     later = replace(path, rate=path.rate.copy())
     later.rate[:, :, instant + 1 :] += 1.0
     before, after = (
-        body.gather(lag.sensor_columns(one, np.zeros(1))[0])[1] for one in (path, later)
+        body.cells.gather(lag.sensor_columns(one, np.zeros(1))[0])[1] for one in (path, later)
     )
     (rate,) = (output for output in body.outputs if output.stream == "joint_rate")
     seen = (rate.place <= instant) & (rate.place > 0)
@@ -169,3 +170,26 @@ def test_a_held_base_stays(swing: Swings, pendulum: Platform):
     problem = Problem([predictor(log, pendulum)], base, held=True)
     found = fit(problem, problem.start(base.as_stated, [np.zeros(0)]))
     np.testing.assert_allclose(found.at.theta, base.as_stated, rtol=1e-6, atol=1e-9)
+
+
+def test_columns_formed_in_groups_are_those_formed_together(
+    swing: Swings, pendulum: Platform, monkeypatch: pytest.MonkeyPatch
+):
+    problem = problem_of(swing(seed=SEED, duration=6.0), pendulum, [])
+    (body,) = problem.bodies
+    exact = problem.exact(problem.start(problem.base.as_stated, [np.zeros(0)]))
+    late = Perturbation("late", "s", stream="joint_angle", late=lambda o: np.ones(len(o.time)))
+    steady = replace(VISCOUS, name="steady", force=lambda of: 2.0 * against_rate(of))
+    every = [VISCOUS, late, steady]
+    together = formed(problem.bodies, exact, every)
+    monkeypatch.setattr(perturbation, "AT_ONCE", 1)
+    for one, other in zip(formed(problem.bodies, exact, every), together, strict=True):
+        for part, whole in zip(one[0], other[0], strict=True):
+            np.testing.assert_allclose(part, whole, atol=1e-12 * np.abs(whole).max())
+    assert all(np.any(columns) for ((columns, _),) in together)
+    assert (
+        body.cells.count
+        == np.bincount(
+            np.concatenate([np.repeat(o.segment, o.slot.shape[1]) for o in body.outputs])
+        ).max()
+    ), "a segment has a row for each of its samples, and none for instants without any"

@@ -56,8 +56,10 @@ def test_a_forces_column_is_what_a_rollout_with_it_gives(tas2: Body):
     one = tas2.linearise(base, base.as_stated, np.zeros(len(tas2.bias_scale)), tas2.start)
     columns, _ = tas2.force_columns(one, force[..., None])
     path = tas2.rollouts.paths(base.model(base.as_stated), tas2.start.one(), Push(size * force))
-    rolled = tas2.gather((tas2.rows(path)[0] - one.linear.residual) / size)
-    for output, own, other in zip(tas2.outputs, tas2.gather(columns[..., 0]), rolled, strict=True):
+    rolled = tas2.cells.gather((tas2.rows(path)[0] - one.linear.residual) / size)
+    for output, own, other in zip(
+        tas2.outputs, tas2.cells.gather(columns[..., 0]), rolled, strict=True
+    ):
         if output.sense is None:
             continue
         off = np.abs(own - other).max() / max(np.abs(other).max(), 1e-9)

@@ -92,7 +92,7 @@ class Account:
             linear = exact.linear
             states = link.states(np.zeros(linear.shared.shape[-1]))
             rows = linear.residual + np.einsum("snx,sx->sn", linear.state, states)
-            parts.append(body.gather(rows))
+            parts.append(body.cells.gather(rows))
         return parts
 
     @cached_property

@@ -61,7 +61,7 @@ class Misfit:
 
 def misfits(problem: Problem, now: Innovations) -> tuple[Misfit, ...]:
     """Of a motion that follows the model exactly; the blocks are those of the first log."""
-    left = [body.gather(rows) for body, rows in zip(problem.bodies, now.left(), strict=True)]
+    left = [body.cells.gather(rows) for body, rows in zip(problem.bodies, now.left(), strict=True)]
     return misfits_of(problem, left, now.columns.shape[1] + sum(s.width for s in now.at.starts))
 
 

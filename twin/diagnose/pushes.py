@@ -157,7 +157,7 @@ def _rows_of(apart: Explanation, log: int, segment: int) -> tuple[Array, Array]:
     number that was read, and what is left of that."""
     body, state = apart.bodies[log], apart.now.exact[log].linear.state
     size = np.maximum(np.linalg.norm(state, axis=1, keepdims=True), 1e-300)
-    columns = [body.gather(column) for column in np.moveaxis(state / size, -1, 0)]
+    columns = [body.cells.gather(column) for column in np.moveaxis(state / size, -1, 0)]
     times: list[Array] = []
     rows: list[Array] = []
     for place, (output, left) in enumerate(zip(body.outputs, apart.account.left[log], strict=True)):

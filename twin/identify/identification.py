@@ -347,7 +347,7 @@ def _misfit(problem: Problem, found: Fit) -> tuple[Misfit, ...]:
     counts: dict[str, int] = {}
     variance: dict[str, float] = {}
     for body, rows in zip(problem.bodies, found.innovations.left(), strict=True):
-        for output, values in zip(body.outputs, body.gather(rows), strict=True):
+        for output, values in zip(body.outputs, body.cells.gather(rows), strict=True):
             if not output.scatters:
                 continue
             name = output.stream

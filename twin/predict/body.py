@@ -31,6 +31,7 @@ from twin.predict.path.rollouts import STEP, Rollouts
 from twin.predict.path.segments import command_step, grid_of
 from twin.predict.path.states import States
 from twin.predict.path.tangent import carried_forces
+from twin.predict.sensors.cells import Cells
 from twin.predict.sensors.outputs import Grid, digits_of, outputs_of
 from twin.predict.sensors.sensed import senses_of
 from twin.predict.whitening.kalman import Local
@@ -78,7 +79,7 @@ class Body:
         senses = senses_of(machine, grid.step, self.inputs.field_world)
         told = self._told()
         streams = tuple(dict.fromkeys((*self._predicted(), *senses, *told)))
-        self.outputs, self._width = outputs_of(
+        self.outputs, width = outputs_of(
             recording,
             self.machine,
             self.grid,
@@ -93,6 +94,7 @@ class Body:
                 f"the log has none of the streams that {machine.platform.name} predicts: "
                 + ", ".join(streams)
             )
+        self.cells = Cells.of(self.outputs, self.grid, width)
         self._wanderers = np.concatenate([machine.wheel_dof, machine.gimbal_dof])
         self.rollouts = Rollouts(self.machine, self.inputs, motion, grid)
         self.start = self.rollouts.start
@@ -245,7 +247,7 @@ class Body:
             np.moveaxis(o.moved_by(change, self._first(o.stream), exact.path), -1, 0)
             for o in self.outputs
         ]
-        return np.moveaxis(self.scatter(parts), 0, -1), change[:-1, -1]
+        return np.moveaxis(self.cells.scatter(parts), 0, -1), change[:-1, -1]
 
     def nominal(self, model: mujoco.MjModel) -> list[Array]:
         """Residuals (m, k) of each output under a model, from the smoothed starts."""
@@ -254,20 +256,8 @@ class Body:
 
     def rows(self, path: States) -> Array:
         """Residuals of v paths, (v, S, N)."""
-        return self.scatter([output.residual(path, self.grid.step) for output in self.outputs])
-
-    def scatter(self, parts: list[Array]) -> Array:
-        """Numbers of each output (v, m, k) to their rows (v, S, N)."""
-        grid = self.grid
-        cells = np.zeros((len(parts[0]), grid.segments, grid.steps + 1, self._width))
-        for output, part in zip(self.outputs, parts, strict=True):
-            cells[:, output.segment[:, None], output.instant[:, None], output.slot] = part
-        return cells.reshape(len(cells), grid.segments, (grid.steps + 1) * self._width)
-
-    def gather(self, rows: Array) -> list[Array]:
-        """Numbers in rows (S, N) back to their outputs, each (m, k)."""
-        cells = rows.reshape(self.grid.segments, self.grid.steps + 1, self._width)
-        return [cells[o.segment[:, None], o.instant[:, None], o.slot] for o in self.outputs]
+        parts = [output.residual(path, self.grid.step) for output in self.outputs]
+        return self.cells.scatter(parts)
 
     def bias_columns(self) -> Array:
         """(S, N, b) d residual / d bias."""
@@ -276,26 +266,25 @@ class Body:
             for column in np.flatnonzero(output.bias > 0.0):
                 parts = [np.zeros((1, *o.slot.shape)) for o in self.outputs]
                 parts[index][0, :, column] = -1.0 / output.sigma[:, column]
-                columns.append(self.scatter(parts)[0])
+                columns.append(self.cells.scatter(parts)[0])
         if not columns:
-            return np.zeros((self.grid.segments, (self.grid.steps + 1) * self._width, 0))
+            return np.zeros((self.grid.segments, self.cells.count, 0))
         return np.stack(columns, axis=-1)
 
     def _local(self, path: States, carried: Array, answer: Array) -> Local:
         grid, x = self.grid, path.width
-        measured = np.zeros((grid.segments, grid.steps + 1, self._width, x))
-        for output in self.outputs:
+        measured = np.zeros((grid.segments, self.cells.count, x))
+        for output, (segment, row) in zip(self.outputs, self.cells.places, strict=True):
             late = (output.place - output.instant) * grid.step
             if output.told is not None:
                 continue
             if output.sense is not None:
                 slope = output.sense.slope(path)
                 seen = slope[output.segment, output.instant] / output.sigma[..., None]
-                at = (output.segment[:, None], output.instant[:, None], output.slot)
-                measured[(*at, slice(0, seen.shape[-1]))] = seen
+                measured[segment, row, : seen.shape[-1]] = seen
                 continue
             for column, sigma in enumerate(output.sigma.T):
-                at = (output.segment, output.instant, output.slot[:, column])
+                at = (output.segment, row[:, column])
                 measured[(*at, self._first(output.stream) + column)] = 1.0 / sigma
                 if output.stream in ("attitude", "joint_angle"):
                     k = path.rate.shape[-1]
@@ -308,7 +297,8 @@ class Body:
             push = pushed(self.machine, doubt, self.begins, path.position[0, :, :-1])
             turned = answer[..., self.machine.base_dof]
             noise = noise + turned @ (grid.step * push) @ turned.swapaxes(-1, -2)
-        return Local(measured, carried, self._pushed, grid.step, noise, drift)
+        row = self.cells.row
+        return Local(measured, row, carried, self._pushed, grid.step, noise, drift)
 
     def _walks(self) -> tuple[Array, Array]:
         """Intensities of what nobody recorded: (wheels,) of torques on them [(N m)^2 s], (gimbals,)

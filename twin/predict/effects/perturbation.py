@@ -26,6 +26,10 @@ SOON = 0.1
 motion jagged: its slope at an instant says little of what it was a part of a sample before."""
 
 
+AT_ONCE = 2**24
+"""Numbers of forces, and of changes of a state, that are worked out together: 128 MiB."""
+
+
 @dataclass(frozen=True)
 class Perturbation:
     """A strength and what it does, in proportion; a strength of 0 does nothing."""
@@ -99,7 +103,7 @@ class Added:
                 if one.shown is not None and strengths[i] != 0.0:
                     shown = shown + strengths[i] * one.shown(output, truth)
             parts.append(output.residual(path, step, late) - shown / output.sigma)
-        return self.body.scatter(parts)[0]
+        return self.body.cells.scatter(parts)[0]
 
     def sensor_columns(self, path: States, strengths: Array) -> dict[int, Array]:
         """(S, N) d residual / d strength of each sensor's fault, by its place."""
@@ -120,7 +124,7 @@ class Added:
                     past = output.residual(path, step, late + soon)[0]
                     there = output.residual(path, step, late)[0]
                     own[:] = (past - there) / soon * one.late(output)[:, None]
-        return dict(zip(faults, body.scatter(parts), strict=True))
+        return dict(zip(faults, body.cells.scatter(parts), strict=True))
 
     def columns(self, exact: Exact, strengths: Array) -> tuple[Array, Array]:
         """d residual (S, N, a), d segment's end (S - 1, x, a) / d strength."""
@@ -177,14 +181,24 @@ def formed(
     bodies: Sequence[Body], exact: Sequence[Exact], perturbations: Sequence[Perturbation]
 ) -> list[Formed]:
     """Each perturbation's columns, at a strength of 0, where the logs were linearised."""
-    more = tuple(perturbations)
-    logs = [
-        Added.to(body, more).columns(one, np.zeros(len(more)))
-        for body, one in zip(bodies, exact, strict=True)
-    ]
-    return [
-        tuple((columns[..., i], jumps[..., i]) for columns, jumps in logs) for i in range(len(more))
-    ]
+    if not perturbations:
+        return []
+    logs = [_of_log(body, one, perturbations) for body, one in zip(bodies, exact, strict=True)]
+    return list(zip(*logs, strict=True))
+
+
+def _of_log(
+    body: Body, exact: Exact, perturbations: Sequence[Perturbation]
+) -> list[tuple[Array, Array]]:
+    """So many together that what is kept of each step stays within AT_ONCE."""
+    each = body.grid.segments * body.grid.steps * sum(exact.answer.shape[2:])
+    together = max(AT_ONCE // each, 1)
+    found: list[tuple[Array, Array]] = []
+    for first in range(0, len(perturbations), together):
+        more = tuple(perturbations[first : first + together])
+        columns, jumps = Added.to(body, more).columns(exact, np.zeros(len(more)))
+        found += [(columns[..., i], jumps[..., i]) for i in range(len(more))]
+    return found
 
 
 def with_formed(exact: Sequence[Exact], every: Sequence[Formed]) -> tuple[Exact, ...]:

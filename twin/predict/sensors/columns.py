@@ -21,7 +21,7 @@ def clock_lag(body: Body, path: States, stream: str) -> Array:
         for output in body.outputs
         for step in [body.grid.step]
     ]
-    return body.scatter(parts)[0][..., None]
+    return body.cells.scatter(parts)[0][..., None]
 
 
 def scale_factor(body: Body, path: States, stream: str) -> Array:
@@ -34,5 +34,5 @@ def scale_factor(body: Body, path: States, stream: str) -> Array:
         for column in range(shown.shape[-1]):
             parts = [np.zeros((1, *o.slot.shape)) for o in body.outputs]
             parts[index][..., column] = shown[..., column]
-            columns.append(body.scatter(parts)[0])
+            columns.append(body.cells.scatter(parts)[0])
     return np.stack(columns, axis=-1)

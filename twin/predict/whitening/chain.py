@@ -143,16 +143,15 @@ def _triangle(linear: Linearised, segment: int) -> Array:
     LAPACK called in place: as `np.linalg.qr`, which copies the rows twice, and there are many.
     """
     x = linear.state.shape[2]
-    parts = linear.state[segment].T, linear.residual[segment][None], linear.shared[segment].T
-    # a segment has far more rows than samples, and not all that is shared does anything in it
-    held = np.flatnonzero(np.any([part.any(axis=0) for part in parts], axis=0))
-    acting = np.flatnonzero(parts[-1].any(axis=1))
+    shared = linear.shared[segment].T
+    # not all that is shared does anything in it
+    acting = np.flatnonzero(shared.any(axis=1))
     kept = np.concatenate([np.arange(x + 1), x + 1 + acting])
-    n, k = len(held), len(kept)
+    n, k = shared.shape[1], len(kept)
     columns = np.zeros((max(n, k), k), order="F")
-    columns.T[:x, :n] = parts[0][:, held]
-    columns.T[x, :n] = parts[1][0, held]
-    columns.T[x + 1 :, :n] = parts[2][np.ix_(acting, held)]
+    columns.T[:x, :n] = linear.state[segment].T
+    columns.T[x, :n] = linear.residual[segment]
+    columns.T[x + 1 :, :n] = shared[acting]
     work = int(dgeqrf_lwork(*columns.shape)[0])
     factored = dgeqrf(columns, lwork=work, overwrite_a=True)[0]
     width = x + 1 + linear.shared.shape[-1]

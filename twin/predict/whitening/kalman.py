@@ -19,10 +19,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Local:
-    """How noise travels: S segments, K grid instants, W rows an instant, x numbers of a state."""
+    """How noise travels: S segments of N rows and K grid instants, W slots an instant, x numbers of
+    a state."""
 
     measured: Array
-    """(S, K, W, x) d(measured / noise) / d(state at the instant)."""
+    """(S, N, x) d(measured / noise) / d(state at the instant)."""
+    row: NDArray[np.int32]
+    """(S, K, W) which row each slot of each instant is; N where it holds no sample."""
     carried: Array
     """(S, K - 1, x, x) from one instant to the next."""
     pushed: Array
@@ -47,39 +50,43 @@ def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linear
     Returns:
         The same with innovations for residuals, and the log-determinant of their covariance.
     """
-    segments, instants, width, x = local.measured.shape
-    stack = np.concatenate([linear.state, linear.residual[..., None], linear.shared], axis=-1)
-    # all of an instant together, as the filter goes through them
-    stack = np.ascontiguousarray(stack).reshape(segments, instants, width, -1)
+    segments, count, x = local.measured.shape
+    # all of a row together, as the filter goes through them, and one more that holds no sample
+    white = np.zeros((segments, count + 1, x + 1 + linear.shared.shape[-1]))
+    white[:, :count, :x] = linear.state
+    white[:, :count, x] = linear.residual
+    white[:, :count, x + 1 :] = linear.shared
+    measured = with_none(local.measured)
+    telling = np.any(measured != 0.0, axis=-1)
+    every = np.arange(segments)[:, None]
     force = local.pushed * (intensity * local.step)
     noise = force @ local.pushed.transpose(0, 2, 1)
-    mean = np.zeros((segments, x, stack.shape[-1]))
+    mean = np.zeros((segments, x, white.shape[-1]))
     spread = np.zeros((segments, x, x))
-    white = stack.copy()
     logarithm = 0.0
-    telling = np.any(local.measured != 0.0, axis=(0, 3))
-    for k in range(instants):
+    for k in range(local.row.shape[1]):
         if k:
             carry = local.carried[:, k - 1]
             mean = carry @ mean
             mean[..., x] += local.drift[:, k - 1]
             spread = carry @ spread @ carry.transpose(0, 2, 1) + noise + local.wander[:, k - 1]
-        rows = np.flatnonzero(telling[k])
-        if not rows.size:
+        slots = local.row[:, k]
+        at = every, slots[:, np.any(telling[every, slots], axis=0)]
+        h = measured[at]
+        if not h.size:
             continue
-        h = local.measured[:, k, rows]
         across = h @ spread
-        covariance = across @ h.transpose(0, 2, 1) + np.eye(len(rows))
+        covariance = across @ h.transpose(0, 2, 1) + np.eye(h.shape[1])
         lower = root(covariance)
-        both = np.concatenate([stack[:, k, rows] - h @ mean, across], axis=-1)
+        both = np.concatenate([white[at] - h @ mean, across], axis=-1)
         both = np.linalg.solve(lower, both)
-        told = both[..., : stack.shape[-1]]
-        white[:, k, rows] = told
-        gain = both[..., stack.shape[-1] :].transpose(0, 2, 1)
+        told = both[..., : white.shape[-1]]
+        white[at] = told
+        gain = both[..., white.shape[-1] :].transpose(0, 2, 1)
         mean = mean + gain @ told
         spread = spread - gain @ gain.transpose(0, 2, 1)
         logarithm += 2.0 * float(np.log(np.diagonal(lower, axis1=1, axis2=2)).sum())
-    white = white.reshape(segments, instants * width, -1)
+    white = white[:, :count]
     ends = mean[:-1]
     return (
         replace(
@@ -94,3 +101,8 @@ def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linear
         ),
         logarithm,
     )
+
+
+def with_none(rows: Array) -> Array:
+    """Rows (S, N, .), and after them one of zeros: of a slot that holds no sample."""
+    return np.concatenate([rows, np.zeros_like(rows[:, :1])], axis=1)

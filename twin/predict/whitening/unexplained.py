@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.predict.whitening.innovations import Innovations, Problem
+from twin.predict.whitening.kalman import with_none
 from twin.predict.whitening.spread import root
 
 Array = NDArray[np.float64]
@@ -47,10 +48,12 @@ def smoothed_torque(now: Innovations, log: int) -> Array:
     """(S, steps, k) mean of the white torque over each step, of the machine as stated [N m]."""
     chain = now.chains[log]
     linear, local = now.exact[log].linear, now.exact[log].local
-    segments, instants, width, x = local.measured.shape
+    segments, instants, width = local.row.shape
+    x = local.measured.shape[-1]
     starts, adjoints = chain.backward(np.zeros(linear.shared.shape[-1]))
     residual = linear.residual + np.einsum("snx,sx->sn", linear.state, starts)
-    residual = residual.reshape(segments, instants, width)
+    residual, measured = with_none(residual[..., None])[..., 0], with_none(local.measured)
+    every = np.arange(segments)[:, None]
     noise = now.intensity * local.step * local.pushed @ local.pushed.transpose(0, 2, 1)
     mean = np.zeros((segments, x))
     spread = np.zeros((segments, x, x))
@@ -62,10 +65,11 @@ def smoothed_torque(now: Innovations, log: int) -> Array:
             carry = local.carried[:, k - 1]
             mean = np.einsum("sxy,sy->sx", carry, mean) + local.drift[:, k - 1]
             spread = carry @ spread @ carry.transpose(0, 2, 1) + noise + local.wander[:, k - 1]
-        h = local.measured[:, k]
+        at = every, local.row[:, k]
+        h = measured[at]
         across = h @ spread
         lower = root(across @ h.transpose(0, 2, 1) + eye)
-        left = (residual[:, k] - np.einsum("swx,sx->sw", h, mean))[..., None]
+        left = (residual[at] - np.einsum("swx,sx->sw", h, mean))[..., None]
         white = np.linalg.solve(lower, np.concatenate([left, h, across], axis=-1))
         left, seen, gain = white[..., 0], white[..., 1 : 1 + x], white[..., 1 + x :]
         pull[:, k] = np.einsum("swx,sw->sx", seen, left)
