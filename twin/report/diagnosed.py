@@ -86,10 +86,13 @@ def verdict_sentence(found: Diagnosis) -> str:
     if not found.explained.follows:
         size = np.sqrt(found.remainder.chi2)
         best = f"most is explained by {names}, but " if names else ""
-        return (
-            f"Unexplained: {best}no cause makes the motion follow the model: segments predicted "
-            f"apart still miss by {size:.2g} times the noise."
+        apart = (
+            "segments predicted apart leave no more than the noise, but the logs do not go on from "
+            "one to the next as the model does."
+            if size <= 1.0
+            else f"segments predicted apart still miss by {size:.2g} times the noise."
         )
+        return f"Unexplained: {best}no cause makes the motion follow the model: {apart}"
     if found.equation is None and crowded(found.explained.effects):
         return (
             f"Unexplained: {names} together explain most, but so many at once rather stand in for "
