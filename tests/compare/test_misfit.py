@@ -1,9 +1,21 @@
 """What a residual is told by."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 from scipy.signal import lfilter
 
+from twin.compare.account import correlation_time
 from twin.compare.misfit import Misfit, autocorrelation, whiteness
+from twin.identify.prediction_error import fit
+from twin.model import compile_model
+from twin.platform import Platform
+from twin.predict.body import body_of
+from twin.predict.log.motion import motion_of
+from twin.predict.parameters.base import base_parameters
+from twin.predict.whitening.innovations import Problem
+from twin.recording import Recording
 from twin.report.words import quiet_sentences
 
 SEED = 20261123
@@ -38,3 +50,20 @@ def test_noise_that_was_stated_too_large_is_told_unless_chance_or_a_few_percent_
     assert "gyro y" not in said
     assert "gyro z" not in said
     assert quiet_sentences([part("x", 1.0, 0.0)]) == []
+
+
+def test_a_gap_may_leave_a_stream_without_any_sample_in_a_segment(
+    swing: Callable[..., Recording], pendulum: Platform
+):
+    log = swing(seed=SEED, duration=20.0)
+    rate = log["joint_rate"]
+    kept = (rate.time < 6.0) | (rate.time > 13.0)
+    there = replace(rate, time=rate.time[kept], value=rate.value[kept])
+    log = replace(log, streams={**log.streams, "joint_rate": there})
+    body = body_of(compile_model(pendulum), log, motion_of(log, pendulum))
+    problem = Problem([body], base_parameters(body.machine))
+    now = fit(problem, problem.start(problem.base.as_stated, [np.zeros(len(body.bias_scale))]))
+    left = body.cells.gather(now.innovations.left()[0])
+    segments = set(range(body.grid.segments))
+    assert segments - set(body.outputs[1].segment.tolist()), "the gap holds a whole segment"
+    assert 1.0 <= correlation_time(problem, [left]) < 2.0

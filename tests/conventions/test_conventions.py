@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from twin.cli.main import main
 from twin.conventions import check_conventions
 from twin.conventions.time_base import check_times
 from twin.errors import UsageError
 from twin.platform import Platform, load_platform
+from twin.recording import open_log
 from twin.units import unit_named
 
 
@@ -53,6 +55,19 @@ def right_logs(sads):
 def test_a_right_log_has_no_finding(sads, right_logs):
     _, logs = right_logs
     assert [str(finding) for log in logs for finding in check_conventions(log, sads)] == []
+
+
+@pytest.mark.parametrize("cause", ["bearing_viscous_friction", "harness_stiffness"])
+def test_a_strong_torque_that_the_model_lacks_is_not_taken_for_turned_wheels(sads, tmp_path, cause):
+    """Where a body slews about one axis, wheels read as those of another seem to do nothing, and
+    that leaves less than wheels whose momentum friction has taken."""
+    seed = secrets.randbits(32)
+    print("seed", seed)
+    size = float(np.random.default_rng(seed).uniform(0.02, 0.4))
+    log = tmp_path / "log.rrd"
+    words = ["--reference", "slew:5,-5,90@6", "--seed", str(seed), "--effects", f"{cause}={size}"]
+    assert main(["run", "sads", "--controller", "quaternion_pd", *words, "--rrd", str(log)]) == 0
+    assert [str(finding) for finding in check_conventions(open_log(log), sads)] == []
 
 
 @pytest.mark.parametrize("kind", ["unit", "order", "direction", "flipped", "swapped", "time_unit"])

@@ -218,7 +218,8 @@ def correlation_time(problem: Problem, left: list[list[Array]]) -> float:
         for output, values in zip(body.outputs, parts, strict=True):
             for s in range(body.grid.segments):
                 inside = values[output.segment == s]
-                for column in inside.T:
+                # a gap may leave a stream without any in a segment
+                for column in inside.T if len(inside) else ():
                     own = _products(column)
                     longest = np.zeros(max(len(own), len(products)))
                     longest[: len(products)] += products

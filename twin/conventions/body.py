@@ -14,10 +14,10 @@ from twin.conventions.dating import dated
 from twin.conventions.evidence import evidence, inflation
 from twin.conventions.gravity import upright_of
 from twin.conventions.hypothesis import Hypothesis
-from twin.conventions.momentum import INERTIA_ERROR, RIGID, Exchange, momentum_of
+from twin.conventions.momentum import Exchange, momentum_of
 from twin.conventions.motion import motion_hypotheses
 from twin.conventions.turning import Turning
-from twin.conventions.wheels import WheelReading, Wheels, factor_of
+from twin.conventions.wheels import ANSWERED, WheelReading, Wheels, factor_of
 from twin.platform import Platform
 from twin.recording import Recording
 
@@ -29,8 +29,6 @@ LIKELY = 3
 """So many readings of the wheels are kept for each."""
 RIVALS = 12
 """So many of the best of all are left to be weighed in pairs."""
-ANSWERED = 0.7
-"""Share of the body's momentum without which a factor of the wheels is not believed."""
 LATE_WHEELS = 3
 """For so many of the best bodies the wheels may be late too."""
 
@@ -70,7 +68,7 @@ class Body:
         if self._wheels is None or self._wheels.momentum.follows_body:
             return None
         momentum = self._wheels.momentum
-        found = [factor_of(momentum, self._exchange(body, RIGID)) for body in bodies[:LATE_WHEELS]]
+        found = [factor_of(momentum, self._exchange(h, rough=True)) for h in bodies[:LATE_WHEELS]]
         factor, share = max(found, key=lambda pair: pair[1])
         return factor if share > ANSWERED else None
 
@@ -78,9 +76,8 @@ class Body:
         """Those of `of_motion` with every likely reading of the wheels, best first."""
         bodies = self.of_motion
         wheels = self._wheels
-        if wheels is None:
+        if wheels is None or not wheels.judge(self._exchange(bodies[0])):
             return bodies
-        wheels.judge(self._exchange(bodies[0]))
         full: list[Hypothesis] = []
         for place, body in enumerate(bodies):
             exchange = self._exchange(body)
@@ -193,7 +190,7 @@ class Body:
         misfit = h.misfit - h.wheels.misfit + finer.misfit
         return replace(h, corrections=corrections, misfit=misfit, wheels=finer)
 
-    def _exchange(self, body: Hypothesis, inertia_error: float = INERTIA_ERROR) -> Exchange:
+    def _exchange(self, body: Hypothesis, *, rough: bool = False) -> Exchange:
         assert self._wheels is not None
         return self._wheels.momentum.exchange(
             body.attitude,
@@ -201,7 +198,7 @@ class Body:
             self._turning.bias(body.attitude, body.gyro, body.gyro_lag - body.attitude_lag),
             gyro_lag=body.gyro_lag,
             attitude_lag=body.attitude_lag,
-            inertia_error=inertia_error,
+            rough=rough,
         )
 
     def _turn(self, h: Hypothesis) -> Array:

@@ -2,7 +2,8 @@
 
 H = R (J w + sum a_i I_i Omega_i) in world axes changes by gravity alone, dH/dt = (R m r) x g. With
 J from the platform that leaves, linear in what is unknown: H at the start, m r, a constant torque,
-the gyro's bias, and what J is off by. They are projected out (J's error, with its prior, is held to
+friction that grows with the rate, a cable's pull, the gyro's bias, and what J is off by. They are
+projected out (J's error, with its prior, is held to
 a few tenths; the bias to what the attitude says of it, else a wheel at constant speed could hide in
 it), and what the wheels do beyond that must answer the body.
 
@@ -27,7 +28,7 @@ INERTIA_ERROR = 0.15
 BIAS_DOUBT = 3.0
 """The gyro's bias drifts: so many times its formal sigma is left to it."""
 RIGID = 0.02
-"""For finding the unit of the wheels, J is held nearly as it is stated."""
+"""Likewise for finding the unit of the wheels: J is held nearly as it is stated."""
 OWN = 2.0
 """Mean square, in units of its noise, from which on a speed is the wheels' own."""
 PRIORS = 9
@@ -98,27 +99,27 @@ class Momentum:
         *,
         gyro_lag: float = 0.0,
         attitude_lag: float = 0.0,
-        inertia_error: float = INERTIA_ERROR,
+        rough: bool = False,
     ) -> Exchange:
         """The body's side, read as the 4 x 4 `attitude` and the 3 x 3 `gyro` say, whose `bias`
         comes with its 1 sigma [rad/s].
 
-        J may be off by `inertia_error` of its mean moment; the larger, the less is known of the
-        common scale of body and wheels.
+        `rough`: no more is asked than the common scale of body and wheels, to a factor; J is held,
+        and nothing brakes or pulls, which would hide that scale in a short log.
         """
         edges = self.grid.edges
         q = rotation.normalized(self._attitude.over(edges + attitude_lag) + 1e-9) @ attitude.T
-        turn = rotation.matrix(rotation.normalized(q))
+        q = rotation.normalized(q)
+        turn = rotation.matrix(q)
         rate = self._gyro.over(edges + gyro_lag) @ gyro.T - bias[0]
         inertia = self._platform.inertia
         body = _apply(turn, rate @ inertia.T) - self._stage_impulse(turn)
         noise = self._noise()
-        columns = self._unknowns(turn, rate) / noise
+        columns = self._unknowns(q, rate, rough=rough) / noise
         size = 3 * len(turn)
         moment = float(np.trace(inertia)) / 3.0
-        spread = np.r_[
-            np.full(3, BIAS_DOUBT * bias[1] * moment), np.full(len(ENTRIES), inertia_error * moment)
-        ]
+        off = (RIGID if rough else INERTIA_ERROR) * moment
+        spread = np.r_[np.full(3, BIAS_DOUBT * bias[1] * moment), np.full(len(ENTRIES), off)]
         rows = np.zeros((size + len(spread), columns.shape[2]))
         rows[:size] = columns.reshape(size, -1)
         rows[size:, -len(spread) :] = np.diag(1.0 / spread)
@@ -128,20 +129,30 @@ class Momentum:
         share = np.einsum("nij,wj->niw", turn, self._axes) * (self._inertia / noise)
         return Exchange(flat - basis @ (basis.T @ flat), basis, share)
 
-    def _unknowns(self, turn: Array, rate: Array) -> Array:
-        """(n, 3, 18): start, steady torque, m r, gyro bias, error of J."""
-        count = len(turn)
+    def _unknowns(self, attitude: Array, rate: Array, *, rough: bool) -> Array:
+        """(n, 3, .): start, steady torque, m r, friction and cable, gyro bias, error of J."""
+        turn = rotation.matrix(attitude)
+        count, cell = len(turn), self.grid.cell
         along = np.linspace(-1.0, 1.0, count)[:, None, None] * np.eye(3)
         # (R m r) x g with g = (0, 0, -g), summed up; columns scaled to be of the order of one
-        summed = _up_to_centres(turn, self.grid.cell)
+        summed = _up_to_centres(turn, cell)
         gravity = np.zeros_like(summed)
         gravity[:, 0], gravity[:, 1] = -summed[:, 1], summed[:, 0]
+        braked = _up_to_centres(_apply(turn, rate), cell)
+        # seen in the room from where the log begins; from elsewhere it is a constant torque more
+        away = rotation.to_rotation_vector(
+            rotation.multiply(attitude, rotation.conjugate(attitude[:1]))
+        )
+        pulled = _up_to_centres(away, cell)
         basis = np.zeros((len(ENTRIES), 3, 3))
         for entry, (i, j) in zip(basis, ENTRIES, strict=True):
             entry[i, j] = entry[j, i] = 1.0
         error = np.einsum("nij,ejk,nk->nie", turn, basis, rate)
         constant = np.broadcast_to(np.eye(3), (count, 3, 3))
-        return np.concatenate([constant, along, gravity, turn, error], axis=2)
+        outside = np.stack([braked, pulled], axis=2)
+        if rough:
+            outside = outside[..., :0]
+        return np.concatenate([constant, along, gravity, outside, turn, error], axis=2)
 
     def _stage_impulse(self, turn: Array) -> Array:
         """(n, 3) momentum that gravity gave through the stages away from 0."""

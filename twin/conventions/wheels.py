@@ -19,6 +19,10 @@ SIGNIFICANT = 8.0
 """Sigmas without which no factor of the wheels is spoken of."""
 
 
+ANSWERED = 0.7
+"""Share of the body's momentum without which the wheels are not believed to answer it."""
+NOISY = 2.0
+"""Mean square, in units of its noise, of what a right reading may leave without that."""
 POLISHED = 0.045
 """A lag found on the grid is sought again within this [s]."""
 NEAR_LAGS = np.linspace(-SMALL_LAG, SMALL_LAG, 5)
@@ -58,12 +62,19 @@ class Wheels:
         self._axes = signed_permutations(momentum.wheels)
         self._driven, self._command = self._by_command()
 
-    def judge(self, exchange: Exchange) -> None:
-        """Take what the best reading leaves unexplained for what every reading cannot explain."""
+    def judge(self, exchange: Exchange) -> bool:
+        """Take what the best reading leaves unexplained for what every reading cannot explain.
+
+        Returns:
+            Whether the wheels are a witness at all: where they answer little of what the body does
+            and leave more than noise, something else turns it, which a wrong reading may hide best.
+        """
         tried = self._tried(exchange, self.lags) + 2.0 * self._driven
         row, best = np.unravel_index(int(np.argmin(tried)), tried.shape)
         left = self._left(exchange, self._axes[best], float(self.lags[row]))
         self.inflation = inflation(left[:-PRIORS].reshape(-1, 3))
+        least, body = float(left @ left), float(exchange.body @ exchange.body)
+        return least < NOISY * len(left) or least < (1.0 - ANSWERED) * body
 
     def readings(self, exchange: Exchange, *, far: bool) -> list[WheelReading]:
         """Every axes of the wheels, each at its best lag, near or far; the likeliest first."""
