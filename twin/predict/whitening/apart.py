@@ -194,7 +194,8 @@ def _moved(problem: Problem, now: Apart, step: Array) -> Apart | None:
         part = 0.5**halving * step
         try:
             at = now.at.moved(part, now.links)
-            tried = apart(problem, at, problem.exact(at))
+            with np.errstate(all="ignore"):  # of a motion on its way out of physics
+                tried = apart(problem, at, problem.exact(at))
         except TwinError:
             continue
         if tried.cost < now.cost:
