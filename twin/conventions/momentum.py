@@ -115,7 +115,9 @@ class Momentum:
         inertia = self._platform.inertia
         body = _apply(turn, rate @ inertia.T) - self._stage_impulse(turn)
         noise = self._noise()
-        columns = self._unknowns(q, rate, rough=rough) / noise
+        unknown = [] if rough else [self._outside(q, turn, rate)]
+        # what something is known of stands last
+        columns = np.concatenate([*unknown, self._unknowns(turn, rate)], axis=2) / noise
         size = 3 * len(turn)
         moment = float(np.trace(inertia)) / 3.0
         off = (RIGID if rough else INERTIA_ERROR) * moment
@@ -129,30 +131,27 @@ class Momentum:
         share = np.einsum("nij,wj->niw", turn, self._axes) * (self._inertia / noise)
         return Exchange(flat - basis @ (basis.T @ flat), basis, share)
 
-    def _unknowns(self, attitude: Array, rate: Array, *, rough: bool) -> Array:
-        """(n, 3, .): start, steady torque, m r, friction and cable, gyro bias, error of J."""
-        turn = rotation.matrix(attitude)
-        count, cell = len(turn), self.grid.cell
+    def _outside(self, attitude: Array, turn: Array, rate: Array) -> Array:
+        """(n, 3, 2): friction, a cable."""
+        # seen in the room from where the log begins; from elsewhere it is a constant torque more
+        away = rotation.multiply(attitude, rotation.conjugate(attitude[:1]))
+        acting = np.stack([_apply(turn, rate), rotation.to_rotation_vector(away)], axis=2)
+        return _up_to_centres(acting, self.grid.cell)
+
+    def _unknowns(self, turn: Array, rate: Array) -> Array:
+        """(n, 3, 18): start, steady torque, m r, gyro bias, error of J."""
+        count = len(turn)
         along = np.linspace(-1.0, 1.0, count)[:, None, None] * np.eye(3)
         # (R m r) x g with g = (0, 0, -g), summed up; columns scaled to be of the order of one
-        summed = _up_to_centres(turn, cell)
+        summed = _up_to_centres(turn, self.grid.cell)
         gravity = np.zeros_like(summed)
         gravity[:, 0], gravity[:, 1] = -summed[:, 1], summed[:, 0]
-        braked = _up_to_centres(_apply(turn, rate), cell)
-        # seen in the room from where the log begins; from elsewhere it is a constant torque more
-        away = rotation.to_rotation_vector(
-            rotation.multiply(attitude, rotation.conjugate(attitude[:1]))
-        )
-        pulled = _up_to_centres(away, cell)
         basis = np.zeros((len(ENTRIES), 3, 3))
         for entry, (i, j) in zip(basis, ENTRIES, strict=True):
             entry[i, j] = entry[j, i] = 1.0
         error = np.einsum("nij,ejk,nk->nie", turn, basis, rate)
         constant = np.broadcast_to(np.eye(3), (count, 3, 3))
-        outside = np.stack([braked, pulled], axis=2)
-        if rough:
-            outside = outside[..., :0]
-        return np.concatenate([constant, along, gravity, outside, turn, error], axis=2)
+        return np.concatenate([constant, along, gravity, turn, error], axis=2)
 
     def _stage_impulse(self, turn: Array) -> Array:
         """(n, 3) momentum that gravity gave through the stages away from 0."""

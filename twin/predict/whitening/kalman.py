@@ -104,5 +104,5 @@ def whitened(linear: Linearised, local: Local, intensity: Array) -> tuple[Linear
 
 
 def with_none(rows: Array) -> Array:
-    """Rows (S, N, .), and after them one of zeros: of a slot that holds no sample."""
+    """Rows (S, N, ...), and after them one of zeros: of a slot that holds no sample."""
     return np.concatenate([rows, np.zeros_like(rows[:, :1])], axis=1)

@@ -52,7 +52,7 @@ def smoothed_torque(now: Innovations, log: int) -> Array:
     x = local.measured.shape[-1]
     starts, adjoints = chain.backward(np.zeros(linear.shared.shape[-1]))
     residual = linear.residual + np.einsum("snx,sx->sn", linear.state, starts)
-    residual, measured = with_none(residual[..., None])[..., 0], with_none(local.measured)
+    residual, measured = with_none(residual), with_none(local.measured)
     every = np.arange(segments)[:, None]
     noise = now.intensity * local.step * local.pushed @ local.pushed.transpose(0, 2, 1)
     mean = np.zeros((segments, x))
