@@ -10,6 +10,7 @@ from twin.identify import identify
 from twin.identify.excitation import excitation_of
 from twin.identify.track import raw_motion
 from twin.model import compile_model
+from twin.platform import taken_as_at_rest
 from twin.predict.log.motion import motion_of
 from twin.predict.parameters.base import base_parameters
 from twin.recording import Recording
@@ -42,6 +43,17 @@ def test_wheels_of_which_no_log_says_anything_are_said_to_be_taken_as_at_rest(ca
     found = replace(found, recordings=(Recording(seen, {"kind": "log"}),))
     said = [line for line in identified(found) if "taken as at rest" in line]
     assert [line.strip() for line in said] == found.document()["taken_as_at_rest"][:1]
+
+
+def test_wheels_whose_drive_nobody_recorded_are_said_to_be_taken_as_driven_by_noise(campaign):
+    found = identify(campaign.logs[:1], campaign.stated, "momentum")
+    (log,) = found.recordings
+    driven = Recording(dict(log.items()), {"kind": "log"})
+    undriven = Recording({n: log[n] for n in ("gyro", "attitude", "wheel_speed")}, {"kind": "log"})
+    said = [taken_as_at_rest([one], campaign.stated) for one in (driven, undriven)]
+    assert not any("white noise" in line for line in said[0])
+    (line,) = [line for line in said[1] if "white noise" in line]
+    assert "Add command_wheel_torque or command_wheel_duty" in line
 
 
 def test_what_several_methods_lack_is_said_once_with_both_streams(campaign):

@@ -1,4 +1,4 @@
-"""Parts of a machine of which a log has no stream at all: what is assumed of them is said."""
+"""Parts of a machine that a log has no stream of, or none that drives them, and what is assumed."""
 
 from collections.abc import Sequence
 
@@ -25,6 +25,13 @@ PARTS = {
 }
 """Kind of part -> the streams that a prediction takes it from, and what it is without them."""
 
+UNDRIVEN = (
+    "{name} has wheel_speed and nothing that says what drove the wheels: their torque is taken as "
+    "white noise. That of a law that holds, or slews slowly, is not: J may then be off by several "
+    "of its intervals, and a cause that acts alike be named. Add command_wheel_torque or "
+    "command_wheel_duty, or turn the machine faster about all axes."
+)
+
 FROM_NOTHING = (
     "command_joint_torque",
     "command_wheel_torque",
@@ -39,7 +46,7 @@ LATE = 0.5
 
 
 def taken_as_at_rest(recordings: Sequence[Recording], platform: Platform) -> tuple[str, ...]:
-    """A sentence for each kind of part that a measured log has no stream of.
+    """A sentence for each kind of part that a measured log has no stream of, or no drive.
 
     What no stream says is no motion that the logs explain: its torque would be put down to
     something else. A recording of our own holds all that was commanded, so nothing is said of it.
@@ -58,6 +65,9 @@ def taken_as_at_rest(recordings: Sequence[Recording], platform: Platform) -> tup
                     f"{platform.name} has {_listed(kind, parts)}; {name} has {without}. Unless "
                     f"that is so, add {' or '.join(streams[:2])}."
                 )
+        wheels, *commands = PARTS["wheels"][0]
+        if wheels in recording and not any(stream in recording for stream in commands):
+            said.append(UNDRIVEN.format(name=name))
         said += [
             f"{stream} of {name} begins {late:.3g} s after the motion: taken as nothing until "
             "then. If its recorder only started late, cut the log there."
