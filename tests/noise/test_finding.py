@@ -5,9 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from twin.clock import SimulatedClock
+from twin.flight import prepare
 from twin.noise import noise_findings
 from twin.platform import Sensor
 from twin.recording import Recording, Series
+from twin.stream.recorder import MemoryRecorder
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +41,26 @@ def test_the_sentence_names_both_numbers_and_who_stated_it(log, sads):
     (found,) = noise_findings(log, claiming(sads, attitude=3.5e-2))
     assert found.sentence.startswith("The noise of attitude is 0.05")
     assert found.sentence.endswith("times less than the 2.01 deg that platform.toml states.")
+
+
+@pytest.mark.parametrize(
+    ("platform", "law", "reference"),
+    [
+        ("sads", "mass_pid", None),
+        ("astros", "mass_pid", "multisine:3"),
+        ("astros:mode_b", "vscmg_pd", "multisine:3"),
+        ("cubesat", "mass_magnetic_pid", None),
+    ],
+)
+def test_what_is_told_to_move_or_shaken_as_stated_is_no_noise(platform, law, reference):
+    flight = prepare(
+        platform, controller=law, estimator=None, plant="sim", reference=reference,
+        duration=20.0, seed=7, effects=[],
+    )  # fmt: skip
+    memory = MemoryRecorder(flight.platform)
+    flight.fly(SimulatedClock(), [memory])
+    found = noise_findings(memory.recording().without_truth(), flight.platform)
+    assert [one.sentence for one in found if one.kind in ("noise", "outliers", "repeated")] == []
 
 
 def test_what_the_log_states_stands_before_the_platform(log, sads):

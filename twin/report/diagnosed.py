@@ -208,9 +208,12 @@ def _gain(found: Diagnosis) -> str:
             f"{gain.log_likelihood:.0f} nats, each segment counted by its own scatter."
             f"{_free_runs(found.free_runs)}"
         )
-    if not named:
+    if found.equation is None and not found.explained.effects:
         band = f"a true model stays within {gain.low:.3f} to {gain.high:.3f}"
-        return f"Chi-square of the innovations {found.remainder.chi2:.4f} a sample; {band}."
+        scatters = "What was named only makes a sensor scatter more. " if named else ""
+        return (
+            f"{scatters}Chi-square of the innovations {found.remainder.chi2:.4f} a sample; {band}."
+        )
     return (
         f"On time that took no part in the fit the logs become likelier by "
         f"{gain.log_likelihood:.0f} nats; chi-square {gain.before:.4f} to {gain.after:.4f} a "
