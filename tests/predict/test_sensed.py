@@ -152,9 +152,11 @@ def without(log: Recording, *names: str) -> Recording:
     return replace(log, streams={n: s for n, s in log.streams.items() if n not in names})
 
 
-def test_a_tilt_and_a_gyro_are_enough_to_predict_by():
+@pytest.mark.parametrize("tilt", ["inclinometer", "accelerometer"])
+def test_a_tilt_and_a_gyro_are_enough_to_predict_by(tilt: str):
     print("seed", SEED)
-    body = predictor(without(flown("tas2", SEED, 40.0), "attitude", "magnetometer"), "tas2")
+    others = {"attitude", "magnetometer", "inclinometer", "accelerometer"} - {tilt}
+    body = predictor(without(flown("tas2", SEED, 40.0), *others), "tas2")
     problem, found = refitted(body)
     platform = body.machine.platform
     entries = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
@@ -168,6 +170,6 @@ def test_a_tilt_and_a_gyro_are_enough_to_predict_by():
 
 
 def test_a_log_that_shows_no_tilt_is_refused():
-    log = without(flown("tas2", SEED), "attitude", "inclinometer")
-    with pytest.raises(UsageError, match="nor gyro and inclinometer"):
+    log = without(flown("tas2", SEED), "attitude", "inclinometer", "accelerometer")
+    with pytest.raises(UsageError, match="nor gyro and inclinometer or accelerometer"):
         predictor(log, "tas2")

@@ -32,10 +32,8 @@ _FILTERED = ("sensor_lag",)
 
 _HINGE = ("joint_angle", "joint_rate")
 """Either tells the motion of a hinge."""
-_BALL = ("attitude", "gyro")
-"""What tells that of a ball, and what effects name that show in it."""
-_TILT = ("attitude", "inclinometer")
-"""Either tells how a ball is tilted."""
+_BALL = ("attitude", "gyro", "inclinometer")
+"""Any tells that of a ball, and effects name those in which they show best."""
 _GIMBAL = ("gimbal_angle", "gimbal_rate")
 """Either tells the motion of a gimbal."""
 
@@ -166,13 +164,12 @@ def _why_not(kind: type[Effect], target: str, bodies: Sequence[Body]) -> str:
 
 def _enough(effect: Effect, stream: str, *, hinge: bool) -> tuple[str, ...]:
     """Streams of which any tells what an effect needs of one."""
-    if isinstance(effect, SeriesEffect) and stream == effect.stream:
+    own = effect.acts_on if isinstance(effect, ScatterEffect) else ""
+    if stream == (effect.stream if isinstance(effect, SeriesEffect) else own):
         return (stream,)
-    if hinge:
-        return _HINGE if stream in _BALL else (stream,)
-    if stream in _GIMBAL:
-        return _GIMBAL
-    return _TILT if stream in _TILT else (stream,)
+    if stream in _BALL:
+        return _HINGE if hinge else _BALL
+    return _GIMBAL if stream in _GIMBAL else (stream,)
 
 
 def _refused(effect: Effect, platform: Platform) -> str:

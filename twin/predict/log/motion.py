@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 WINDOWS = (5, 7, 9, 13, 17, 25, 35, 49, 69, 99)
 """Widths tried [samples]."""
 
+TILT = ("inclinometer", "accelerometer")
+"""Streams that show where the vertical is, the better one first."""
+
 SOON = 0.1
 """Share of the gyro's time after which an attitude that ends was that of the start alone."""
 
@@ -64,19 +67,19 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
 
     Raises:
         UsageError: the log lacks the stream that shows it (`joint_angle` or `joint_rate`, or
-            `attitude`, or `gyro` and `inclinometer`). An attitude that is known at the start alone
-            will do where a gyro goes on. Or one of them lacks an axis.
+            `attitude`, or `gyro` and `inclinometer` or `accelerometer`). An attitude that is known
+            at the start alone will do where a gyro goes on. Or one of them lacks an axis.
     """
     stream = "joint_angle" if platform.base.kind == "hinge" else "attitude"
     if stream == "joint_angle" and stream not in recording and "joint_rate" in recording:
         stream = "joint_rate"
     if stream == "attitude":
-        check_columns(recording, platform, ("attitude", "gyro", "inclinometer"))
+        check_columns(recording, platform, ("attitude", "gyro", *TILT))
         recording = _with_attitude(recording)
     if stream not in recording or len(recording[stream]) < 2 * WINDOWS[0]:
         raise UsageError(
             f"the log has no stream {stream!r} of at least {2 * WINDOWS[0]} samples"
-            + (" (nor gyro and inclinometer)" if stream == "attitude" else "")
+            + (" (nor gyro and inclinometer or accelerometer)" if stream == "attitude" else "")
             + f", without which the motion of {platform.name} cannot be predicted"
         )
     series = recording[stream]
@@ -109,9 +112,10 @@ def _with_attitude(recording: Recording) -> Recording:
         return recording
     gyro = recording["gyro"]
     if "attitude" not in recording:
-        if "inclinometer" not in recording:
+        tilt = next((name for name in TILT if name in recording), None)
+        if tilt is None:
             return recording
-        attitude = attitude_of_tilt(gyro, recording["inclinometer"])
+        attitude = attitude_of_tilt(gyro, recording[tilt])
     else:
         shown = recording["attitude"]
         if len(shown) == 0 or len(gyro) == 0 or _share(shown, gyro) > SOON:

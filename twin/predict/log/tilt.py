@@ -1,7 +1,8 @@
 """An attitude from a gyro and what little else is known: enough to begin a prediction with.
 
-With an inclinometer, its heading starts at 0 and is the gyro's integral: no tilt tells it, and none
-of gravity's laws asks for it. With an attitude at the start, all of it is the gyro's integral.
+With an inclinometer, or an accelerometer as if the machine stood still, its heading starts at 0 and
+is the gyro's integral: no tilt tells it, and none of gravity's laws asks for it. With an attitude
+at the start, all of it is the gyro's integral.
 """
 
 import numpy as np
@@ -13,13 +14,16 @@ from twin.recording import Series
 Array = NDArray[np.float64]
 
 
-def attitude_of_tilt(gyro: Series, inclinometer: Series) -> Series:
-    """(m, 4) at the gyro's stamps at which there is a tilt too."""
-    inside = (gyro.time >= inclinometer.time[0]) & (gyro.time <= inclinometer.time[-1])
+def attitude_of_tilt(gyro: Series, tilt: Series) -> Series:
+    """(m, 4) at the gyro's stamps at which there is a tilt too.
+
+    Args:
+        gyro: (., 3) [rad/s].
+        tilt: of an inclinometer (., 2) [rad], or of an accelerometer (., 3) [m/s^2].
+    """
+    inside = (gyro.time >= tilt.time[0]) & (gyro.time <= tilt.time[-1])
     time, rate = gyro.time[inside], gyro.value[inside]
-    roll, pitch = np.sin(inclinometer.interpolated_at(time)).T
-    up = np.sqrt(np.maximum(1.0 - roll**2 - pitch**2, 0.0))
-    vertical = np.stack([-pitch, roll, up], axis=-1)
+    vertical = _vertical(tilt.interpolated_at(time))
     turns = rotation.from_rotation_vector(0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None])
     attitude = np.empty((len(time), 4))
     before = np.array([1.0, 0.0, 0.0, 0.0])
@@ -38,6 +42,15 @@ def attitude_of_start(gyro: Series, attitude: Series) -> Series:
     for turn in turns:
         carried.append(rotation.multiply(carried[-1], turn))
     return Series(time, np.array(carried), ("w", "x", "y", "z"), "1")
+
+
+def _vertical(shown: Array) -> Array:
+    """(m, 3) the world's z axis in body components, from elevations (m, 2) or a force (m, 3)."""
+    if shown.shape[1] == 3:
+        return shown / np.maximum(np.linalg.norm(shown, axis=1, keepdims=True), 1e-12)
+    roll, pitch = np.sin(shown).T
+    up = np.sqrt(np.maximum(1.0 - roll**2 - pitch**2, 0.0))
+    return np.stack([-pitch, roll, up], axis=-1)
 
 
 def _levelled(attitude: Array, vertical: Array) -> Array:

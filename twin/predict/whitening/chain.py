@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgeqrf, dgeqrf_lwork
 
 from twin.predict.whitening.linearised import Linearised
-from twin.predict.whitening.spread import root
+from twin.predict.whitening.spread import joined_root, root_of_any
 
 Array = NDArray[np.float64]
 
@@ -98,30 +98,29 @@ def chain(linear: Linearised) -> Chain:
     segment = [np.full(len(block), s) for s, block in enumerate(rows)]
     first = _regular(np.concatenate([of_state[0], affine[0]], axis=1))
     inverse = np.linalg.inv(first[:, :x])
-    mean, spread = -inverse @ first[:, x:], inverse @ inverse.T
-    seen, seen_spread = [mean], [spread]
+    # of the covariance its root is carried on: a heading that nothing tells may be open by radians
+    # where the tilt is known to 1e-9, whose squares lie farther apart than a number has digits
+    mean: Array = -inverse @ first[:, x:]
+    spread: Array = np.asarray(inverse, dtype=np.float64)
+    seen, seen_spread = [mean], [spread @ spread.T]
     logarithm = 2.0 * float(np.log(np.abs(np.diag(first))).sum())
     pull, kept, told = [np.zeros_like(mean)], [np.zeros_like(spread)], [np.zeros_like(spread)]
     for s in range(1, len(of_state)):
         step = linear.transition[s - 1]
         push = np.column_stack([linear.jump[s - 1], linear.jump_shared[s - 1]])
-        mean, spread = step @ mean + push, step @ spread @ step.T + linear.spread[s - 1]
+        mean = step @ mean + push
+        spread = joined_root(step @ spread, root_of_any(linear.spread[s - 1]))
         h = of_state[s]
-        innovation = affine[s] + h @ mean
-        lower = root(h @ spread @ h.T + np.eye(x))
+        lower, gain, spread = _updated(h, spread)
         logarithm += 2.0 * float(np.log(np.diag(lower)).sum())
-        white = np.linalg.solve(lower, np.column_stack([innovation, h @ spread]))
-        split = innovation.shape[1]
-        rows.append(white[:, :split])
+        white = np.linalg.solve(lower, affine[s] + h @ mean)
+        rows.append(white)
         segment.append(np.full(x, s))
-        gain = white[:, split:].T
-        mean = mean - gain @ white[:, :split]
+        mean = mean - gain @ white
         keep = np.eye(x) - gain @ np.linalg.solve(lower, h)
-        noise = np.linalg.solve(lower.T, gain.T).T
-        spread = keep @ spread @ keep.T + noise @ noise.T
         seen.append(mean)
-        seen_spread.append(spread)
-        pull.append(h.T @ np.linalg.solve(lower.T, white[:, :split]))
+        seen_spread.append(spread @ spread.T)
+        pull.append(h.T @ np.linalg.solve(lower.T, white))
         kept.append(keep)
         told.append(h.T @ np.linalg.solve(lower @ lower.T, h))
     return Chain(
@@ -135,6 +134,20 @@ def chain(linear: Linearised) -> Chain:
         linear.transition,
         logarithm,
     )
+
+
+def _updated(h: Array, spread: Array) -> tuple[Array, Array, Array]:
+    """Root of the covariance of what h shows in white noise; how far a unit of its innovation moves
+    the state; and the root of the state's covariance then.
+
+    Args:
+        h: (x, x).
+        spread: (x, x) root of the covariance before.
+    """
+    x = len(h)
+    both = np.block([[np.eye(x), h @ spread], [np.zeros((x, x)), spread]])
+    lower = joined_root(both)
+    return lower[:x, :x], lower[x:, :x], lower[x:, x:]
 
 
 def _triangle(linear: Linearised, segment: int) -> Array:
