@@ -102,7 +102,7 @@ FAULTS = {
         "aerodynamic_drag=0.05",
     ),
     "ringing plate": Fault(
-        "004", "a plate that rings", "sads", "quaternion_pd", "hold:0,0,40", 30.0,
+        "004", "a plate that rings", "sads", "quaternion_pd", "multisine:5@1", 40.0,
         "flexible_appendage=2/0.01/0.2/0/0/1",
     ),
     "stage backlash": Fault(
@@ -121,6 +121,10 @@ FAULTS = {
     "gyro off balance gently": Fault(
         "000", "a CMG's own centre of mass, its gimbal moved less", "tas2", "cmg_pd",
         "slew:0,0,90@12", 24.0, "gimbal_center_of_mass_offset:g1=2e-3/-1e-3",
+    ),
+    "ringing plate gently": Fault(
+        "004", "a plate that rings, after one turn", "sads", "quaternion_pd", "hold:0,0,40", 30.0,
+        "flexible_appendage=2/0.01/0.2/0/0/1",
     ),
     "stage vibration in step": Fault(
         "003", "stepper vibration, a gyro read as masses stand", "cubesat:offset_plus",
