@@ -19,8 +19,9 @@ test test-slow panel: export OPENBLAS_NUM_THREADS := 1
 # and each of them would compile anew all that it imports
 test test-slow panel: export PYTHONDONTWRITEBYTECODE :=
 
+# many of them wait for the clock: three at a time fill two cores
 test: $(READY)
-	$(BIN)/pytest -n 2 --dist loadfile
+	$(BIN)/pytest -n 3 --dist loadfile
 
 test-slow: $(READY)
 	$(BIN)/pytest -n 2 --dist loadfile -m slow
