@@ -77,7 +77,11 @@ def _blocks(segments: int) -> NDArray[np.intp]:
 
 def _missed(block: NDArray[np.intp], rows: Rows) -> tuple[float, float]:
     """Chi-square and log-determinant of all blocks (segments,), each predicted by what the others
-    fit."""
+    fit.
+
+    A block's residual has the covariance I + D D^T, D its columns times a root of the covariance
+    that the others leave; both are had from I + D^T D (Woodbury), which is small.
+    """
     if block.max(initial=-1) < 0:
         return np.nan, np.nan
     size = np.maximum(np.linalg.norm(rows.columns, axis=0), 1e-300)

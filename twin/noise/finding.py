@@ -64,10 +64,11 @@ def noise_findings(recording: Recording, platform: Platform | None) -> list[Nois
             continue  # what stands still on its grid shows neither noise nor clock
         noise = measure_noise(series)
         unit = "rad" if name == "attitude" else recording.unit_of(name)
-        findings += _against_claims(name, unit, noise, recording, platform)
-        of_quality = _quality(name, unit, noise, len(series), _grid(name, platform))
-        kicked = _kicked(name, recording)
-        findings += [one for one in of_quality if not (kicked and one.kind == "outliers")]
+        grid, kicked = _grid(name, platform), _kicked(name, recording)
+        shaken = kicked or _shaken(name, platform)
+        claim = _claim(name, recording, platform)
+        findings += _against_claims(name, unit, noise, claim, grid, shaken=shaken)
+        findings += _quality(name, unit, noise, len(series), grid, kicked=kicked)
     return findings
 
 
@@ -77,16 +78,21 @@ def _measured(name: str) -> bool:
 
 
 def _against_claims(
-    name: str, unit: str, noise: StreamNoise, recording: Recording, platform: Platform | None
+    name: str,
+    unit: str,
+    noise: StreamNoise,
+    claimed: tuple[float, str],
+    grid: float,
+    *,
+    shaken: bool,
 ) -> list[NoiseFinding]:
-    claim, source = _claim(name, recording, platform)
+    claim, source = claimed
     found = _rms(noise.white)
-    shaken = platform is not None and any(e.name == SHAKEN.get(name) for e in platform.effects)
     # a column that stands still on its grid hides its noise
     hidden = bool(noise.quantised.any()) and found <= FACTOR * _rms(noise.resolution)
     if not claim or 1.0 / FACTOR <= found / claim <= FACTOR or (hidden and found < claim):
         return []
-    if found > claim and (_kicked(name, recording) or shaken or found < _grid(name, platform)):
+    if found > claim and (shaken or found < grid):
         return []
     ratio = found / claim
     sentence = (
@@ -104,6 +110,11 @@ def _kicked(name: str, recording: Recording) -> bool:
         for command in KICKED.get(name, ())
         if command in recording and len(recording[command])
     )
+
+
+def _shaken(name: str, platform: Platform | None) -> bool:
+    """Whether a platform states what makes a sensor scatter by more than its noise."""
+    return platform is not None and any(e.name == SHAKEN.get(name) for e in platform.effects)
 
 
 def _grid(name: str, platform: Platform | None) -> float:
@@ -130,7 +141,7 @@ def _claim(name: str, recording: Recording, platform: Platform | None) -> tuple[
 
 
 def _quality(
-    name: str, unit: str, noise: StreamNoise, count: int, grid: float
+    name: str, unit: str, noise: StreamNoise, count: int, grid: float, *, kicked: bool
 ) -> list[NoiseFinding]:
     findings: list[NoiseFinding] = []
 
@@ -146,7 +157,7 @@ def _quality(
             f"{name} comes in steps of {printed(step, unit)}, which is more than its noise: "
             f"its errors are those of the grid, {printed(step / np.sqrt(12.0), unit)} a sample.",
         )
-    if flagged > max(MANY * count, 1.0):
+    if flagged > max(MANY * count, 1.0) and not kicked:
         say(
             "outliers",
             flagged / count,

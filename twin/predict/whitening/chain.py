@@ -98,20 +98,20 @@ def chain(linear: Linearised) -> Chain:
     segment = [np.full(len(block), s) for s, block in enumerate(rows)]
     first = _regular(np.concatenate([of_state[0], affine[0]], axis=1))
     inverse = np.linalg.inv(first[:, :x])
-    # of the covariance its root is carried on: a heading that nothing tells may be open by radians
-    # where the tilt is known to 1e-9, whose squares lie farther apart than a number has digits
+    # The covariance's root is carried on: a heading that nothing tells may be open by radians where
+    # the tilt is known to 1e-9, and their squares lie farther apart than a number has digits.
     mean: Array = -inverse @ first[:, x:]
-    spread: Array = np.asarray(inverse, dtype=np.float64)
-    seen, seen_spread = [mean], [spread @ spread.T]
+    root: Array = np.asarray(inverse, dtype=np.float64)
+    seen, seen_spread = [mean], [root @ root.T]
     logarithm = 2.0 * float(np.log(np.abs(np.diag(first))).sum())
-    pull, kept, told = [np.zeros_like(mean)], [np.zeros_like(spread)], [np.zeros_like(spread)]
+    pull, kept, told = [np.zeros_like(mean)], [np.zeros_like(root)], [np.zeros_like(root)]
     for s in range(1, len(of_state)):
         step = linear.transition[s - 1]
         push = np.column_stack([linear.jump[s - 1], linear.jump_shared[s - 1]])
         mean = step @ mean + push
-        spread = joined_root(step @ spread, root_of_any(linear.spread[s - 1]))
+        root = joined_root(step @ root, root_of_any(linear.spread[s - 1]))
         h = of_state[s]
-        lower, gain, spread = _updated(h, spread)
+        lower, gain, root = _updated(h, root)
         logarithm += 2.0 * float(np.log(np.diag(lower)).sum())
         white = np.linalg.solve(lower, affine[s] + h @ mean)
         rows.append(white)
@@ -119,7 +119,7 @@ def chain(linear: Linearised) -> Chain:
         mean = mean - gain @ white
         keep = np.eye(x) - gain @ np.linalg.solve(lower, h)
         seen.append(mean)
-        seen_spread.append(spread @ spread.T)
+        seen_spread.append(root @ root.T)
         pull.append(h.T @ np.linalg.solve(lower.T, white))
         kept.append(keep)
         told.append(h.T @ np.linalg.solve(lower @ lower.T, h))
@@ -136,17 +136,16 @@ def chain(linear: Linearised) -> Chain:
     )
 
 
-def _updated(h: Array, spread: Array) -> tuple[Array, Array, Array]:
+def _updated(h: Array, root: Array) -> tuple[Array, Array, Array]:
     """Root of the covariance of what h shows in white noise; how far a unit of its innovation moves
     the state; and the root of the state's covariance then.
 
     Args:
         h: (x, x).
-        spread: (x, x) root of the covariance before.
+        root: (x, x) of the covariance before.
     """
     x = len(h)
-    both = np.block([[np.eye(x), h @ spread], [np.zeros((x, x)), spread]])
-    lower = joined_root(both)
+    lower = joined_root(np.block([[np.eye(x), h @ root], [np.zeros((x, x)), root]]))
     return lower[:x, :x], lower[x:, :x], lower[x:, x:]
 
 

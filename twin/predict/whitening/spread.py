@@ -22,7 +22,11 @@ def root(covariance: Array) -> Array:
 
 
 def root_of_any(covariance: Array) -> Array:
-    """(n, n) C with C C^T = covariance, which may have directions without any spread."""
+    """(n, n) C with C C^T = covariance, which may have directions without any spread.
+
+    Raises:
+        TwinError: as `root`.
+    """
     sizes, directions = np.linalg.eigh(_held(covariance))
     return directions * np.sqrt(np.maximum(sizes, 0.0))
 
