@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 
 from twin.check import motion
+from twin.clock import SimulatedClock
+from twin.effects import parse_effects
+from twin.flight import prepare
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, Series
+from twin.stream.recorder import MemoryRecorder
 
 
 def pytest_collection_finish() -> None:
@@ -86,6 +90,38 @@ def pendulum() -> Platform:
 def swing() -> Callable[..., Recording]:
     """A log of the pendulum with what the keywords of `Swing` hide in it."""
     return lambda **hidden: _simulate(Swing(**hidden))
+
+
+@pytest.fixture(scope="session")
+def flight_of() -> Callable[..., Recording]:
+    """A simulated flight as a log: flight_of(platform, law, reference, duration, seed, hidden)."""
+
+    def fly(
+        platform: str, law: str, reference: str | None, duration: float, seed: int, hidden: str = ""
+    ) -> Recording:
+        flight = prepare(
+            platform,
+            controller=law,
+            estimator=None,
+            plant="sim",
+            reference=reference,
+            duration=duration,
+            seed=seed,
+            effects=parse_effects(hidden) if hidden else [],
+        )
+        memory = MemoryRecorder(flight.platform, {"platform": platform, "source": f"seed {seed}"})
+        flight.fly(SimulatedClock(), [memory])
+        return memory.recording().without_truth()
+
+    return fly
+
+
+@pytest.fixture
+def drawn_seed() -> int:
+    """Another one each time, printed."""
+    seed = int(np.random.default_rng().integers(2**31))
+    print("seed", seed)
+    return seed
 
 
 @pytest.fixture

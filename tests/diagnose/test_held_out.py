@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from twin.cli.main import main
-from twin.clock import SimulatedClock
 from twin.diagnose.held_out import held_out
 from twin.diagnose.plain import plain_of
-from twin.flight import prepare
 from twin.platform import load_platform
 from twin.recording import Recording, open_log
-from twin.stream.recorder import MemoryRecorder
 
 
 @pytest.mark.parametrize(("seconds", "segments"), [(9, 1), (19, 2)])
@@ -45,16 +42,10 @@ def test_a_short_log_beside_a_long_one_keeps_biases_of_its_own(tmp_path: Path):
         ("tas2", "cmg_pd", "multisine:3"),
     ],
 )
-def test_a_short_log_of_a_true_model_is_not_missed(platform: str, law: str, reference: str):
-    seed = int(np.random.default_rng().integers(2**31))
-    print("seed", seed)
-    flight = prepare(
-        platform, controller=law, estimator=None, plant="sim", reference=reference,
-        duration=20.0, seed=seed, effects=[],
-    )  # fmt: skip
-    memory = MemoryRecorder(flight.platform, {"platform": platform, "source": f"seed {seed}"})
-    flight.fly(SimulatedClock(), [memory])
-    plain = plain_of([memory.recording().without_truth()], load_platform(platform))
+def test_a_short_log_of_a_true_model_is_not_missed(flight_of, drawn_seed, platform, law, reference):
+    plain = plain_of(
+        [flight_of(platform, law, reference, 20.0, drawn_seed)], load_platform(platform)
+    )
     assert plain.bodies[0].grid.segments == 2
     held = held_out(plain)
     # a false alarm in less than a thousand logs

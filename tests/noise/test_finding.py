@@ -5,12 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from twin.clock import SimulatedClock
-from twin.flight import prepare
 from twin.noise import noise_findings
-from twin.platform import Sensor
+from twin.platform import Sensor, load_platform
 from twin.recording import Recording, Series
-from twin.stream.recorder import MemoryRecorder
 
 
 @pytest.fixture(scope="module")
@@ -52,14 +49,9 @@ def test_the_sentence_names_both_numbers_and_who_stated_it(log, sads):
         ("cubesat", "mass_magnetic_pid", None),
     ],
 )
-def test_what_is_told_to_move_or_shaken_as_stated_is_no_noise(platform, law, reference):
-    flight = prepare(
-        platform, controller=law, estimator=None, plant="sim", reference=reference,
-        duration=20.0, seed=7, effects=[],
-    )  # fmt: skip
-    memory = MemoryRecorder(flight.platform)
-    flight.fly(SimulatedClock(), [memory])
-    found = noise_findings(memory.recording().without_truth(), flight.platform)
+def test_what_is_told_to_move_or_shaken_as_stated_is_no_noise(flight_of, platform, law, reference):
+    log = flight_of(platform, law, reference, 20.0, 7)
+    found = noise_findings(log, load_platform(platform))
     assert [one.sentence for one in found if one.kind in ("noise", "outliers", "repeated")] == []
 
 
