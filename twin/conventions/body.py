@@ -1,6 +1,7 @@
 """A recording of one body: its hypotheses, ranked with the wheels too, and weighed in pairs."""
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.conventions.axes import SIMPLE
 from twin.conventions.changes import axes_change, lag_change
-from twin.conventions.correction import Correction
+from twin.conventions.correction import Correction, apply_all
 from twin.conventions.dating import dated
 from twin.conventions.evidence import evidence, inflation
 from twin.conventions.gravity import upright_of
@@ -41,25 +42,51 @@ class Body:
         self._turning = turning
         self._upright = upright_of(recording, platform)
         self._platform = platform
-        self._wheels: Wheels | None = None
-        self._inflation = 1.0
-        self._upright_inflation = 1.0
+
+    def with_wheels_in(self, unit: Correction) -> "Body":
+        """The same body beside wheels in another unit; what they have no part in is kept."""
+        other = copy(self)
+        other._recording = apply_all(self._recording, [unit])
+        other.__dict__.pop("_wheels", None)
+        return other
 
     @cached_property
     def of_motion(self) -> list[Hypothesis]:
         """Without the wheels; the best, and the log as read, best first."""
+        kept = [replace(h, misfit=h.misfit / self._inflation) for h in self._ranked]
+        return sorted(kept, key=lambda h: h.score)
+
+    @cached_property
+    def _ranked(self) -> list[Hypothesis]:
+        """Those of `of_motion`, their misfit as if noise were all that is left."""
         listed = motion_hypotheses(self._recording, self._turning, self._upright)
         ranked = sorted(listed, key=lambda h: h.score)
         kept = ranked[:BODIES]
         if all(h.corrections for h in kept):
             kept.append(next(h for h in ranked if not h.corrections))
-        self._inflation = inflation(self._turn(kept[0]))
-        if self._upright is not None and self._upright.has_accelerometer:
-            left = self._upright.residual(kept[0].attitude, kept[0].force)
-            self._upright_inflation = inflation(left)
-        self._wheels = self._wheels_beside(kept[0])
-        kept = [replace(h, misfit=h.misfit / self._inflation) for h in kept]
-        return sorted(kept, key=lambda h: h.score)
+        return kept
+
+    @cached_property
+    def _inflation(self) -> float:
+        return inflation(self._turn(self._ranked[0]))
+
+    @cached_property
+    def _upright_inflation(self) -> float:
+        best = self._ranked[0]
+        if self._upright is None or not self._upright.has_accelerometer:
+            return 1.0
+        return inflation(self._upright.residual(best.attitude, best.force))
+
+    @cached_property
+    def _wheels(self) -> Wheels | None:
+        """Held against the body while that floats freely."""
+        recording = self._recording
+        if self._upright is not None:
+            recording = recording.between(*self._upright.free(self._ranked[0].attitude))
+        momentum = momentum_of(recording, self._platform)
+        if self._platform is None or momentum is None:
+            return None
+        return Wheels(self._recording, self._platform, momentum)
 
     def wheel_factor(self) -> float | None:
         """By what the wheel speeds must be multiplied to answer that of the likeliest bodies which
@@ -150,16 +177,6 @@ class Body:
         if self._wheels is None or h.wheels is None:
             return 0.0
         return self._wheels.driven(h.wheels)
-
-    def _wheels_beside(self, body: Hypothesis) -> Wheels | None:
-        """The wheels, held against the body while that floats freely."""
-        recording = self._recording
-        if self._upright is not None:
-            recording = recording.between(*self._upright.free(body.attitude))
-        momentum = momentum_of(recording, self._platform)
-        if self._platform is None or momentum is None:
-            return None
-        return Wheels(self._recording, self._platform, momentum)
 
     def _joined(self, body: Hypothesis, reading: WheelReading, *, late: bool) -> Hypothesis:
         names = self._recording["wheel_speed"].columns

@@ -1,6 +1,6 @@
 """Hypotheses about gyro, attitude and accelerometer: thousands, ranked by what they leave over."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +34,12 @@ def motion_hypotheses(
         far = turning.match(lags)
         matches += [("gyro", far), ("attitude", far)]
     gyros = list(axes_changes(recording, "gyro"))
+    felt = upright if upright is not None and upright.has_accelerometer else None
+    read = list(axes_changes(recording, "accelerometer")) if felt is not None else []
     for attitude, attitude_change in attitude_changes(recording):
         family, turned = vector_axes(attitude)
         lean = upright.penalty(attitude) if upright is not None else 0.0
-        forces = list(_forces(recording, upright, attitude))
+        forces = _forces(felt, read, attitude)
         for gyro, gyro_change in gyros:
             index = family, place[(turned.T @ gyro + 0.0).tobytes()]
             for force, force_change, force_misfit in forces:
@@ -61,17 +63,15 @@ def motion_hypotheses(
                     )
 
 
-def _forces(recording: Recording, upright: Upright | None, attitude: Array) -> Iterator[Force]:
+def _forces(
+    upright: Upright | None, read: Sequence[tuple[Array, Correction | None]], attitude: Array
+) -> list[Force]:
     """The accelerometer as read, and in its best axes for an attitude."""
-    if upright is None or not upright.has_accelerometer:
-        yield np.eye(3), None, 0.0
-        return
+    if upright is None:
+        return [(np.eye(3), None, 0.0)]
     misfit = 0.5 * upright.match(attitude)
     as_read, *others = [
-        (axes, change, float(left))
-        for (axes, change), left in zip(
-            axes_changes(recording, "accelerometer"), misfit, strict=True
-        )
+        (axes, change, float(left)) for (axes, change), left in zip(read, misfit, strict=True)
     ]
-    yield as_read
-    yield min(others, key=lambda force: force[2] + (force[1].cost if force[1] else 0.0))
+    best = min(others, key=lambda force: force[2] + (force[1].cost if force[1] else 0.0))
+    return [as_read, best]

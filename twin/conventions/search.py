@@ -12,7 +12,7 @@ from twin.conventions.gravity import accelerometer_factor
 from twin.conventions.hypothesis import Hypothesis
 from twin.conventions.joint import joint_findings
 from twin.conventions.time_base import time_unit_changes
-from twin.conventions.turning import NEAR, Turning, far_lags, turning_of
+from twin.conventions.turning import NEAR, far_lags, turning_of
 from twin.platform import Platform
 from twin.recording import Recording
 from twin.recording.pauses import longest_of
@@ -50,10 +50,10 @@ def check_conventions(
     if turning is None:
         return [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
     body = Body(recording, platform, turning)
-    unit = _wheel_unit(body, recording, platform, turning) if "wheel_speed" in recording else None
+    unit = _wheel_unit(body, recording) if "wheel_speed" in recording else None
     if unit is not None:
         plain.append(unit)
-        body = Body(apply_all(recording, [unit]), platform, turning)
+        body = body.with_wheels_in(unit)
     found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
     return found + _choose(body, body.with_wheels())
 
@@ -100,9 +100,7 @@ def _accelerometer_unit(recording: Recording, platform: Platform | None) -> list
     return [] if change is None else [change]
 
 
-def _wheel_unit(
-    body: Body, recording: Recording, platform: Platform | None, turning: Turning
-) -> Correction | None:
+def _wheel_unit(body: Body, recording: Recording) -> Correction | None:
     """The unit in which the wheels answer the body; None for the one they were read in.
 
     In too large numbers their noise hides that they answer it: then each unit is tried with its
@@ -111,10 +109,8 @@ def _wheel_unit(
     factor = body.wheel_factor()
     if factor is not None:
         return unit_change(recording, "wheel_speed", factor)
-    if platform is None:
-        return None
     for change in unit_changes(recording, "wheel_speed"):
-        factor = Body(apply_all(recording, [change]), platform, turning).wheel_factor()
+        factor = body.with_wheels_in(change).wheel_factor()
         if factor is not None and abs(np.log(factor)) < CLOSE:
             return change
     return None
