@@ -113,7 +113,7 @@ class SimulatedPlant(Plant):
         self._start(start)
         self._joints = PrescribedJoints(self.machine, self._qpos, self._qvel)
         self._tanks = None if platform.gas is None else Tanks(platform.gas, self.n)
-        self._thrust = np.zeros((self.n, len(platform.thrusters)))
+        self._thrust = self._thrust_wish = np.zeros((self.n, len(platform.thrusters)))
         self._thrust_torque = np.zeros((self.n, 3))
         self._thrust_arms = thruster_arms(self.machine)
         self._wheel_wish = np.zeros((self.n, len(platform.wheels)))
@@ -182,6 +182,8 @@ class SimulatedPlant(Plant):
             self._applied[name] = self._apply[name](value)
         if "command_wheel_torque" in self._applied and "command_wheel_torque" not in command:
             self._applied["command_wheel_torque"] = self._wheel_torque(self._wheel_wish)
+        if "command_thruster" in self._applied and "command_thruster" not in command:
+            self._applied["command_thruster"] = self._thrust
         return dict(self._applied)
 
     def drive_stages(self, position: Array) -> None:
@@ -243,8 +245,13 @@ class SimulatedPlant(Plant):
         return applied
 
     def _force_of_thrusters(self, wish: Array) -> Array:
-        applied = self._limits.force(wish)
-        self._thrust = applied if self._tanks is None else self._tanks.fed(applied)
+        self._thrust_wish = self._limits.force(wish)
+        return self._fed_thrusters()
+
+    def _fed_thrusters(self) -> Array:
+        """Valves stay as they were told; without gas they push no more."""
+        wish = self._thrust_wish
+        self._thrust = wish if self._tanks is None else self._tanks.fed(wish)
         if self.machine.thruster_actuator.size:
             self._ctrl[:, self.machine.thruster_actuator] = self._thrust
         else:
@@ -318,6 +325,7 @@ class SimulatedPlant(Plant):
             self._force[:] = 0.0
         if self._tanks is not None and self._thrust.any():
             self._tanks.draw(self._thrust, steps * self.platform.step)
+            self._fed_thrusters()
         self._stop_diverged(states[:, -1])
         return states
 
