@@ -8,11 +8,13 @@ import pytest
 
 from twin.clock import SimulatedClock
 from twin.controller import Controller, load_controller
+from twin.errors import UsageError
 from twin.estimators import load_estimator
 from twin.loop import Ended, fly
 from twin.plant.replayed import ReplayedPlant
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
+from twin.recording import Recording, Series
 from twin.reference import Hold, Multisine
 from twin.stream.flight_recorder import FlightRecorder
 from twin.stream.recorder import MemoryRecorder
@@ -129,3 +131,10 @@ def test_a_replayed_log_gives_the_loop_the_same_samples_at_the_same_ticks(sads):
     np.testing.assert_array_equal(
         replayed["command_wheel_torque"].value, log["command_wheel_torque"].value
     )
+
+
+def test_a_log_whose_streams_have_no_rows_cannot_be_replayed(sads):
+    empty = Series(np.zeros(0), np.zeros((0, 3)), ("x", "y", "z"), "rad/s")
+    nothing = Recording({"gyro": empty}, {})
+    with pytest.raises(UsageError, match="no sample of what sads measures"):
+        ReplayedPlant(sads, nothing)

@@ -102,13 +102,30 @@ class Table:
         value = self._get(key, default)
         if value is default and default is not _REQUIRED:
             return value
-        if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+        number = _number(value)
+        if math.isnan(number):
             raise self.fail(key, f"is {value!r}", f"give a number{_in(unit)}")
-        if not low <= value <= high:
-            raise self.fail(key, f"is {value:g}{_unit(unit)}", _range(low, high, unit))
-        if math.isinf(value) and not infinite:
-            raise self.fail(key, f"is {value:g}{_unit(unit)}", f"give a finite number{_in(unit)}")
-        return float(value)
+        if not low <= number <= high:
+            raise self.fail(key, f"is {number:g}{_unit(unit)}", _range(low, high, unit))
+        if math.isinf(number) and not infinite:
+            raise self.fail(key, f"is {number:g}{_unit(unit)}", f"give a finite number{_in(unit)}")
+        return number
+
+    def whole(
+        self,
+        key: str,
+        default: Any = _REQUIRED,
+        *,
+        low: float = -math.inf,
+        high: float = math.inf,
+    ) -> int:
+        """An integer in [low, high], to its last digit; 2e3 is one, too."""
+        value = self.number(key, default, low=low, high=high)
+        if value is default and default is not _REQUIRED:
+            return default
+        if not value.is_integer():
+            raise self.fail(key, f"is {value:g}", "give a whole number")
+        return int(self._get(key, default))
 
     def numbers(
         self,
@@ -124,13 +141,10 @@ class Table:
         value = self._get(key, default)
         if value is default and default is not _REQUIRED:
             return value
-        if isinstance(value, int | float) and not isinstance(value, bool) and size is not None:
+        if size is not None and not math.isnan(_number(value)):
             value = [value] * size
         entries = cast(list[object], value) if isinstance(value, list) else []
-        numeric = bool(entries) and all(
-            isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x)
-            for x in entries
-        )
+        numeric = bool(entries) and all(math.isfinite(_number(x)) for x in entries)
         if not numeric or (size is not None and len(entries) != size):
             count = {None: "a list of numbers", 1: "a number"}.get(size, f"{size} numbers")
             raise self.fail(key, f"is {value!r}", f"give {count}{_in(unit)}")
@@ -254,7 +268,23 @@ def read_toml(path: Path, error: type[FileError] = FileError) -> Table:
         raise error(
             path, str(problem), "mend the TOML", line=int(line[1]) if line else None
         ) from None
+    except (ValueError, RecursionError):
+        raise error(
+            path,
+            "holds a number of thousands of digits, or brackets within brackets without end",
+            "mend the TOML",
+        ) from None
     return Table(path, data, text.splitlines(), error=error)
+
+
+def _number(value: object) -> float:
+    """NaN of what is none; infinite where a float cannot hold it."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 def _unit(unit: str) -> str:

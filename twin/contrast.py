@@ -132,7 +132,7 @@ class Contrast:
     """Of all measured streams, the sensors' own noise left out."""
 
 
-def contrast(platform: Platform, effect: Effect, seconds: float = SECONDS) -> Contrast:
+def contrast(platform: Platform, effect: Effect) -> Contrast:
     """Move a machine with and without an effect.
 
     Raises:
@@ -140,8 +140,8 @@ def contrast(platform: Platform, effect: Effect, seconds: float = SECONDS) -> Co
     """
     fine = able(platform, effect)
     quiet = undisturbed(fine)
-    without = moved(quiet, (), seconds)
-    changed = moved(quiet, (effect,), seconds)
+    without = moved(quiet, (), SECONDS)
+    changed = moved(quiet, (effect,), SECONDS)
     differences = tuple(
         _difference(fine, stream, without[stream], changed[stream])
         for stream in fine.sensors

@@ -97,7 +97,7 @@ class Machine:
     place_dof: Index
     heading_qpos: Index
     """Of a planar stage; empty without one."""
-    sliding: "Sliding"
+    sliding: Sliding
     joint_actuator: int | None
     effects: tuple[Effect, ...]
     """Those of the platform."""

@@ -7,35 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.campaign.conftest import GOOD, silent
+from tests.campaign.conftest import FAN, GOOD, silent
 from twin.campaign.execute import execute
 from twin.campaign.folder import Folder
 from twin.campaign.read import read_spec
 from twin.errors import CampaignError
 from twin.library import library
-
-FAN = '''
-from dataclasses import dataclass
-
-import numpy as np
-
-from twin.effects import BodyEffect, Domain, Push, parameter
-
-
-@dataclass(frozen=True)
-class Fan(BodyEffect):
-    """A fan that somebody forgot on the table."""
-
-    name = "fan"
-    domain = Domain.torque
-    observable = "it turns"
-    streams = ("gyro",)
-
-    size: float = parameter("of the fan", "N m", 1e-3, source="measured")
-
-    def pushes(self, platform):
-        return (Push(platform.base.body, np.array([0.0, 0.0, 0.0, self.size, 0.0, 0.0])),)
-'''
 
 
 def go_on(file: Path, folder: Folder) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.campaign.conftest import GOOD
+from tests.campaign.conftest import FAN, GOOD
 from twin.campaign import parcel
 from twin.campaign.guest import Refused, Sent, fly_sent
 from twin.campaign.parcel import packed
@@ -73,3 +73,17 @@ def test_a_machine_with_other_versions_refuses_to_fly(own, name):
     refused = fly_sent(other, 0)
     assert isinstance(refused, Refused)
     assert f"{name} is {made_by[name]} there and 1.0 here" in refused.sentence
+
+
+@pytest.mark.parametrize("there", ["", "# another\n"], ids=["missing", "another"])
+def test_an_effect_of_ones_own_that_is_not_the_same_there_is_refused(tmp_path, there):
+    fan, file = tmp_path / "fan.py", tmp_path / "spec.toml"
+    fan.write_text(FAN)
+    file.write_text(GOOD + f"[effects.'{fan}']\n")
+    campaign = packed(read_spec(file))
+    fan.unlink()
+    if there:
+        fan.write_text(FAN + there)
+    refused = fly_sent(campaign, 0)
+    assert isinstance(refused, Refused)
+    assert f"the effect {fan} is " in refused.sentence

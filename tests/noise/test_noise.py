@@ -79,10 +79,12 @@ def test_an_attitude_scatters_about_body_axes_whatever_the_attitude():
     np.testing.assert_allclose(noise_of(series), sigma, rtol=0.1)
 
 
+@pytest.mark.parametrize("missing", [0.0, np.nan])
 @pytest.mark.parametrize("step", [1e-3, 0.25 * np.pi / 180.0, 0.061])
-def test_a_coarse_grid_makes_the_noise(step):
+def test_a_coarse_grid_makes_the_noise(step, missing):
     time = np.arange(4000) * 0.01
     value = np.round(np.sin(0.2 * time)[:, None] * 40.0 * step / step) * step
+    value[2000] = missing
     noise = measure_noise(Series(time, value, ("joint",), "rad"))
     assert noise.resolution[0] == pytest.approx(step, rel=1e-6)
     assert noise.quantised.all()

@@ -22,12 +22,14 @@ def recording() -> Recording:
         "gyro": ("x", "y", "z"),
         "wheel_speed": ("w1", "w2"),
         "coil temperature": ("a",),
+        "supply": ("time", "volt"),
         "truth_rate": ("x", "y", "z"),
     }
     units = {
         "gyro": "rad/s",
         "wheel_speed": "rad/s",
         "coil temperature": "K",
+        "supply": "1",
         "truth_rate": "rad/s",
     }
     streams = {
@@ -77,8 +79,9 @@ def test_parquet_and_mat_hold_the_same_numbers(recording, tmp_path: Path):
     for name, path in tables.items():
         series = recording[name]
         table = parquet.read_table(path)
-        assert table.column_names == ["time", *series.columns]
-        assert table["time"].to_numpy().tobytes() == series.time.tobytes()
+        clock, *columns = table.column_names
+        assert columns == list(series.columns)
+        assert table[clock].to_numpy().tobytes() == series.time.tobytes()
         for i, column in enumerate(series.columns):
             assert table[column].to_numpy().tobytes() == series.value[:, i].copy().tobytes()
         matrix = loadmat(matrices[name])[name.replace(" ", "_")]

@@ -46,6 +46,12 @@ def test_columns_may_be_separated_by_semicolons_or_tabs_and_numbers_have_commas_
     np.testing.assert_array_equal(log["gyro"].value, np.arange(1.0, 10.0).reshape(3, 3))
 
 
+def test_a_comma_in_a_remark_makes_no_decimal_commas(folder_with, tmp_path: Path):
+    text = "t;x;y;z;note\n0;1.5;2;3;warm, 20 C\n1;4;5;6;1,2 or 3\n"
+    log = read_log(folder_with(tmp_path, GYRO + 'columns = ["x", "y", "z"]\n', gyro=text))
+    np.testing.assert_array_equal(log["gyro"].value[:, 0], [1.5, 4.0])
+
+
 def test_log_toml_itself_may_be_named(folder_with, tmp_path: Path):
     folder = folder_with(tmp_path, GYRO, gyro=ROWS)
     assert len(read_log(folder / "log.toml")["gyro"]) == 3

@@ -20,7 +20,7 @@ from uuid import uuid4
 from twin.campaign.folder import Folder
 from twin.campaign.guest import Refused, Sent
 from twin.campaign.parcel import packed
-from twin.campaign.rows import write_atomically
+from twin.campaign.rows import write_rows
 from twin.campaign.spec import Spec
 from twin.campaign.worker import Done
 from twin.errors import TwinError, UsageError
@@ -95,7 +95,7 @@ class Cluster:
                 sent = self._result(spec, shard, future)
                 del asked[key]
                 self.arithmetics.add(sent.arithmetic)
-                write_atomically(sent.rows, folder.shard(shard))
+                write_rows(sent.rows, folder.shard(shard))
                 yield sent.done
         finally:
             self._client.cancel([future for _, future in asked.values()], force=True)

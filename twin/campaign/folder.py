@@ -21,6 +21,7 @@ from twin.effects import file_of
 from twin.errors import CampaignError
 from twin.library import find_controller
 from twin.platform import files_of
+from twin.whole_file import write_whole
 
 if sys.platform != "win32":
     import fcntl
@@ -78,8 +79,8 @@ class Folder:
         else:
             self._refuse_strange()
             (self.path / METRICS).mkdir(parents=True, exist_ok=True)
-            _write(self.spec, spec.text)
-            _write(self.path / FACTS, json.dumps(_facts(spec), indent=2) + "\n")
+            write_whole(self.spec, spec.text)
+            write_whole(self.path / FACTS, json.dumps(_facts(spec), indent=2) + "\n")
         self.sweep()
 
     def sweep(self) -> None:
@@ -121,9 +122,17 @@ class Folder:
                 self.path, f"holds {others[0]!r} and no campaign", "name a new or an empty folder"
             )
 
+    def _as_begun(self) -> dict[str, Any]:
+        file = self.path / FACTS
+        try:
+            return dict(json.loads(file.read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError) as problem:
+            raise CampaignError(
+                file, f"cannot be read ({problem})", "begin again in another folder"
+            ) from None
+
     def _compare(self, spec: Spec, resume: bool) -> None:
-        was: dict[str, Any] = json.loads((self.path / FACTS).read_text(encoding="utf-8"))
-        now = _facts(spec)
+        was, now = self._as_begun(), _facts(spec)
         if was.get("specification") != now["specification"]:
             raise CampaignError(
                 self.path,
@@ -187,9 +196,3 @@ def _first_difference(was: Mapping[str, str], now: Mapping[str, str]) -> str:
 
 def _hash(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _write(path: Path, text: str) -> None:
-    part = path.with_name(f".{path.name}.{os.getpid()}")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)

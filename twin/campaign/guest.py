@@ -46,7 +46,7 @@ def fly_sent(campaign: bytes, shard: int) -> Sent | Refused:
         with _one_at_a_time:
             spec, _ = _opened(campaign)
             return Sent(*rows_of_shard(spec, shard), arithmetic())
-    except TwinError as problem:
+    except (TwinError, OSError) as problem:
         return Refused(socket.gethostname(), str(problem))
 
 

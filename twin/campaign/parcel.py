@@ -13,6 +13,7 @@ from pathlib import Path
 import twin
 from twin.campaign.folder import versions
 from twin.campaign.spec import Arm, Spec
+from twin.effects import file_of
 from twin.errors import CampaignError, TwinError
 from twin.library import find_controller
 from twin.platform import Platform, files_of
@@ -46,24 +47,33 @@ def packed(spec: Spec) -> bytes:
         )
     # apart, so that it is opened only where its classes are those that it was made of
     inner = pickle.dumps(replace(spec, arms=tuple(arms)))
-    return zlib.compress(pickle.dumps((code_of(), files, inner)))
+    return zlib.compress(pickle.dumps((code_of(), _effects_of(spec), files, inner)))
 
 
 def unpacked(data: bytes, folder: Path) -> Spec:
     """The campaign, with its files laid out in a folder.
 
     Raises:
-        OtherVersions: this machine's packages are not those that it was packed with.
+        OtherVersions: this machine's packages are not those that it was packed with, or it lacks
+            an effect's file.
     """
     made_by: dict[str, str]
+    effects: dict[Path, str]
     files: dict[str, bytes]
-    made_by, files, inner = pickle.loads(zlib.decompress(data))
+    made_by, effects, files, inner = pickle.loads(zlib.decompress(data))
     here = code_of()
     for name, wanted in made_by.items():
         if (found := here.get(name)) != wanted:
             raise OtherVersions(
                 f"{name} is {found} there and {wanted} here; install the same, for others come to "
                 "other bits"
+            )
+    for path, wanted in effects.items():
+        if not path.is_file() or _mark(path) != wanted:
+            what = "another file there" if path.is_file() else "not there"
+            raise OtherVersions(
+                f"the effect {path} is {what}; effects of one's own do not travel: put the same "
+                "file in the same place"
             )
     for name, content in files.items():
         path = folder / name
@@ -82,6 +92,16 @@ def code_of() -> dict[str, str]:
         if name.parts[0] not in _SHIPPED:
             sources.update(f"{name.as_posix()}\0".encode() + path.read_bytes() + b"\0")
     return {**versions(), "code of airbearing-twin": sources.hexdigest()[:12]}
+
+
+def _effects_of(spec: Spec) -> dict[Path, str]:
+    """Files of effects that are not in the package, whose classes are found by them."""
+    own = (file_of(effect.kind) for arm in spec.arms for effect in arm.effects)
+    return {path: _mark(path) for path in own if path is not None}
+
+
+def _mark(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _packed_arm(spec: Spec, arm: Arm, files: dict[str, bytes]) -> Arm:

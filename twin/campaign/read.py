@@ -39,13 +39,13 @@ def read_spec(path: Path) -> Spec:
     if duration == 0.0:
         raise table.fail("duration", "is 0 s", "give a time above zero")
     steady = table.number("steady", 0.5 * duration, low=0.0, high=duration, unit="s")
-    seed = _whole(table, "seed", low=0)
+    seed = table.whole("seed", low=0)
     if seed > MOST_SEED:
-        raise table.fail("seed", f"is {seed:.5g}", f"give {MOST_SEED} at most")
+        raise table.fail("seed", f"is {seed}", f"give {MOST_SEED} at most")
     sampling = cast(Sampling, table.text("sampling", "random", among=SAMPLINGS))
-    runs = _whole(table, "runs", low=1, high=MOST)
+    runs = table.whole("runs", low=1, high=MOST)
     usual = min(SHARD, max(LEAST[procedure], -(-runs // PARTS)))
-    shard = _whole(table, "shard", usual, low=2, high=1 << 16)
+    shard = table.whole("shard", usual, low=2, high=1 << 16)
     target = _target(table, procedure)
     arms = read_arms(table, procedure, target)
     tick = max(arm.platform.tick for arm in arms)
@@ -84,17 +84,6 @@ def _refuse_unknown(table: Table) -> None:
         hint = UnknownName("key", first, KEYS).hint
         rest = ", ".join(f"{key} (line {table.line(key)})" for key in others)
         raise table.fail(first, "is no key we know", hint + (f" Nor is {rest}" if rest else ""))
-
-
-def _whole(
-    table: Table, key: str, default: int | None = None, *, low: int = 0, high: float = math.inf
-) -> int:
-    if default is not None and key not in table:
-        return default
-    value = table.number(key, low=low, high=high)
-    if value != int(value):
-        raise table.fail(key, f"is {value:g}", "give a whole number")
-    return int(value)
 
 
 def _target(table: Table, procedure: Procedure) -> float | None:
@@ -162,7 +151,7 @@ def _keep(table: Table, runs: int, metrics: Sequence[str]) -> Keep:
         if any(number != int(number) for number in given):
             raise own.fail("runs", f"is {own.raw('runs')!r}", "give whole numbers of runs")
         numbers = tuple(sorted({int(number) for number in given}))
-    worst = _whole(own, "worst", 0, low=0, high=1000)
+    worst = own.whole("worst", 0, low=0, high=1000)
     by = own.text("by", metrics[0]) if worst else own.text("by", "")
     if by and by not in metrics:
         hint = UnknownName("metric", by, metrics).hint

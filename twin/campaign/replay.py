@@ -1,18 +1,18 @@
 """One run of a campaign flown again alone, and held against what the campaign wrote of it."""
 
 import heapq
+import os
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-
-import pyarrow.parquet as pq
 
 from twin.campaign.draw import draw
 from twin.campaign.flight import Came, flown
 from twin.campaign.folder import Folder
 from twin.campaign.merit import METRICS
-from twin.campaign.rows import table_of
+from twin.campaign.rows import read_rows, table_of
 from twin.campaign.spec import Spec
 from twin.errors import UsageError
 from twin.loop import Observer
@@ -56,9 +56,29 @@ def replay(spec: Spec, folder: Folder, run: int, rrd: Path | None = None) -> Rep
     shard = folder.shard(run // spec.shard)
     differs: tuple[str, ...] | None = None
     if shard.is_file():
-        written = pq.read_table(shard).slice(run % spec.shard, 1).to_pylist()[0]
+        written = read_rows(shard).slice(run % spec.shard, 1).to_pylist()[0]
         differs = tuple(name for name, value in again.items() if value != written[name])
     return Replayed(run, arm.name, values, came[run], differs)
+
+
+def record_kept(spec: Spec, folder: Folder, tell: Callable[[str], None]) -> list[Path]:
+    """The recordings of a campaign that is flown; those that are not there yet are made.
+
+    Raises:
+        CampaignError: somebody flies or records there.
+    """
+    paths: list[Path] = []
+    with folder.owned():
+        for run in kept_runs(spec, folder):
+            path = folder.recording(run)
+            paths.append(path)
+            if not path.is_file():
+                tell(f"recording run {run}")
+                path.parent.mkdir(exist_ok=True)
+                part = path.with_name(f".{path.name}")
+                replay(spec, folder, run, part)
+                os.replace(part, path)
+    return paths
 
 
 def kept_runs(spec: Spec, folder: Folder) -> list[int]:
@@ -67,7 +87,7 @@ def kept_runs(spec: Spec, folder: Folder) -> list[int]:
     if spec.keep.worst:
         side = METRICS[spec.keep.by].worse or 1
         for shard in range(spec.shards):
-            table = pq.read_table(folder.shard(shard), columns=["run", spec.keep.by])
+            table = read_rows(folder.shard(shard), ["run", spec.keep.by])
             runs, values = (column.to_pylist() for column in table.columns)
             known = [(side * v, -run) for v, run in zip(values, runs, strict=True) if v is not None]
             worst = heapq.nlargest(spec.keep.worst, [*worst, *known])

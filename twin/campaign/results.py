@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from twin.campaign.folder import Folder
 from twin.campaign.read import read_spec
+from twin.campaign.rows import read_rows
 from twin.campaign.spec import Spec
 from twin.errors import CampaignError
 
@@ -86,7 +86,7 @@ def read_results(path: Path) -> Results:
     files = [folder.shard(n) for n in range(spec.shards) if n not in missing]
     if not files:
         raise CampaignError(path, "holds no run yet", "wait for the first shard, or --resume it")
-    table = pa.concat_tables([_read(file) for file in files])
+    table = pa.concat_tables([read_rows(file) for file in files])
     kinds = {entry.name: (entry.metadata or {}).get(b"kind", b"") for entry in table.schema}
 
     def numbers(kind: bytes) -> dict[str, Array]:
@@ -103,12 +103,3 @@ def read_results(path: Path) -> Results:
         factors=numbers(b"factor"),
         metrics=numbers(b"metric"),
     )
-
-
-def _read(path: Path) -> pa.Table:
-    try:
-        return pq.read_table(path)
-    except (pa.ArrowInvalid, OSError) as problem:
-        raise CampaignError(
-            path, f"cannot be read ({problem})", "remove it and --resume the campaign"
-        ) from None

@@ -5,8 +5,7 @@ it. Parquet: pandas, Polars and DuckDB read it as it is.
 """
 
 import io
-import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,8 @@ from twin.campaign.draw import Drawn
 from twin.campaign.flight import Came
 from twin.campaign.merit import METRICS
 from twin.campaign.spec import Spec
+from twin.errors import CampaignError
+from twin.whole_file import whole
 
 SCHEMA = "1"
 """Version of the columns."""
@@ -71,14 +72,25 @@ def table_of(spec: Spec, drawn: Drawn, came: Mapping[int, Came]) -> pa.Table:
     return pa.Table.from_arrays(columns, schema=schema_of(spec))
 
 
-def write_atomically(table: pa.Table, path: Path) -> None:
+def write_rows(table: pa.Table, path: Path) -> None:
     """The whole file or none of it, whenever the process is killed."""
-    part = path.with_name(f".{path.name}.{os.getpid()}")
-    with part.open("wb") as file:
+    with whole(path) as file:
         pq.write_table(table, file, compression="zstd")
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(part, path)
+
+
+def read_rows(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+    """What `write_rows` wrote, or some columns of it.
+
+    Raises:
+        CampaignError: it is damaged.
+    """
+    try:
+        return pq.read_table(path, columns=None if columns is None else list(columns))
+    except (pa.ArrowException, OSError) as problem:
+        text = str(problem).split("\n", 1)[0]
+        raise CampaignError(
+            path, f"cannot be read ({text})", "remove it and --resume the campaign"
+        ) from None
 
 
 def size_of(table: pa.Table) -> int:

@@ -10,13 +10,12 @@ from multiprocessing.connection import wait
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from twin.campaign.draw import draw
 from twin.campaign.flight import flown
 from twin.campaign.folder import Folder
 from twin.campaign.read import read_spec
-from twin.campaign.rows import table_of, write_atomically
+from twin.campaign.rows import read_rows, table_of, write_rows
 from twin.campaign.spec import Spec
 
 _spec: Spec | None = None
@@ -36,13 +35,13 @@ class Done:
 def fly_shard(spec: Spec, folder: Folder, shard: int) -> Done:
     """Fly the runs of a shard and write them."""
     done, rows = rows_of_shard(spec, shard)
-    write_atomically(rows, folder.shard(shard))
+    write_rows(rows, folder.shard(shard))
     return done
 
 
 def written_shard(folder: Folder, shard: int) -> Done:
     """What `fly_shard` told, or would have told, of a shard that is written."""
-    ended = pq.read_table(folder.shard(shard), columns=["ended"])["ended"].to_pylist()
+    ended = read_rows(folder.shard(shard), ["ended"])["ended"].to_pylist()
     return Done(shard, len(ended), ended.count("failed"))
 
 

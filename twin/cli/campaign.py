@@ -43,6 +43,7 @@ class Campaign:
         from twin.campaign.folder import Folder
         from twin.campaign.forecast import forecast
         from twin.campaign.read import read_spec
+        from twin.campaign.replay import record_kept
         from twin.cli.output import print_json, progress
         from twin.errors import UsageError
 
@@ -69,7 +70,7 @@ class Campaign:
         folder = Folder(self.folder)
         with progress() as say:
             done = self._flown(spec, folder, workers, say)
-            recorded = _keep(spec, folder, say)
+            recorded = record_kept(spec, folder, say)
         ends = _ends(folder, spec)
         if self.json:
             print_json(
@@ -115,31 +116,14 @@ def _cores() -> int:
     return os.cpu_count() or 1
 
 
-def _keep(spec: "Spec", folder: "Folder", say: Any) -> list[Path]:
-    """Record the runs that are to be kept and are not yet."""
-    from twin.campaign.replay import kept_runs, replay
-
-    paths: list[Path] = []
-    for run in kept_runs(spec, folder):
-        path = folder.recording(run)
-        paths.append(path)
-        if not path.is_file():
-            say(f"recording run {run}")
-            path.parent.mkdir(exist_ok=True)
-            part = path.with_name(f".{path.name}")
-            replay(spec, folder, run, part)
-            os.replace(part, path)
-    return paths
-
-
 def _ends(folder: "Folder", spec: "Spec") -> dict[str, int]:
     from collections import Counter
 
-    import pyarrow.parquet as pq
+    from twin.campaign.rows import read_rows
 
     count: Counter[str] = Counter()
     for shard in range(spec.shards):
-        count.update(pq.read_table(folder.shard(shard), columns=["ended"])["ended"].to_pylist())
+        count.update(read_rows(folder.shard(shard), ["ended"])["ended"].to_pylist())
     return dict(sorted(count.items()))
 
 

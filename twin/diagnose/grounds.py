@@ -31,9 +31,13 @@ def check_logs(recordings: Sequence[Recording], platform: Platform) -> None:
         recording, said = within_range(whole, platform)
         empty = [name for name, series in recording.items() if not len(series)]
         if empty:
+            why = "".join(f"{sentence}; " for sentence in said)
             raise UsageError(
-                f"{recording.source}: {'; '.join(said)}; nothing is left of "
-                f"{', '.join(empty)}: look at its unit, or at the range in platform.toml"
+                f"{recording.source}: {why}nothing is left of {', '.join(empty)}: look at its "
+                "unit, or at the range in platform.toml"
+                if said
+                else f"{recording.source}: {', '.join(empty)} holds no rows; record it again, or "
+                "leave the stream out"
             )
         _check_parts(recording, platform)
         check_possible(recording, platform)

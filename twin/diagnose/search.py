@@ -63,8 +63,8 @@ def price(gain: float, information: Array) -> float:
     return count + float(np.sum(np.log1p(information * width_squared)))
 
 
-def critical(weighing: Weighing, asked: Sequence[int], level: float = FALSE_ALARM) -> float:
-    """Surprise that the most surprising of all causes reaches by chance with this probability.
+def critical(weighing: Weighing, asked: Sequence[int]) -> float:
+    """Surprise that the most surprising cause reaches by chance with probability `FALSE_ALARM`.
 
     Parametric bootstrap in the whitened linear model, noise N(0, I), the base projected out.
     """
@@ -83,7 +83,7 @@ def critical(weighing: Weighing, asked: Sequence[int], level: float = FALSE_ALAR
     least = np.zeros(DRAWS)
     for directions, gain in most.items():
         least = np.minimum(least, chi2.logsf(gain, directions))
-    return float(np.quantile(least, level))
+    return float(np.quantile(least, FALSE_ALARM))
 
 
 class Search:

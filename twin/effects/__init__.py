@@ -20,7 +20,6 @@ from twin.effects.on_series import ScatterEffect as ScatterEffect
 from twin.effects.on_series import SeriesEffect as SeriesEffect
 from twin.effects.on_series import series_effects as series_effects
 from twin.effects.stated import able as able
-from twin.effects.stated import effect_text as effect_text
 from twin.effects.stated import effects_of as effects_of
 from twin.effects.stated import parse_effects as parse_effects
 from twin.effects.stated import with_effects as with_effects

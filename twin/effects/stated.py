@@ -84,11 +84,6 @@ def parse_effects(text: str) -> tuple[Effect, ...]:
     return tuple(_parsed(word) for word in words if word)
 
 
-def effect_text(effect: Effect) -> str:
-    """An effect as a command line takes it."""
-    return f"{effect.label}={'/'.join(f'{value:.17g}' for value in effect.values)}"
-
-
 def _parsed(word: str) -> Effect:
     label, equals, numbers = word.partition("=")
     name, _, target = label.strip().partition(":")

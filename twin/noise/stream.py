@@ -85,8 +85,8 @@ def _white(series: Series) -> tuple[Array, Array, Array, Mask, Array]:
     """White noise, what it is worth, resolution, outliers, and the values as numbers that
     differences make sense of."""
     attitude = series.columns == ("w", "x", "y", "z")
-    resolution = _resolution(series.value, 3 if attitude else len(series.columns))
     finite = np.isfinite(series.value).all(axis=1)
+    resolution = _resolution(series.value[finite], 3 if attitude else len(series.columns))
     value = np.full((len(series), len(resolution)), np.nan)
     value[finite] = angles(series.value[finite]) if attitude else series.value[finite]
     flagged: Mask = np.logical_not(finite)

@@ -33,13 +33,14 @@ class ReplayedPlant(Plant):
         self._measured = {
             name: measured[name]
             for name in measured
+            if len(measured[name])
             if name in ("gyro", "attitude", "inclinometer", "accelerometer", "magnetometer")
             or name in platform.sensors
         }
         if not self._measured:
             raise UsageError(
-                f"nothing to replay: the log holds {', '.join(recording) or 'no stream'}, "
-                f"{platform.name} measures {', '.join(platform.sensors)}"
+                f"nothing to replay: the log has no sample of what {platform.name} measures "
+                f"({', '.join(platform.sensors)}), only {', '.join(recording) or 'no stream'}"
             )
         self._commands = {name: recording[name] for name in platform.commands if name in recording}
         check_columns(recording, platform, (*self._measured, *self._commands))
@@ -50,7 +51,7 @@ class ReplayedPlant(Plant):
     @property
     def duration(self) -> float:
         """Time of the last sample after the first [s]."""
-        return max(float(s.time[-1]) for s in self._measured.values() if len(s)) - self._start
+        return max(float(s.time[-1]) for s in self._measured.values()) - self._start
 
     def read(self, until: float) -> Reading:
         self._now = until

@@ -63,7 +63,7 @@ def _write_csv(path: Path, name: str, series: Series) -> None:
     del name
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", *series.columns])
+        writer.writerow([_clock(series), *series.columns])
         # Python writes the shortest text that reads back as the same float64
         rows = zip(series.time.tolist(), series.value.tolist(), strict=True)
         writer.writerows([time, *value] for time, value in rows)
@@ -74,8 +74,16 @@ def _write_parquet(path: Path, name: str, series: Series) -> None:
     from pyarrow import parquet
 
     del name
-    columns = {"time": series.time} | dict(zip(series.columns, series.value.T, strict=True))
+    columns = {_clock(series): series.time} | dict(zip(series.columns, series.value.T, strict=True))
     parquet.write_table(pa.table(columns), path)
+
+
+def _clock(series: Series) -> str:
+    """A name for the column of times that no column of values has."""
+    name = "time"
+    while name in series.columns:
+        name = f"log_{name}"
+    return name
 
 
 def _write_mat(path: Path, name: str, series: Series) -> None:
@@ -105,6 +113,8 @@ def _log_toml(recording: Recording, files: Mapping[str, Path], format: str) -> s
         entry: dict[str, Any] = {"file": files[name].name}
         if format == "mat":
             entry["variable"] = _plain(name)
+        elif (clock := _clock(series)) != "time":
+            entry["time"] = clock
         entry["unit"] = series.unit
         if stated.get(name, {}).get("listed") and not _fixed(name):
             if format != "mat":  # or they would be taken by name

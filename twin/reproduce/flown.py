@@ -45,6 +45,7 @@ class Flown:
         return InitialState(
             attitude=last["attitude"],
             rate_body=last["rate"],
+            wheel_speed=last.get("wheel_speed"),
             stage_position=last.get("stage_position", 0.0),
             gimbal_angle=last.get("gimbal_angle"),
         )

@@ -13,6 +13,7 @@ from pathlib import Path
 from twin.report.style import bullets, framed, page, table
 from twin.reproduce.judge import Judged
 from twin.reproduce.run import Reproduced
+from twin.whole_file import write_whole
 
 TITLE = "The papers reproduced"
 
@@ -111,4 +112,4 @@ def _kept(path: Path, section: re.Pattern[str]) -> dict[str, str]:
 
 def _write(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
+    write_whole(path, text)

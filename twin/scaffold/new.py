@@ -36,10 +36,13 @@ def new_platform(path: Path, kind: str) -> Path:
         )
     if name in model_names():
         raise UsageError(f"{name!r} is a machine that is shipped; choose another name")
-    if path.exists():
-        raise UsageError(f"{path} is there already; choose another name, or move it away")
     try:
         path.mkdir(parents=True)
+    except FileExistsError:
+        raise UsageError(f"{path} is there already; choose another name, or move it away") from None
+    except OSError as problem:
+        raise UsageError(f"cannot write {path}: {problem.strerror}") from None
+    try:
         for file in sorted((_HERE / kind).iterdir()):
             text = file.read_text(encoding="utf-8").replace(_TEMPLATE_NAME, name)
             (path / file.name).write_text(text, encoding="utf-8")

@@ -20,3 +20,13 @@ def test_what_is_no_number_or_at_full_scale_is_not_believed():
     checks = Believable(limit=20.0, frozen_after=0)
     assert checks.doubt((math.nan,)) == "not a number"
     assert checks.doubt((20.0,)).startswith("saturated")
+
+
+def test_the_value_that_is_the_nth_alike_is_doubted_whether_it_is_one_object_or_several():
+    one = (1.0, 2.0)
+    for values in ([one] * 4, [(1.0, 2.0), (1.0, 2.0), (1.0, 2.0), (1.0, 2.0)]):
+        checks = Believable(limit=20.0, frozen_after=3)
+        doubts = [checks.doubt(value) for value in values]
+        assert doubts[:2] == ["", ""]
+        assert "the same for 3 samples" in doubts[2]
+        assert checks.doubt((1.0, 2.5)) == ""

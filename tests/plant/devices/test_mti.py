@@ -203,7 +203,7 @@ def test_a_small_step_back_of_the_devices_clock_is_passed_on(running, wait_for):
     [
         ("not_a_number", "imu: gyro not a number"),
         ("saturated", "imu: gyro saturated: 34.91 at a full scale of 34.91"),
-        ("frozen", "imu: gyro the same for 21 samples: the sensor has stopped"),
+        ("frozen", "imu: gyro the same for 20 samples: the sensor has stopped"),
     ],
 )
 def test_a_sick_sensor_gives_reasons_instead_of_values(running, wait_for, reasons, fault, reason):

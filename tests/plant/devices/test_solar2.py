@@ -110,7 +110,7 @@ def test_a_unit_that_is_set_otherwise_is_told_at_once(plug, solar, device, setti
         ("text", 0, "it answers in text"),
         ("nmea", 0, "no answer"),
         ("saturated", 0, "saturated: 0.5236 at a full scale of 0.5236"),
-        ("stale", 0, "the same for 11 samples: the sensor has stopped"),
+        ("stale", 0, "the same for 10 samples: the sensor has stopped"),
         ("baud", 9600, "tilt: "),
     ],
 )

@@ -247,6 +247,11 @@ def test_json_without_a_sample_is_left_out_and_counted(log_of, tmp_path: Path):
             "a.mcap: column 'x' holds 'high', which is no finite number (message 2 on /g); "
             "write the number, or name other `columns`",
         ),
+        (
+            [{"x": 1.0}, {"x": 10**310}],
+            f"a.mcap: column 'x' holds {10**310}, which is no finite number (message 2 on /g); "
+            "write the number, or name other `columns`",
+        ),
         ([{"name": "a"}], "a.mcap: on /g holds no number; name another `topic`"),
         (
             [{"x": 1.0}, b"{"],

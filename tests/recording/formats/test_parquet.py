@@ -89,3 +89,9 @@ def test_what_is_no_parquet_file_is_refused(complaint, tmp_path: Path, content: 
 def test_a_table_without_rows_is_refused(complaint, tmp_path: Path):
     write(tmp_path, {"t": pa.array([], pa.float64())})
     assert complaint(GYRO) == "a.parquet: has no rows; check the export"
+
+
+def test_two_columns_of_one_name_are_refused(complaint, tmp_path: Path):
+    table = pa.Table.from_arrays([pa.array([0.0, 1.0])] * 3, names=["t", "x", "x"])
+    parquet.write_table(table, tmp_path / "a.parquet")
+    assert complaint(GYRO) == "a.parquet: names two columns 'x'; give each its own name"

@@ -39,7 +39,7 @@ class Believable:
         first = not self._last
         before, self._last = self._last or value, value
         step = max(abs(new - old) for new, old in zip(value, before, strict=True))
-        self._repeats = self._repeats + 1 if value is not before and step == 0.0 else 0
+        self._repeats = self._repeats + 1 if step == 0.0 else 1
         largest = max(map(abs, value))
         if largest >= self._limit:
             return f"saturated: {largest:.4g} at a full scale of {self._limit:.4g}"
@@ -50,5 +50,5 @@ class Believable:
         if self._unit_length and abs(math.hypot(*value) - 1.0) > 1e-2:
             return f"a quaternion of length {math.hypot(*value):.4g}"
         if self._frozen_after and self._repeats >= self._frozen_after:
-            return f"the same for {self._repeats + 1} samples: the sensor has stopped"
+            return f"the same for {self._repeats} samples: the sensor has stopped"
         return ""

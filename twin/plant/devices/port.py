@@ -26,9 +26,7 @@ _REMEDIES = {
 class Port:
     """One open line to a device. Reading belongs to one thread; so does writing."""
 
-    def __init__(
-        self, device: str, url: str, *, baud: int, stop_bits: int = 1, exclusive: bool = True
-    ) -> None:
+    def __init__(self, device: str, url: str, *, baud: int, stop_bits: int = 1) -> None:
         """Open it, and throw away what had arrived before.
 
         Raises:
@@ -45,7 +43,7 @@ class Port:
                 stopbits=stop_bits,
                 timeout=SLICE,
                 write_timeout=1.0,
-                exclusive=True if exclusive and "://" not in url else None,
+                exclusive=True if "://" not in url else None,
             )
         except (OSError, ValueError) as error:
             code = error.errno if isinstance(error, OSError) else None

@@ -54,7 +54,7 @@ def _value(table: Table, entry: Field[Any], hint: Any) -> Any:
     if hint is bool:
         return _flag(table, name)
     if hint is int:
-        return _whole(table, name)
+        return table.whole(name)
     return table.number(name) if hint is float else table.text(name)
 
 
@@ -70,7 +70,7 @@ def _mapping(table: Table, key_type: type, value_type: Any) -> dict[Any, Any]:
             pair = table.numbers(key, len(get_args(value_type)))
             found[name] = tuple(round(one) for one in pair.tolist())
         else:
-            found[name] = _whole(table, key) if value_type is int else table.number(key)
+            found[name] = table.whole(key) if value_type is int else table.number(key)
     return found
 
 
@@ -79,10 +79,3 @@ def _flag(table: Table, key: str) -> bool:
     if not isinstance(value, bool):
         raise table.fail(key, f"is {value!r}", "say true or false")
     return value
-
-
-def _whole(table: Table, key: str) -> int:
-    value = table.number(key)
-    if value != round(value):
-        raise table.fail(key, f"is {value:g}", "give a whole number")
-    return round(value)

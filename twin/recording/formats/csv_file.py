@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
@@ -25,6 +26,9 @@ BLOCK = 1 << 16
 
 SEPARATORS = (",", ";", "\t")
 """Of columns: that of which the first row has most."""
+
+_COMMA = re.compile(rb'[;\t\n]\s*"?[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?"?\s*(?=[;\t\r\n]|$)')
+"""A cell that is a number with a decimal comma, and nothing else."""
 
 BLANKS = ["", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL"]
 """How programs write that there is no number."""
@@ -51,9 +55,9 @@ class CsvFile(NumberFile):
             ) from None
         text = self._content.split(b"\n", 1)[0].decode("utf-8").rstrip("\r")
         self._separator = max(SEPARATORS, key=text.count)
-        below = self._content[len(text.encode()) :]
         # where commas separate no columns, a number may have one
-        self._point = "," if self._separator != "," and b"," in below else "."
+        commas = self._separator != "," and _COMMA.search(self._content, len(text.encode()))
+        self._point = "," if commas else "."
         try:
             header = next(csv.reader([text], delimiter=self._separator), [])
         except csv.Error as problem:

@@ -57,7 +57,7 @@ class McapFile(NumberFile):
         try:
             column = np.array(raw, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
-            row = next(i for i, x in enumerate(raw) if not isinstance(x, int | float | None))
+            row = next(i for i, x in enumerate(raw) if not _is_number(x))
             raise self.fault(
                 f"column {name!r} holds {raw[row]!r}, which is no finite number",
                 "write the number, or name other `columns`",
@@ -74,3 +74,11 @@ def _taken(get: Callable[[Any], Any], message: Any) -> Any:
         return get(message)
     except TypeError:
         return None
+
+
+def _is_number(value: Any) -> bool:
+    """That a float can hold, or none at all."""
+    try:
+        return value is None or isinstance(float(value), float)
+    except (TypeError, ValueError, OverflowError):
+        return False

@@ -37,6 +37,9 @@ class ParquetFile(NumberFile):
             table = table.flatten()
         if table.num_rows == 0 or table.num_columns == 0:
             raise LogError(path, "has no rows", "check the export")
+        for name in table.column_names:
+            if table.column_names.count(name) > 1:
+                raise LogError(path, f"names two columns {name!r}", "give each its own name")
         self._table = table
         clocks = [name for name, kind in _kinds(table) if _is_time(kind)]
         super().__init__(path, table.column_names, clocks)

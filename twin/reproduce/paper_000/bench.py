@@ -50,7 +50,7 @@ def with_noise(machine: Platform, noise: float) -> Platform:
     return replace(machine, sensors=sensors)
 
 
-def tracked(machine: Platform, *, runs: Sequence[int] = (0,), length: float = LENGTH) -> Flown:
+def tracked(machine: Platform, *, runs: Sequence[int] = (0,)) -> Flown:
     """Sines in roll, pitch and yaw by quaternion feedback and three gyros, about where m r hangs.
 
     About level the offset of eq. 43 would fill the array within a minute.
@@ -59,7 +59,7 @@ def tracked(machine: Platform, *, runs: Sequence[int] = (0,), length: float = LE
     return flown(
         machine,
         load_controller("cmg_pd"),
-        length,
+        LENGTH,
         start=InitialState(attitude=rest),
         reference=About(rest, Multisine(AMPLITUDE, PACE)),
         runs=runs,

@@ -142,17 +142,16 @@ def afloat(run: Flown) -> Flown:
     )
 
 
-def momentum_change(run: Flown, inertia: Array | None = None) -> Array:
+def momentum_change(run: Flown) -> Array:
     """J dw/dt + w x J w of the gyro below `CUTOFF`, without its mean, (m, n, 3) [N m].
 
     The ends, where filter and derivative lack a side, are left out.
     """
     tick = run.platform.tick
-    matrix = run.platform.inertia if inertia is None else inertia
     measured = run.seen["rate"] - run.seen["rate"].mean(axis=0)
     filtered = butter(2, CUTOFF, fs=1.0 / tick, output="sos")
     rate = np.asarray(sosfiltfilt(filtered, measured[1:], axis=0))
-    momentum = rate @ matrix
+    momentum = rate @ run.platform.inertia
     change = np.asarray(np.gradient(momentum, tick, axis=0)) + cross(rate, momentum)
     edge = round(1.0 / (CUTOFF * tick))
     return change[edge:-edge]

@@ -49,6 +49,8 @@ class DeviceClock:
 
 _APART = 1e-4
 """At least between two samples [s]: a tick of the device's clock."""
+SPAN = 10.0
+"""So far back the promptest sample may lie [s]."""
 
 
 class Promptest:
@@ -59,9 +61,7 @@ class Promptest:
     shortest delay. It is taken over some seconds, in which a crystal drifts by less than that.
     """
 
-    def __init__(self, span: float = 10.0) -> None:
-        """`span`: so far back the promptest may lie [s]."""
-        self._span = span
+    def __init__(self) -> None:
         self._last = -math.inf
         self._least = deque[tuple[float, float]]()
         """Arrival and its difference to the stamp, of those that may yet be the least."""
@@ -74,7 +74,7 @@ class Promptest:
         while self._least and self._least[-1][1] >= arrival - stamp:
             self._least.pop()
         self._least.append((arrival, arrival - stamp))
-        while arrival - self._least[0][0] > self._span:
+        while arrival - self._least[0][0] > SPAN:
             self._least.popleft()
         self._last = max(stamp + self._least[0][1], self._last + _APART)
         return self._last
