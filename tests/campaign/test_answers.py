@@ -13,8 +13,9 @@ from twin.campaign.conditions import conditions
 from twin.campaign.draw import draw
 from twin.campaign.read import read_spec
 from twin.campaign.results import Results, read_results
-from twin.campaign.statistics import bootstrap, holm, mean, median, rank_correlation
+from twin.campaign.statistics import bootstrap, holm, mean, quantile, rank_correlation
 from twin.errors import CampaignError
+from twin.report.campaign_words import comparison_words
 
 ARMS = '[[arms]]\nname = "a"\n\n[[arms]]\nname = "b"\ncontroller = "mass_pid"\n\n[gains]'
 OFFSET = "initial.center_of_mass_offset.x"
@@ -57,27 +58,50 @@ def found(made_up) -> Answers:
     return answers(made_up())
 
 
-def test_a_bootstrap_interval_holds_the_truth_95_times_in_100():
+@pytest.mark.parametrize("machines", [8, 60])
+def test_the_interval_of_a_mean_holds_the_truth_95_times_in_100(machines):
     draw, held = np.random.default_rng(3), 0
-    for _ in range(200):
-        values = draw.exponential(size=60)
-        one = bootstrap((values,), np.arange(60), mean)
-        held += one.low <= 1.0 <= one.high
-    assert stats.binomtest(held, 200, 0.95).pvalue > 1e-3 or held > 180, held
+    for _ in range(400):
+        one = bootstrap((draw.normal(size=machines),), np.arange(machines), mean)
+        held += one.low <= 0.0 <= one.high
+    assert stats.binomtest(held, 400, 0.95).pvalue > 1e-3, held
+
+
+def test_too_few_machines_give_a_mean_no_interval():
+    one = bootstrap((np.arange(4.0),), np.arange(4), mean)
+    assert one.value == 1.5
+    assert np.isnan([one.low, one.high]).all()
+
+
+@pytest.mark.parametrize("share", [0.5, 0.95])
+@pytest.mark.parametrize("machines", [2, 10, 60, 300])
+def test_the_interval_of_a_quantile_holds_the_truth_95_times_in_100_of_however_few(machines, share):
+    draw, held = np.random.default_rng(3), 0
+    for _ in range(400):
+        one = quantile(draw.exponential(size=machines), np.arange(machines), share)
+        held += one.low <= -np.log(1.0 - share) <= one.high
+    assert stats.binomtest(held, 400, 0.95, "less").pvalue > 1e-3, held
+    assert machines < 60 or held < 400, "and no wider than it has to be"
+
+
+def test_ten_machines_say_nothing_from_above_of_the_95th_percentile():
+    one = quantile(np.arange(10.0), np.arange(10), 0.95)
+    assert one.low == 7.0
+    assert one.high == np.inf
 
 
 def test_runs_of_one_sample_are_not_taken_for_independent():
     draw = np.random.default_rng(4)
     sample = np.repeat(np.arange(100), 8)
     values = draw.normal(size=100)[sample]
-    alone = bootstrap((values,), np.arange(800), median)
-    together = bootstrap((values,), sample, median)
-    assert (together.high - together.low) > 2.0 * (alone.high - alone.low)
     shuffled = draw.permutation(800)
-    again = bootstrap((values[shuffled],), sample[shuffled], median)
-    assert again.value == together.value
-    uneven = bootstrap((values[:-3],), sample[:-3], median)
-    assert uneven.low == pytest.approx(together.low, abs=0.05)
+    for interval in (lambda v, s: bootstrap((v,), s, mean), lambda v, s: quantile(v, s, 0.5)):
+        alone, together = interval(values, np.arange(800)), interval(values, sample)
+        assert (together.high - together.low) > 2.0 * (alone.high - alone.low)
+        again = interval(values[shuffled], sample[shuffled])
+        assert again.value == pytest.approx(together.value, abs=1e-12)
+        uneven = interval(values[:-3], sample[:-3])
+        assert uneven.low == pytest.approx(together.low, abs=0.05)
 
 
 def test_rank_correlation_has_its_interval():
@@ -148,15 +172,29 @@ def test_arms_are_compared_on_the_machines_that_both_met(found):
     assert travel.ratio.low < 1.0 < travel.ratio.high
 
 
-def test_two_campaigns_are_compared_without_pairs(made_up):
+@pytest.mark.parametrize("same", [True, False])
+def test_two_campaigns_are_compared_machine_by_machine_where_they_drew_the_same(made_up, same):
     one, other = made_up(0), made_up(1)
-    changed = {**other.metrics, "tilt_rms": 1.5 * other.metrics["tilt_rms"]}
-    found = answers(one, replace(other, metrics=changed, folder=Path("y"))).comparisons
-    tilt = next(c for c in found if c.metric == "tilt_rms" and c.pairs == 0)
+    changed = {**other.metrics, "tilt_rms": 1.05 * other.metrics["tilt_rms"]}
+    width = other.factors[WIDTH] * (1.0 if same else 1.01)
+    factors = {**other.factors, WIDTH: width}
+    other = replace(other, metrics=changed, factors=factors, folder=Path("y"))
+    found = [c for c in answers(one, other).comparisons if c.one.startswith("x: ")]
+    assert {c.metric for c in found} == {"tilt_rms", "rate_rms", "stage_travel"}
+    assert {c.pairs > 0 for c in found} == {same}
+    tilt = next(c for c in found if c.metric == "tilt_rms")
     assert (tilt.one, tilt.other) == ("x: a", "y: a")
-    assert tilt.ratio.low < 1.5 < tilt.ratio.high
-    assert tilt.p < 1e-6
-    assert all(c.p > 0.05 for c in found if c.pairs == 0 and c.metric != "tilt_rms")
+    assert tilt.ratio.low < 1.05 < tilt.ratio.high
+    assert (tilt.p < 1e-6) == same, "pairs see what the spread of the machines hides"
+    assert all(c.p > 0.05 for c in found if c.metric != "tilt_rms")
+
+
+def test_what_is_the_same_on_every_machine_is_said_to_be(made_up):
+    results = made_up()
+    results = replace(results, metrics={"tilt_rms": np.ones(1200)})
+    (one,) = answers(results).comparisons
+    assert (one.wins, one.ties, one.p) == (0.0, 1.0, 1.0)
+    assert "the same with a and b on 300 machines" in comparison_words(one)
 
 
 def test_runs_that_failed_are_counted_by_reason_and_left_out(found):

@@ -71,13 +71,35 @@ def test_the_tables_as_markdown_say_the_same_as_the_document(flown, capsys, tmp_
     for one in document["comparisons"]:
         assert f"| {one['metric']} | masses <only> / mixed | 24 |" in table
     bars = [len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines() if row[:1] == "|"]
-    assert set(bars) == {5, 6, 7}, "a size is written with bars, which must not end a cell"
+    assert set(bars) == {5, 6, 7, 8}, "a size is written with bars, which must not end a cell"
     for one in document["worst"]:
         assert f"| {one['metric']} | {one['run']} | {one['arm']} |" in table
 
 
 def test_two_campaigns_are_held_against_each_other(flown, capsys):
     assert main(["report", str(flown), "--against", str(flown), "--json"]) == 0
-    unpaired = [c for c in json.loads(capsys.readouterr().out)["comparisons"] if not c["pairs"]]
-    assert len(unpaired) == 6
-    assert all(c["ratio_of_means"]["value"] == 1.0 and c["p"] > 0.9 for c in unpaired)
+    found = json.loads(capsys.readouterr().out)["comparisons"]
+    own = [c for c in found if c["one"].startswith("out: ")]
+    assert len(own) == 6
+    assert all(c["ratio_of_means"]["value"] == 1.0 and c["same_in"] == 1.0 for c in own)
+    assert main(["report", str(flown), "--against", str(flown)]) == 0
+    assert "the same machines, duration and seed." in capsys.readouterr().out
+
+
+def test_a_campaign_of_another_kind_is_held_against_with_what_differs(flown, capsys, tmp_path):
+    text = 'platform = "dfki_pendulum"\ncontroller = "free_float"\nruns = 2\nduration = 0.1\n'
+    (tmp_path / "spec.toml").write_text(text + "seed = 5\n")
+    assert main(["campaign", str(tmp_path / "spec.toml"), str(tmp_path / "other")]) == 0
+    assert main(["report", str(flown), "--against", str(tmp_path / "other")]) == 0
+    said = capsys.readouterr().out
+    assert "they differ in machines (cubesat, cubesat here, dfki_pendulum there), duration" in said
+    assert "They have no metric in common." in said
+
+
+def test_each_point_of_the_grid_has_its_row(flown, capsys):
+    assert main(["report", str(flown), "--json"]) == 0
+    points = json.loads(capsys.readouterr().out)["points"]
+    assert len(points) == 2 * 2 * 3, "arms, gains, metrics"
+    assert {one["count"] for one in points} == {12}
+    assert {one["at"]["gains.derivative"] for one in points} == {1e-3, 2e-3}
+    assert "## Over the grid" in (flown / "report.md").read_text()

@@ -1,7 +1,7 @@
 """What a campaign says: distributions, sensitivities, worst runs and why, comparisons."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,13 +15,15 @@ from twin.campaign.dependence import dependences
 from twin.campaign.indices import Index, sobol_indices
 from twin.campaign.merit import METRICS
 from twin.campaign.results import Results
-from twin.campaign.statistics import bootstrap, high, holm, mean, median
+from twin.campaign.statistics import bootstrap, holm, mean, quantile
 from twin.interval import Interval
 
 Array = NDArray[np.float64]
 
 WORST = 5
 """Runs named of each metric."""
+HIGH = 0.95
+"""Share of the runs that stay below the percentile that is told."""
 BLAMED = 2
 """Factors named of each of these."""
 CERTAIN = 0.05
@@ -37,6 +39,21 @@ class Spread:
     count: int
     """Runs that have it."""
     mean: Interval
+    median: Interval
+    high: Interval
+    """95th percentile."""
+
+
+@dataclass(frozen=True)
+class AtPoint:
+    """How one metric is distributed at one point of the grids, over the machines of an arm."""
+
+    arm: str
+    at: tuple[tuple[str, float], ...]
+    """Factors that are on a grid, and their values there."""
+    metric: str
+    count: int
+    """Runs that have it."""
     median: Interval
     high: Interval
     """95th percentile."""
@@ -88,6 +105,10 @@ class Answers:
     reasons: tuple[tuple[str, int, int], ...]
     """Why runs did not come to their end: sentence without its numbers, count, first such run."""
     spreads: tuple[Spread, ...]
+    points: tuple[AtPoint, ...]
+    """Of each arm, metric by metric; none without a grid."""
+    stopped: dict[str, int]
+    """Runs of each arm that touched the tilt stop, where a metric tells."""
     sensitivities: tuple[Sensitivity, ...]
     indices: tuple[Index, ...]
     """Where the campaign has a Saltelli design."""
@@ -95,6 +116,8 @@ class Answers:
     comparisons: tuple[Comparison, ...]
     conditions: tuple[Part, ...]
     """On what they depend."""
+    against: Results | None = None
+    """The campaign that these are held against."""
 
 
 def answers(results: Results, against: Results | None = None) -> Answers:
@@ -130,11 +153,14 @@ def answers(results: Results, against: Results | None = None) -> Answers:
         ended={arm: dict(Counter(results.ended[results.of(arm)].tolist())) for arm in names},
         reasons=_reasons(results),
         spreads=tuple(spreads),
+        points=tuple(_at_points(results)),
+        stopped=_stopped(results),
         sensitivities=sensitivities,
         indices=sobol_indices(results),
         worst=_worst(results, sensitivities),
         comparisons=comparisons,
         conditions=conditions(results) if len(names) > 1 else (),
+        against=against,
     )
 
 
@@ -144,9 +170,45 @@ def _spread(arm: str, metric: str, column: Array, sample: NDArray[np.int64]) -> 
         metric,
         len(column),
         bootstrap((column,), sample, mean),
-        bootstrap((column,), sample, median),
-        bootstrap((column,), sample, high),
+        quantile(column, sample, 0.5),
+        quantile(column, sample, HIGH),
     )
+
+
+def _at_points(results: Results) -> Iterator[AtPoint]:
+    grids = results.spec.grids
+    if not grids:
+        return
+    for arm in results.spec.arms:
+        rows = results.of(arm.name)
+        values = np.column_stack([results.factors[factor.name][rows] for factor, _ in grids])
+        for metric, column in results.metrics.items():
+            for point in np.unique(values, axis=0):
+                there = rows[(values == point).all(axis=1)]
+                known = there[np.isfinite(column[there])]
+                if known.size:
+                    at = zip((factor.name for factor, _ in grids), point.tolist(), strict=True)
+                    own, sample = column[known], results.sample[known]
+                    yield AtPoint(
+                        arm.name,
+                        tuple(at),
+                        metric,
+                        len(known),
+                        quantile(own, sample, 0.5),
+                        quantile(own, sample, HIGH),
+                    )
+
+
+def _stopped(results: Results) -> dict[str, int]:
+    found: dict[str, int] = {}
+    if "tilt_max" not in results.metrics:
+        return found
+    for arm in results.spec.arms:
+        platform, tilt = arm.platform, results.metrics["tilt_max"][results.of(arm.name)]
+        touched = int(np.count_nonzero(tilt >= platform.stop_angle))
+        if touched and platform.base.kind == "ball" and platform.pitch_stop is None:
+            found[arm.name] = touched
+    return found
 
 
 def _reasons(results: Results) -> tuple[tuple[str, int, int], ...]:

@@ -36,6 +36,8 @@ class Comparison:
     wins: float
     """Share of machines on which `other` is smaller on average; of all couples of a machine of each
     set where these are not paired."""
+    ties: float
+    """Share on which both are the same."""
     p: float
     """That there is no difference; corrected for the number of metrics."""
 
@@ -54,9 +56,7 @@ def between_arms(results: Results) -> tuple[Comparison, ...]:
             x, y = column[left[known]], column[right[known]]
             ratio = ratio_of_pairs(x, y, results.sample[left[known]])
             more = of_machines(y - x, results.machine[left[known]])
-            wins = float(np.mean(more < 0.0) + 0.5 * np.mean(more == 0.0))
-            p = signed_ranks(more)
-            found.append(Comparison(one, other, metric, len(x), len(more), ratio, wins, p))
+            found.append(Comparison(one, other, metric, len(x), len(more), ratio, *_sided(more)))
     return _corrected(found)
 
 
@@ -82,7 +82,11 @@ def _free(results: Results, arm: str) -> NDArray[np.intp]:
 
 
 def between_campaigns(results: Results, against: Results) -> tuple[Comparison, ...]:
-    """All runs of one campaign and all of another, arm by arm where both have it by name."""
+    """All runs of one campaign and all of another, arm by arm where both have it by name.
+
+    Where both drew the same machines they are paired, machine by machine.
+    """
+    same = same_machines(results, against)
     found: list[Comparison] = []
     ours, theirs = ([arm.name for arm in r.spec.arms] for r in (results, against))
     couples = [(name, name) for name in ours if name in theirs]
@@ -96,26 +100,45 @@ def between_campaigns(results: Results, against: Results) -> tuple[Comparison, .
             if min(x_known.sum(), y_known.sum()) < 5:
                 continue
             x, y, rows, others = x[x_known], y[y_known], rows[x_known], others[y_known]
+            machine, machines = results.machine[rows], against.machine[others]
+            x_mean, y_mean = of_machines(x, machine), of_machines(y, machines)
+            names = f"{results.folder.name}: {one}", f"{against.folder.name}: {other}", metric
+            both = np.intersect1d(machine, machines)
+            if same and len(both) >= 5:
+                left, right = (np.searchsorted(np.unique(m), both) for m in (machine, machines))
+                x_mean, y_mean = x_mean[left], y_mean[right]
+                ratio = ratio_of_pairs(x_mean, y_mean, both)
+                sided = _sided(y_mean - x_mean)
+                found.append(Comparison(*names, len(both), len(both), ratio, *sided))
+                continue
             ratio = ratio_of_means((x, results.sample[rows]), (y, against.sample[others]))
-            x = of_machines(x, results.machine[rows])
-            y = of_machines(y, against.machine[others])
-            order = np.sort(x)
-            above = len(x) - np.searchsorted(order, y, side="right")
-            ties = np.searchsorted(order, y, side="right") - np.searchsorted(order, y)
-            wins = float(np.mean(above + 0.5 * ties) / len(x))
-            found.append(
-                Comparison(
-                    f"{results.folder.name}: {one}",
-                    f"{against.folder.name}: {other}",
-                    metric,
-                    0,
-                    0,
-                    ratio,
-                    wins,
-                    unpaired_difference(x, y),
-                )
-            )
+            order = np.sort(x_mean)
+            not_above = np.searchsorted(order, y_mean, side="right")
+            below = np.searchsorted(order, y_mean)
+            wins = 1.0 - float(np.mean(not_above) / len(order))
+            ties = float(np.mean(not_above - below) / len(order))
+            p = unpaired_difference(x_mean, y_mean)
+            found.append(Comparison(*names, 0, 0, ratio, wins, ties, p))
     return _corrected(found)
+
+
+def same_machines(results: Results, against: Results) -> bool:
+    """Whether two campaigns drew the same of every factor that both spread, sample by sample."""
+    ours, theirs = ({f.name for f in r.spec.dispersed} for r in (results, against))
+    if not ours or ours != theirs:
+        return False
+    first = [dict(zip(r.machine[::-1].tolist(), range(len(r.run))[::-1], strict=True))
+             for r in (results, against)]  # fmt: skip
+    both = sorted(first[0].keys() & first[1].keys())
+    left, right = ([rows[machine] for machine in both] for rows in first)
+    return bool(both) and all(
+        np.array_equal(results.factors[name][left], against.factors[name][right]) for name in ours
+    )
+
+
+def _sided(more: Array) -> tuple[float, float, float]:
+    """Share of machines that have less, and as much, and the p-value of no difference."""
+    return float(np.mean(more < 0.0)), float(np.mean(more == 0.0)), signed_ranks(more)
 
 
 def _corrected(found: list[Comparison]) -> tuple[Comparison, ...]:

@@ -15,6 +15,8 @@ from twin.interval import Interval
 Array = NDArray[np.float64]
 
 RESAMPLES = 2000
+FEWEST = 5
+"""Draws without which a mean has no interval."""
 _NUMBERS = 2 * 10**7
 """Drawn for one interval, or for 200 resamples: of many runs fewer will do."""
 _BLOCK = 10**6
@@ -38,7 +40,8 @@ def bootstrap(
         statistic: of columns (..., m), over their last axis.
     """
     value = float(statistic(*columns))
-    return _interval(value, resampled(columns, sample, statistic, seed=0))
+    draws = len(np.unique(sample))
+    return _interval(value, resampled(columns, sample, statistic, seed=0), draws)
 
 
 def ratio_of_means(
@@ -50,9 +53,31 @@ def ratio_of_means(
         for seed, (values, sample) in enumerate((one, other))
     )
     many = min(len(below), len(above))
+    draws = min(len(np.unique(sample)) for _, sample in (one, other))
     with np.errstate(divide="ignore", invalid="ignore"):
         value = float(np.divide(np.mean(other[0]), np.mean(one[0])))
-        return _interval(value, above[:many] / below[:many])
+        return _interval(value, above[:many] / below[:many], draws)
+
+
+def quantile(values: Array, sample: NDArray[np.int64], share: float) -> Interval:
+    """A quantile with the interval that order statistics give, whatever the distribution.
+
+    Of few draws an end is infinite: beyond all that was seen. Rows of one sample count as one draw,
+    so that the interval is rather too wide where they differ.
+
+    Source: H. A. David, H. N. Nagaraja, Order Statistics, 2003, section 7.1.
+
+    Args:
+        values: (n,).
+        sample: (n,) of each; rows of one sample are no independent draws.
+        share: of the distribution that lies below it.
+    """
+    rows, draws = len(values), len(np.unique(sample))
+    ordered = np.sort(values)
+    below, above = (int(stats.binom.ppf(tail, draws, share)) for tail in (0.025, 0.975))
+    low = ordered[(below - 1) * rows // draws] if below > 0 else -np.inf
+    high = ordered[-(-(above + 1) * rows // draws) - 1] if above < draws else np.inf
+    return Interval(float(np.quantile(values, share)), float(low), float(high))
 
 
 def resampled(
@@ -85,22 +110,17 @@ def mean(values: Array) -> Array:
     return np.asarray(np.mean(values, axis=-1))
 
 
-def median(values: Array) -> Array:
-    """Over the last axis."""
-    return np.asarray(np.median(values, axis=-1))
+def _interval(value: float, found: Array, draws: int) -> Interval:
+    """Of resamples, as much wider as Student's t of few draws is than the normal distribution.
 
-
-def high(values: Array) -> Array:
-    """95th percentile over the last axis."""
-    return np.asarray(np.percentile(values, 95.0, axis=-1))
-
-
-def _interval(value: float, found: Array) -> Interval:
+    Source: T. C. Hesterberg, The American Statistician 69, 2015, section 4.3.
+    """
     known = found[np.isfinite(found)]
-    if not known.size:
+    if draws < FEWEST or not known.size:
         return Interval(value, np.nan, np.nan)
-    low, above = np.percentile(known, [2.5, 97.5])
-    return Interval(value, float(low), float(above))
+    tail = stats.norm.cdf(np.sqrt(draws / (draws - 1.0)) * stats.t.ppf(0.025, draws - 1))
+    low, high = np.quantile(known, [tail, 1.0 - tail])
+    return Interval(value, float(low), float(high))
 
 
 def rank_correlation(one: Array, other: Array) -> tuple[Interval, float]:

@@ -30,6 +30,19 @@ def campaign_document(found: Answers) -> dict[str, Any]:
             }
             for one in found.spreads
         ],
+        "points": [
+            {
+                "arm": one.arm,
+                "at": dict(one.at),
+                "metric": one.metric,
+                "unit": METRICS[one.metric].unit,
+                "count": one.count,
+                "median": one.median.document(),
+                "percentile_95": one.high.document(),
+            }
+            for one in found.points
+        ],
+        "touched_the_stop": found.stopped,
         "sensitivities": [
             {
                 "arm": one.arm,
@@ -60,6 +73,7 @@ def campaign_document(found: Answers) -> dict[str, Any]:
                 "machines": one.machines,
                 "ratio_of_means": one.ratio.document(),
                 "smaller_in": one.wins,
+                "same_in": one.ties,
                 "p": one.p,
             }
             for one in found.comparisons

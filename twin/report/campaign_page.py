@@ -14,6 +14,8 @@ from twin.report.campaign_words import (
     comparison_table,
     condition_table,
     index_table,
+    nothing_proven,
+    point_table,
     sensitivity_table,
     spread_table,
     summary,
@@ -51,16 +53,14 @@ def write_campaign_page(path: Path, found: Answers) -> None:
             caption = f"{arm.name}: numbers stand where it is no chance, among all that were asked."
             parts.append(framed(drawn, caption))
     head, rows = sensitivity_table(found)
-    parts.append(_table((head, rows)) if rows else "<p>No factor is proven to matter.</p>")
+    parts.append(_table((head, rows)) if rows else f"<p>{nothing_proven(found)}</p>")
     maps = [(name, gain_figure(results, name)) for name in results.metrics
             if np.isfinite(results.metrics[name]).any()]  # fmt: skip
-    if any(drawn for _, drawn in maps):
+    if found.points:
         parts.append("<h2>Over the grid</h2>")
-        parts += [
-            framed(drawn, f"Median of {name}; a band holds 90 % of the runs.")
-            for name, drawn in maps
-            if drawn
-        ]
+        parts.append(_table(point_table(found)))
+        band = "; the band holds 90 % of the runs" if len(spec.grids) == 1 else ""
+        parts += [framed(drawn, f"Median of {name}{band}.") for name, drawn in maps if drawn]
     parts += ["<h2>Worst runs</h2>", _table(worst_table(found))]
     parts.append(f"<p>Again, and in full: <code>twin replay {escape(str(results.folder))} RUN "
                  "--rrd OUT.rrd</code></p>")  # fmt: skip

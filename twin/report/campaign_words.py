@@ -18,6 +18,8 @@ WORTH = 0.01
 """Share of the variance from which on an index is listed."""
 INDICES = "Shares of each metric's variance (Sobol indices), where they may be 1 % or more:"
 CONDITIONS = "How the ratio goes with the factor that it depends on most:"
+A_BEGINNING = 12
+"""Machines of which tests of ranks may prove something."""
 PROVEN = 0.05
 """Level of significance, of p-values that are corrected for their number."""
 
@@ -31,16 +33,55 @@ def summary(found: Answers) -> list[str]:
     """What was flown and how it ended, a sentence each."""
     results, spec = found.results, found.results.spec
     machines = sorted({arm.platform.name for arm in spec.arms})
-    what = "balanced" if spec.procedure == "balance" else "flown"
+    runs, long = ("runs", "") if spec.procedure == "run" else ("balancings", "at most ")
+    drawn = f", {_machines(found)} machines" if spec.dispersed else ""
     lines = [
-        f"{len(results.run)} of {spec.runs} runs of {', '.join(machines)} {what}, "
-        f"{spec.duration:g} s each, {spec.sampling} samples, seed {spec.seed}."
+        f"{len(results.run)} of {spec.runs} {runs} of {', '.join(machines)} flown, {long}"
+        f"{spec.duration:g} s each, {spec.sampling} samples{drawn}, seed {spec.seed}."
     ]
     for arm, ends in found.ended.items():
-        counted = ", ".join(f"{count} {end}" for end, count in sorted(ends.items()))
+        words = {"done": "balanced"} if spec.procedure == "balance" else {}
+        counted = ", ".join(f"{n} {words.get(end, end)}" for end, n in sorted(ends.items()))
         lines.append(f"{arm}: {counted}.")
+    for arm, count in found.stopped.items():
+        angle = math.degrees(next(a.platform.stop_angle for a in spec.arms if a.name == arm))
+        lines.append(
+            f"{arm}: {count} touched the tilt stop at {angle:.3g} deg; what their metrics say is "
+            "of the stop, too."
+        )
     for reason, count, run in found.reasons:
         lines.append(f"{count} did not come to their end: {reason} (the first is run {run}).")
+    return lines + _held_against(found)
+
+
+def _machines(found: Answers) -> int:
+    return len(set(found.results.machine.tolist()))
+
+
+def _held_against(found: Answers) -> list[str]:
+    """Which campaign it is held against, and in what that is another."""
+    against = found.against
+    if against is None:
+        return []
+    ours, theirs = found.results.spec, against.spec
+    said = {
+        "machines": [", ".join(arm.machine for arm in s.arms) for s in (ours, theirs)],
+        "procedure": [s.procedure for s in (ours, theirs)],
+        "duration": [f"{s.duration:g} s" for s in (ours, theirs)],
+        "steady": [f"{s.steady:g} s" for s in (ours, theirs)],
+        "runs": [f"{len(r.run)}" for r in (found.results, against)],
+        "seed": [f"{s.seed}" for s in (ours, theirs)],
+        "what is drawn": [
+            "; ".join(f"{f.name} {f.distribution.words()}" for f in s.factors) or "nothing"
+            for s in (ours, theirs)
+        ],
+    }
+    differ = [f"{what} ({one} here, {other} there)" for what, (one, other) in said.items()
+              if one != other]  # fmt: skip
+    lines = [f"Held against {against.folder}: " + ("they differ in " + ", ".join(differ)
+             if differ else "the same machines, duration and seed") + "."]  # fmt: skip
+    if not set(found.results.metrics) & set(against.metrics):
+        lines.append("They have no metric in common.")
     return lines
 
 
@@ -53,6 +94,8 @@ def comparison_words(one: Comparison) -> str:
     """One comparison as a sentence."""
     words = METRICS[one.metric].words
     how = f"on {one.machines} machines that both met" if one.pairs else "on machines of their own"
+    if one.ties == 1.0:
+        return f"{words}: the same with {one.one} and {one.other} {how}."
     if not one.p < PROVEN:
         return f"{words}: no difference between {one.one} and {one.other} is proven {how}."
     ratio = one.ratio
@@ -63,7 +106,8 @@ def comparison_words(one: Comparison) -> str:
     )
     return (
         f"{words}: with {one.other} {scale}{one.one}, {how}; smaller in {one.wins:.0%} of them "
-        f"(p {_p(one.p)})."
+        + (f"and the same in {one.ties:.0%} " if one.ties else "")
+        + f"(p {_p(one.p)})."
     )
 
 
@@ -72,6 +116,29 @@ def spread_table(found: Answers) -> Rows:
     rows = [_spread_row(spread) for spread in found.spreads]
     head = ("metric", "arm", "runs", "mean (95 %)", "median (95 %)", "95th percentile (95 %)")
     return head, rows
+
+
+def point_table(found: Answers) -> Rows:
+    """Distribution of each metric at each point of the grids."""
+    grids = [factor for factor, _ in found.results.spec.grids]
+    rows: list[list[str]] = []
+    for one in found.points:
+        metric = METRICS[one.metric]
+        factor, unit = fitting(max(abs(one.median.value), abs(one.high.value)), metric.unit)
+        at = [_number(value, grid.unit) for (_, value), grid in zip(one.at, grids, strict=True)]
+        told = [_interval(value, factor) for value in (one.median, one.high)]
+        rows.append([f"{one.metric} [{unit}]", one.arm, *at, f"{one.count}", *told])
+    names = [grid.name for grid in grids]
+    head = ("metric", "arm", *names, "runs", "median (95 %)", "95th percentile (95 %)")
+    return head, rows
+
+
+def nothing_proven(found: Answers) -> str:
+    """What stands where no factor matters for certain."""
+    machines = _machines(found)
+    few = f" {machines} machines can hardly prove any: a dozen is a beginning."
+    few = few if found.results.spec.dispersed and machines < A_BEGINNING else ""
+    return f"No factor is proven to matter.{few}"
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Rows:
@@ -83,11 +150,14 @@ def comparison_table(comparisons: Sequence[Comparison]) -> Rows:
             f"{one.pairs}" if one.pairs else "unpaired",
             _interval(one.ratio, 1.0),
             f"{one.wins:.0%}",
+            f"{one.ties:.0%}",
             _p(one.p),
         ]
         for one in comparisons
     ]
-    return ("metric", "of", "pairs", "ratio of means (95 %)", "smaller in", "p, corrected"), rows
+    head = ("metric", "of", "pairs", "ratio of means (95 %)", "smaller in", "the same in",
+            "p, corrected")  # fmt: skip
+    return head, rows
 
 
 def condition_table(found: Answers) -> Rows:
@@ -171,7 +241,9 @@ def markdown(found: Answers) -> str:
     if found.indices:
         parts += [INDICES, ""]
         parts += [*_table(index_table(found)), ""]
-    parts += _table((head, rows)) if rows else ["No factor is proven to matter."]
+    parts += _table((head, rows)) if rows else [nothing_proven(found)]
+    if found.points:
+        parts += ["", "## Over the grid", "", *_table(point_table(found))]
     parts += ["", "## Worst runs", "", *_table(worst_table(found))]
     return "\n".join(parts) + "\n"
 
@@ -205,11 +277,14 @@ def _blamed(one: Blamed, unit: str) -> str:
 def _interval(one: Interval, factor: float, sign: str = "") -> str:
     if not math.isfinite(one.value):
         return "none"
-    value = format(one.value / factor, f"{sign}.3g")
-    if not math.isfinite(one.low):
-        return value
-    low, high = (format(end / factor, f"{sign}.3g") for end in (one.low, one.high))
-    return f"{value} ({low} to {high})"
+    value, low, high = (
+        format(number / factor, f"{sign}.3g") for number in (one.value, one.low, one.high)
+    )
+    if math.isinf(one.high):
+        return f"{value} (at least {low})" if math.isfinite(one.low) else value
+    if math.isinf(one.low):
+        return f"{value} (at most {high})"
+    return value if math.isnan(one.low) else f"{value} ({low} to {high})"
 
 
 def _number(value: float, unit: str) -> str:
