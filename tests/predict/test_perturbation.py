@@ -11,8 +11,9 @@ from twin.identify.prediction_error import fit
 from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.body import Body, body_of
-from twin.predict.effects import perturbation
-from twin.predict.effects.perturbation import Added, Perturbation, formed
+from twin.predict.effects import added
+from twin.predict.effects.added import Added, formed
+from twin.predict.effects.perturbation import Perturbation
 from twin.predict.log.motion import motion_of
 from twin.predict.parameters.base import base_parameters
 from twin.predict.path.push import Push
@@ -182,7 +183,7 @@ def test_columns_formed_in_groups_are_those_formed_together(
     steady = replace(VISCOUS, name="steady", force=lambda of: 2.0 * against_rate(of))
     every = [VISCOUS, late, steady]
     together = formed(problem.bodies, exact, every)
-    monkeypatch.setattr(perturbation, "AT_ONCE", 1)
+    monkeypatch.setattr(added, "AT_ONCE", 1)
     for one, other in zip(formed(problem.bodies, exact, every), together, strict=True):
         for part, whole in zip(one[0], other[0], strict=True):
             np.testing.assert_allclose(part, whole, atol=1e-12 * np.abs(whole).max())

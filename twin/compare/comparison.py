@@ -14,15 +14,18 @@ from twin.compare.selection import TIED
 from twin.compare.symptoms import Domain, Symptom, symptoms_of
 from twin.conventions import ConventionFinding, check_conventions, corrected
 from twin.identify.momentum import momentum_fit
+from twin.identify.prediction_error import fit
+from twin.identify.ringing import along_what_rings, rings
 from twin.identify.start import base_of, first_biases, first_theta
-from twin.model import compile_model
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of, in_order_of
 from twin.predict.body import Body, body_of
+from twin.predict.effects.machine import predicted_machine
 from twin.predict.log.motion import motion_of
 from twin.predict.log.possible import check_possible
 from twin.predict.log.usable import usable
 from twin.predict.parameters.base import BaseParameters
+from twin.predict.whitening.innovations import Problem
 from twin.recording import Recording
 from twin.recording.pauses import longest_of
 
@@ -123,6 +126,8 @@ def compare(
     recording = corrected(recording, list(conventions))
     noise = tuple(noise_findings(recording, platform))
     body, plain, base = prepare(recording, platform)
+    if rings(body.machine):
+        body = _along(body, base)
     symptoms, biases = symptoms_of([body]), first_biases(body)
     refitted = None
     if not as_built:
@@ -150,11 +155,18 @@ def compare(
     )
 
 
+def _along(body: Body, base: BaseParameters) -> Body:
+    """The log along a motion in which rings what is stated to."""
+    problem = Problem([body], base)
+    found = fit(problem, problem.start(base.as_stated, [first_biases(body)]))
+    return along_what_rings(problem, found)[0].bodies[0]
+
+
 def prepare(
     recording: Recording, platform: Platform
 ) -> tuple[Body, BaseParameters, BaseParameters]:
     """A recording's predictor; its base, and with what its joints take of the motion."""
-    machine = compile_model(platform)
+    machine = predicted_machine(platform)
     body = body_of(machine, recording, motion_of(recording, platform))
     return body, *base_of(machine, [recording])
 

@@ -144,7 +144,7 @@ def _why_not(kind: type[Effect], target: str, bodies: Sequence[Body]) -> str:
     refused = _refused(effect, platform)
     if refused:
         return f"not possible here: {refused}"
-    if effect.label in [f"{s.name}:{s.target}" if s.target else s.name for s in platform.effects]:
+    if effect.label in [stated.label for stated in bodies[0].machine.effects]:
         return "part of the model already"
     if kind.name in _FILTERED and np.isinf(platform.sensors[target].cutoff):
         return "not asked: the platform states no filter there, and without one it is a clock_lag"

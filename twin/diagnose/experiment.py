@@ -21,10 +21,10 @@ from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import able, with_effects
 from twin.errors import TwinError
 from twin.identify.start import first_biases
-from twin.model import compile_model
 from twin.platform import Platform, Sensor
 from twin.predict.body import Body, body_of
 from twin.predict.effects.columns import perturbations_of, strengths_of
+from twin.predict.effects.machine import predicted_machine
 from twin.predict.log.motion import motion_of
 from twin.predict.whitening.innovations import Innovations, Problem
 from twin.recording import Recording
@@ -196,7 +196,7 @@ def _foretold(
     if log is None:
         return None
     body_log = _as_logged(log, now.bodies)
-    body = body_of(compile_model(platform), body_log, motion_of(body_log, platform))
+    body = body_of(predicted_machine(platform), body_log, motion_of(body_log, platform))
     parts = [
         part
         for effect, free in zip(now.effects, now.free, strict=True)

@@ -20,8 +20,9 @@ from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import BiasEffect, Effect
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
 from twin.predict.body import Body, Exact
+from twin.predict.effects.added import Formed, formed, with_formed
 from twin.predict.effects.columns import amplitudes, slopes_of, strengths_of, with_strengths
-from twin.predict.effects.perturbation import Formed, Perturbation, formed, with_formed
+from twin.predict.effects.perturbation import Perturbation
 from twin.predict.effects.reference import references_of
 from twin.predict.effects.retrace import retraced
 from twin.predict.parameters.base import BaseParameters
@@ -33,8 +34,7 @@ Array = NDArray[np.float64]
 ROUNDS = 6
 """Times that the effects' columns are formed anew where the last fit found them."""
 WORSE, IN_ALL = 3.0, 1e-4
-"""Cost, and share of what effects explain, by which that may not do as well as was foretold; else
-they had moved too far."""
+"""Cost, and share of what effects explain, by which that may do worse than foretold."""
 IDLE = 0.5
 """Change of the cost that says that the columns were right."""
 LEAST = 0.1
@@ -44,8 +44,7 @@ AGAIN = 2
 formed: a push's force and place may add up to its torque along their columns, and not in truth."""
 AWAY = 3.0
 LARGE = 30.0
-"""Standard deviations of an effect's amplitudes, beyond which columns are formed anew along its own
-motion in any case: a thirtieth of it is one of them."""
+"""Standard deviations of an effect's amplitudes, beyond which columns are formed anew anyway."""
 SETTLED = 0.1
 """Move of an effect, in standard deviations, at which they need not be."""
 SIZED, ALIKE = 4, 0.1
@@ -244,8 +243,9 @@ class Explanation:
         """
         if not self.own:
             return self.now.exact
+        strengths, push = self.at.strengths, self.problem.push
         return tuple(
-            body.without(self.base, one, self.problem.push(log, self.at.strengths))
+            body.without(self.base, one, push(log, strengths, stated=False))
             for log, (body, one) in enumerate(zip(self.bodies, self.now.exact, strict=True))
         )
 

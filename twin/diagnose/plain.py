@@ -8,10 +8,11 @@ from twin.diagnose.explanation import Explanation, explain
 from twin.diagnose.grounds import check_numbers
 from twin.identify.momentum import momentum_fit
 from twin.identify.prediction_error import Fit, fit_disturbed
+from twin.identify.ringing import along_what_rings, rings
 from twin.identify.start import base_of, first_biases, first_theta
-from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.body import body_of
+from twin.predict.effects.machine import predicted_machine
 from twin.predict.log.motion import motion_of
 from twin.predict.whitening.innovations import Innovations, Problem
 from twin.recording import Recording
@@ -19,7 +20,7 @@ from twin.recording import Recording
 
 def plain_of(logs: Sequence[Recording], platform: Platform, *, follows: bool = True) -> Explanation:
     """The base fitted, and nothing else."""
-    machine = compile_model(platform)
+    machine = predicted_machine(platform)
     bodies = [body_of(machine, log, motion_of(log, platform)) for log in logs]
     plain, base = base_of(machine, logs)
     check_numbers(bodies, base)
@@ -42,6 +43,10 @@ def plain_of(logs: Sequence[Recording], platform: Platform, *, follows: bool = T
         near = fit_disturbed(problem, Fit(found.now, converged=False), start)
         again = explain(bodies, base, (), near.at, follows=follows)
         found = min(found, again, key=lambda one: one.cost)
+    if rings(machine) and isinstance(found.now, Innovations):
+        settled = Fit(found.now, converged=found.converged)
+        bodies = along_what_rings(found.problem, settled)[0].bodies
+        found = explain(bodies, base, (), found.at, follows=follows)
     left = found.account.left
     known = [body.with_noise_of(parts) for body, parts in zip(bodies, left, strict=True)]
     if all(new is body for new, body in zip(known, bodies, strict=True)):

@@ -12,10 +12,10 @@ from twin.diagnose.explanation import Explanation
 from twin.diagnose.reading import read_rightly
 from twin.identify.prediction_error import fit
 from twin.identify.start import first_biases
-from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.body import Body, body_of
 from twin.predict.effects.columns import perturbations_of, strengths_of
+from twin.predict.effects.machine import predicted_machine
 from twin.predict.effects.perturbation import Perturbation
 from twin.predict.effects.reference import references_of
 from twin.predict.effects.retrace import retraced
@@ -75,7 +75,7 @@ def _chi2(found: Explanation) -> float:
 
 def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation:
     """An explanation on another log."""
-    body = body_of(compile_model(platform), log, motion_of(log, platform))
+    body = body_of(predicted_machine(platform), log, motion_of(log, platform))
     parts = [perturbations_of(effect, platform) for effect in found.effects]
     more = [part for effect in parts for part in effect]
     more += [law.perturbation for law in found.laws]

@@ -65,6 +65,11 @@ class BodyEffect(Effect, abc.ABC):
         return False
 
     @property
+    def hangs_on(self) -> bool:
+        """Whether it adds a part that moves by itself."""
+        return False
+
+    @property
     def changes_machine(self) -> bool:
         """Whether a machine can be another with it; else it only pushes, or is a torque."""
         edits = ("edit_spec", "edit_model", "edit_thruster")

@@ -21,6 +21,7 @@ from twin.identify.methods import PAPERS, Logs, Settings
 from twin.identify.momentum import momentum_fit
 from twin.identify.physical import nearest_body
 from twin.identify.prediction_error import NORMAL, Fit, fit, fit_disturbed
+from twin.identify.ringing import along_what_rings, rings
 from twin.identify.scale import (
     ROUNDS,
     Scale,
@@ -31,9 +32,9 @@ from twin.identify.scale import (
     unknown_scales,
 )
 from twin.identify.start import base_of, first_biases, first_theta
-from twin.model import compile_model
 from twin.platform import Platform, in_gravity_of, in_order_of, taken_as_at_rest
 from twin.predict.body import body_of
+from twin.predict.effects.machine import predicted_machine
 from twin.predict.effects.perturbation import Perturbation
 from twin.predict.log.motion import motion_of
 from twin.predict.log.possible import check_possible
@@ -193,7 +194,7 @@ def ground_of(recordings: Sequence[Recording], platform: Platform) -> Ground:
     if not recordings:
         raise UsageError("no log is given")
     platform = in_gravity_of(recordings, platform)
-    machine = compile_model(platform)
+    machine = predicted_machine(platform)
     for recording in recordings:
         check_times(recording, platform)
         check_possible(recording, platform)
@@ -315,6 +316,8 @@ def _fitted(
         strayed = fit_disturbed(problem, found, start)
         again = fit(problem, strayed.at) if strayed.converged else found
         found = again if again.converged else found
+    if rings(base.machine):
+        problem, found = along_what_rings(problem, found)
     misfit = _misfit(problem, found)
     # noise of coarse sensors hides a torque that the path does not
     disturbed = fit_disturbed(problem, found, start) if found.converged else (strayed or found)

@@ -90,6 +90,10 @@ class FlexibleAppendage(BodyEffect):
             f"set simulation.step to {longest:.2g} s or less"
         )
 
+    @property
+    def hangs_on(self) -> bool:
+        return True
+
     def edit_spec(self, spec: mujoco.MjSpec, platform: Platform) -> None:
         axis = np.array(self.axis) / np.linalg.norm(self.axis)
         inertia = self.inertia + CARRIER_INERTIA

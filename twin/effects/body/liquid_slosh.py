@@ -91,6 +91,10 @@ class LiquidSlosh(BodyEffect):
             f"set simulation.step to {longest:.2g} s or less"
         )
 
+    @property
+    def hangs_on(self) -> bool:
+        return True
+
     def edit_spec(self, spec: mujoco.MjSpec, platform: Platform) -> None:
         hinge = mujoco.mjtJoint.mjJNT_HINGE
         mass = self.mass + CARRIER_MASS

@@ -83,6 +83,15 @@ def force_of(effect: BodyEffect, body: Body, turn: Array | None = None) -> Array
     return on_grid(needed, body)
 
 
+def pushed_along(effect: BodyEffect, body: Body) -> Array:
+    """(S, steps, nv) likewise, of an effect that the machine has: what pushes it beside its
+    model."""
+    if isinstance(effect, CoupleEffect):
+        return on_grid(_couple(effect, body), body)
+    here, _ = plain_forces(body)
+    return on_grid(_pushes(effect, body.machine, here, middles(body)), body)
+
+
 @lru_cache(maxsize=2)
 def plain_forces(body: Body) -> tuple[Along, Array]:
     """A log's motion, and the forces that the machine without any effect needs for it."""

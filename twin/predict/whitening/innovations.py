@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.predict.body import Body, Exact
-from twin.predict.effects.perturbation import Added, Perturbation, formed, with_formed
+from twin.predict.effects.added import Added, formed, with_formed
+from twin.predict.effects.perturbation import Perturbation
 from twin.predict.parameters.base import BaseParameters
 from twin.predict.path.push import Push
 from twin.predict.path.states import States
@@ -206,25 +207,21 @@ class Problem:
             self.bodies, self._added, at.biases, at.starts, strict=True
         ):
             one = body.linearise(self.base, at.theta, bias, start, added.push(at.strengths))
-            if len(at.strengths):
+            if added.any:
                 faulty = added.rows(one.path, at.strengths) - body.rows(one.path)[0]
                 residual = one.linear.residual + faulty
                 one = replace(one, linear=replace(one.linear, residual=residual))
             exact.append(_with(one, added, at.strengths))
         return tuple(exact)
 
-    def push(self, log: int, strengths: Array) -> Push:
-        """What the perturbations add to the forces on a log's machine."""
-        return self._added[log].push(strengths)
+    def push(self, log: int, strengths: Array, *, stated: bool = True) -> Push:
+        """What the perturbations add to the forces on a log's machine, with the effects that its
+        platform states or without."""
+        return self._added[log].push(strengths, stated=stated)
 
     def pushes(self, log: int, strengths: Array) -> dict[str, Array]:
         """The same, of each perturbation by its name."""
-        added = self._added[log]
-        return {
-            one.name: added.forces[..., i] * strengths[i]
-            for i, one in enumerate(added.perturbations)
-            if one.force is not None
-        }
+        return self._added[log].pushes(strengths)
 
     def with_perturbations(
         self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]

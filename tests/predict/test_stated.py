@@ -1,0 +1,50 @@
+"""What a platform states of its machine's faults is predicted with, at the size that it states."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from twin.effects import parse_effects, with_effects
+from twin.identify import Misfit, identify
+from twin.platform import load_platform
+from twin.recording import Recording
+
+STATED = {
+    "a law of the motion": "bearing_coulomb_friction=0.004",
+    "a torque with the body's axes": "bearing_swirl_torque=0.05",
+    "a push with the room's axes": "room_draft=0.1/0.0/0.3/0.2/0.1/0.0/0.05/0.5",
+    "a change of MuJoCo's model": "bearing_viscous_friction=0.1",
+    "a spring at rest where a run starts": "harness_stiffness=0.5",
+    "a part that rings": "flexible_appendage=2.2/0.01/0.4/0.36/0.48/0.8",
+    "a fault of a command": "wheel_torque_gain:w2=0.1",
+    "a late clock": "clock_lag:attitude=0.4",
+    "a clock that drifts": "clock_drift:attitude=0.03",
+    "a fault of a sensor": "gyro_scale_factor=0.2/-0.2/0.2",
+    "a sensor that is turned": "attitude_misalignment=0.05/-0.04/0.06",
+    "a fault of what measures a state": "clock_lag:wheel_speed=0.2",
+}
+
+
+def left(log: Recording, stated: str) -> Misfit:
+    platform = load_platform("sads")
+    return identify([log], with_effects(platform, parse_effects(stated) if stated else ())).misfit[
+        0
+    ]
+
+
+@pytest.mark.parametrize("stated", STATED.values(), ids=STATED.keys())
+def test_a_log_leaves_no_more_than_noise_under_a_platform_that_states_its_fault(
+    stated: str, flight_of: Callable[..., Recording], drawn_seed: int
+):
+    share = float(np.random.default_rng(drawn_seed).uniform(0.7, 1.3))
+    label, numbers = stated.split("=")
+    first, *rest = numbers.split("/")
+    stated = f"{label}={'/'.join([str(share * float(first)), *rest])}"
+    reference = "multisine:5@1" if "appendage" in label else "multisine:8"
+    log = flight_of("sads", "quaternion_pd", reference, 30.0, drawn_seed, stated)
+    with_it, without = left(log, stated), left(log, "")
+    print(stated, with_it, without)
+    band = with_it.high - 1.0
+    assert with_it.chi2_per_sample < 1.0 + 1.7 * band, "3.3 standard deviations"
+    assert without.chi2_per_sample > 1.0 + 2.5 * band, "or it tells nothing"
