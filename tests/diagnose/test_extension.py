@@ -1,6 +1,7 @@
 """The extended folder holds all that was fitted."""
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -8,6 +9,8 @@ import numpy as np
 import pytest
 import tomlkit
 
+from twin.compare import compare
+from twin.diagnose import diagnose, extend
 from twin.diagnose.extension import give_inertial, give_joints, state_effect
 from twin.effects import effect_named
 from twin.library import library
@@ -15,6 +18,7 @@ from twin.model import compile_model
 from twin.platform import load_platform
 from twin.predict.parameters.base import base_parameters
 from twin.predict.parameters.joints import joint_parameters
+from twin.recording import Recording
 
 
 def test_joints_are_written_with_the_damping_and_stiffness_that_were_fitted(tmp_path: Path):
@@ -62,3 +66,28 @@ def test_a_cause_that_ends_at_its_bound_is_written_within_it():
     document = tomlkit.document()
     state_effect(document, draft.with_values(values))
     assert document["room_draft"]["phase"] == 2.0 * np.pi
+
+
+HIDDEN = {
+    "bearing_swirl_torque": (0.01, 0.02),
+    "wheel_torque_gain:w2": (0.1, 0.2),
+    "clock_lag:attitude": (0.5, 0.8),
+    "harness_stiffness": (0.4, 0.8),
+}
+
+
+def test_another_log_leaves_noise_under_the_extended_platform(
+    flight_of: Callable[..., Recording], drawn_seed: int, tmp_path: Path
+):
+    rng = np.random.default_rng(drawn_seed)
+    label = str(rng.choice(list(HIDDEN)))
+    hidden = f"{label}={rng.uniform(*HIDDEN[label])}"
+    print(hidden)
+    fly = "sads", "quaternion_pd", "multisine:8", 40.0
+    first, second = (flight_of(*fly, drawn_seed + i, hidden) for i in (0, 1))
+    found = diagnose([first], load_platform("sads"))
+    assert [cause.effect.label for cause in found.causes] == [label]
+    extended = extend(found, tmp_path / "extended")
+    assert not compare(second, load_platform("sads")).healthy
+    assert not compare(second, extended).found.strengths
+    assert diagnose([second], extended).verdict == "healthy"
