@@ -8,6 +8,7 @@ import pytest
 from twin import rotation
 from twin.conventions.correction import Correction, as_tuple
 from twin.conventions.log_toml import corrected_lines
+from twin.errors import LogError
 from twin.platform import in_order_of, load_platform
 from twin.recording import read_log, write_folder
 
@@ -100,6 +101,18 @@ def test_euler_angles_that_were_exchanged_are_mended_by_columns(folder_with, tmp
     wrong = Correction("attitude", "axes", "axes exchanged", axes=as_tuple(exchanged))
     lines = corrected_lines(log, [wrong])
     assert lines == ["[streams.attitude]", 'columns = ["c", "b", "a"]']
+
+
+def test_degrees_that_pass_for_radians_are_told_by_a_pitch_that_cannot_be(
+    folder_with, tmp_path: Path
+):
+    row = np.array([[0.1, 0.2, 0.3], [20.0, 4.5, 1.0]])
+    toml = ATTITUDE + 'format = "euler_zyx"\n'
+    folder = folder_with(tmp_path, toml, a=table("yaw,pitch,roll", row))
+    with pytest.raises(LogError, match=r"a\.csv:3: .* pitch of 4\.5 rad.*say unit = \"deg\""):
+        read_log(folder)
+    (folder / "log.toml").write_text((folder / "log.toml").read_text() + 'unit = "deg"\n')
+    assert len(read_log(folder)["attitude"]) == 2
 
 
 def test_a_scalar_that_is_named_wrongly_is_mended_by_columns(folder_with, tmp_path: Path):

@@ -72,6 +72,16 @@ def test_a_gyro_at_rest_tells_its_slow_noise_in_words_and_as_json():
     np.testing.assert_allclose(gyro["at_rest"]["rate_random_walk"], 5e-5, rtol=0.5)
 
 
+def test_what_the_machine_lacks_or_has_more_of_is_said(folder: Path):
+    log, sads = open_log(folder), load_platform("sads")
+    felt = Series(log["gyro"].time, log["gyro"].value, XYZ, "m/s^2")
+    speed = Series(log["gyro"].time, np.zeros((len(log["gyro"]), 4)), tuple("abcd"), "rad/s")
+    streams = {"gyro": log["gyro"], "accelerometer": felt, "wheel_speed": speed}
+    told = contents_of("a log", replace(log, streams=streams), sads).findings
+    assert any("sads states no accelerometer: that of this log has no part" in one for one in told)
+    assert any("The log's wheel_speed has 4 columns (a, b, c, d)" in one for one in told)
+
+
 def test_parts_without_any_stream_are_said_to_be_taken_as_at_rest(folder: Path):
     log = open_log(folder)
     platform = load_platform("sads")

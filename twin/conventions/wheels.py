@@ -80,6 +80,8 @@ class Wheels:
         """Every axes of the wheels, each at its best lag, near or far; the likeliest first."""
         chosen = (np.abs(self.lags) > SMALL_LAG + 1e-9) == far
         lags = self.lags[chosen]
+        if not len(lags):  # too short a log for any
+            return []
         tried = 0.5 * self._tried(exchange, lags) / self.inflation + self._driven[chosen]
         misfit, best = least(lags, tried)
         cost = np.array([cost_of(axes) for axes in self._axes])

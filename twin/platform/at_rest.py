@@ -41,6 +41,8 @@ FROM_NOTHING = (
     "command_gimbal_rate",
 )
 """Commands that are nothing until the first of them."""
+ONLY_IF_STATED = ("accelerometer", "magnetometer", "inclinometer")
+"""Sensors of which one must know where they sit, or what they sense."""
 LATE = 0.5
 """By how much such a record may begin after the motion's before it is spoken of [s]."""
 
@@ -65,6 +67,12 @@ def taken_as_at_rest(recordings: Sequence[Recording], platform: Platform) -> tup
                     f"{platform.name} has {_listed(kind, parts)}; {name} has {without}. Unless "
                     f"that is so, add {' or '.join(streams[:2])}."
                 )
+        said += [
+            f"{platform.name} states no {stream}: that of {name} has no part in the prediction. "
+            f"Add [sensors.{stream}] to platform.toml."
+            for stream in ONLY_IF_STATED
+            if stream in recording and stream not in platform.sensors
+        ]
         wheels, *commands = PARTS["wheels"][0]
         if wheels in recording and not any(stream in recording for stream in commands):
             said.append(UNDRIVEN.format(name=name))

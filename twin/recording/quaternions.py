@@ -11,6 +11,8 @@ DIRECTIONS = ("body_to_world", "world_to_body")
 
 ROUNDING = 1e-12
 """Quaternions whose length is off by less stay as they are, to the last bit."""
+STEEPEST = 0.5 * np.pi + 1e-2
+"""No pitch of a yaw-pitch-roll triple is steeper [rad]."""
 OFF_LENGTH = 1e-3
 """Those whose length is off by more are worth a word."""
 
@@ -32,6 +34,14 @@ def attitude(
     """
     repairs: tuple[str, ...] = ()
     if layout == "euler_zyx":
+        pitch = np.abs(rows.value[:, 1])
+        if pitch.max() > STEEPEST:
+            row = int(np.argmax(pitch))
+            raise file.fault(
+                f"attitude has a pitch of {pitch[row]:.4g} rad, and none is beyond pi / 2",
+                'say unit = "deg" if that is what it is in, or check the order of `columns`',
+                int(rows.origin[row]),
+            )
         quaternion = rotation.from_euler_zyx(*rows.value.T)
     else:
         quaternion = rows.value[:, [3, 0, 1, 2]] if layout == "xyzw" else rows.value

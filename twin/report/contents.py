@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.conventions import ConventionAdvice, convention_advice
-from twin.errors import TwinError, UnknownName
+from twin.errors import TwinError, UnknownName, UsageError
 from twin.noise import StreamNoise, measure_noise, noise_findings
 from twin.noise.cleaning import cleaned
 from twin.noise.clock import GAP
-from twin.platform import Platform, in_order_of, taken_as_at_rest
+from twin.platform import Platform, check_columns, in_order_of, taken_as_at_rest
 from twin.predict.log.motion import motion_of
 from twin.predict.log.possible import ImpossibleLog, check_possible, check_within_stop
 from twin.predict.log.usable import usable
 from twin.recording import Recording, Series
-from twin.signals import DERIVED, LOGGED, stream_named
+from twin.signals import DERIVED, LOGGED, STREAMS, stream_named
 from twin.units import fitting, printed, three_digits
 
 Array = NDArray[np.float64]
@@ -101,6 +101,7 @@ def contents_of(
     used = cleaned(recording) if platform is None else usable(recording, platform)
     findings += (f"{one}." for one in used.repairs if one not in recording.repairs)
     if platform is not None:
+        findings += _of_other_width(recording, platform)
         findings += taken_as_at_rest([recording], platform)
         findings += _impossible(recording, platform, read_rightly=not advice.findings)
     if problem:
@@ -112,6 +113,17 @@ def contents_of(
         advice,
         tuple(findings),
     )
+
+
+def _of_other_width(recording: Recording, platform: Platform) -> list[str]:
+    """Of streams with another number of columns than the machine has parts."""
+    said: list[str] = []
+    for name in (one for one in recording if one in STREAMS):
+        try:
+            check_columns(recording, platform, [name])
+        except UsageError as problem:
+            said.append(f"{str(problem)[0].upper()}{str(problem)[1:]}.")
+    return said
 
 
 def _known(name: str) -> bool:

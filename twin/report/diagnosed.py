@@ -17,7 +17,7 @@ from twin.identify.prediction_error import NORMAL
 from twin.platform import taken_as_at_rest
 from twin.predict.effects.columns import amplitudes
 from twin.report.next_experiment import experiment_sentence
-from twin.report.words import MEANINGFUL, quiet_sentences
+from twin.report.words import MEANINGFUL, pair, quiet_sentences
 from twin.units import fitting, printed, three_digits
 
 FAR = 0.5
@@ -237,8 +237,7 @@ def _base(found: Diagnosis) -> list[str]:
     half = NORMAL * np.sqrt(np.diag(found.explained.covariance))[: len(theta)]
     stated = base.as_stated
     parts = [
-        f"{name} {three_digits(float(v))} +- {three_digits(float(h))} ({three_digits(float(s))}) "
-        f"{unit}"
+        f"{name} {pair(float(v), float(h))} ({three_digits(float(s))}) {unit}"
         for name, v, h, s, unit in zip(base.names, theta, half, stated, base.units, strict=True)
     ]
     said = ["The base, refitted (as stated): " + ", ".join(parts) + "."]

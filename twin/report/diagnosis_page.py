@@ -21,7 +21,7 @@ from twin.report.diagnosed import (
 from twin.report.diagnosis_figures import before_after_figure, evidence_figure
 from twin.report.next_experiment import experiment_sentence
 from twin.report.style import bullets, framed, page, table, typeset
-from twin.report.words import MEANINGFUL
+from twin.report.words import MEANINGFUL, pair
 from twin.units import three_digits
 
 
@@ -133,9 +133,6 @@ def _base_table(found: Diagnosis) -> str:
         for one in (found.plain, found.explained)
     ]
     for i, (name, unit) in enumerate(zip(base.names, base.units, strict=True)):
-        cells = [
-            f"{three_digits(float(theta[i]))} +- {three_digits(float(half[i]))} {unit}"
-            for theta, half in sides
-        ]
+        cells = [f"{pair(float(theta[i]), float(half[i]))} {unit}" for theta, half in sides]
         rows.append([name, f"{three_digits(float(base.as_stated[i]))} {unit}", *cells])
     return table(["parameter", "as stated", "refitted", "refitted with the causes"], rows)

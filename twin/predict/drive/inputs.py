@@ -354,7 +354,7 @@ class Inputs:
         if len(series.columns) != width:
             raise UsageError(
                 f"the log's {name} has {len(series.columns)} columns, but "
-                f"{self.machine.platform.name} has {width} such parts"
+                f"{self.machine.platform.name} has {width} such parts; is it of another machine?"
             )
         self.used = (*self.used, name)
         return series
