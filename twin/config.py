@@ -254,7 +254,7 @@ def read_toml(path: Path, error: type[FileError] = FileError) -> Table:
             content = file.read(LARGEST + 1)
         if len(content) > LARGEST:
             raise error(path, "holds more than 1 MiB, so it is no settings", "check the path")
-        text = content.decode("utf-8")
+        text = content.decode("utf-8-sig")  # editors of Windows begin with a mark
     except FileNotFoundError:
         raise error(path, "there is no such file", "check the path") from None
     except OSError as problem:

@@ -9,6 +9,7 @@ import pytest
 
 from twin.campaign.draw import draw
 from twin.campaign.flight import flown
+from twin.campaign.merit import METRICS
 from twin.campaign.read import KEYS, read_spec
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -38,6 +39,12 @@ def test_the_page_tells_every_key():
     told = (DOCS / "campaigns.md").read_text(encoding="utf-8")
     for key in KEYS:
         assert f"`{key}`" in told or f"`[{key}]`" in told or f"`[[{key}]]`" in told, key
+
+
+def test_the_page_tells_every_metric():
+    told = (DOCS / "campaigns.md").read_text(encoding="utf-8")
+    for name, metric in METRICS.items():
+        assert f"| `{name}` | {metric.unit} | " in told, name
 
 
 def test_the_file_on_the_page_can_be_flown_as_it_stands(tmp_path):

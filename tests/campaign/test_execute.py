@@ -82,7 +82,7 @@ def test_a_folder_that_holds_something_else_is_refused(undisturbed, file, tmp_pa
         execute(spec, Folder(undisturbed), workers=1, tell=silent)
     other = tmp_path / "other.toml"
     other.write_text(GOOD.replace("seed = 3", "seed = 4"), encoding="utf-8")
-    with pytest.raises(CampaignError, match="another specification"):
+    with pytest.raises(CampaignError, match="another specification: other seed; name another"):
         execute(read_spec(other), Folder(undisturbed), workers=1, tell=silent, resume=True)
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").touch()

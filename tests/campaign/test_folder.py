@@ -11,6 +11,7 @@ from tests.campaign.conftest import FAN, GOOD, silent
 from twin.campaign.execute import execute
 from twin.campaign.folder import Folder
 from twin.campaign.read import read_spec
+from twin.campaign.results import read_results
 from twin.errors import CampaignError
 from twin.library import library
 
@@ -35,6 +36,27 @@ def test_a_campaign_whose_effect_has_changed_is_not_gone_on_with(tmp_path):
     names = json.loads((tmp_path / "out" / "campaign.json").read_text())["files"]
     effects = [name for name in names if name.startswith("effect ")]
     assert effects == [f"effect {fan}"], "those built in are told by the package's version"
+
+
+def test_a_comment_or_more_to_keep_makes_no_other_campaign(tmp_path):
+    file, folder = tmp_path / "spec.toml", Folder(tmp_path / "out")
+    file.write_text(GOOD.replace("duration = 1.0", "duration = 0.1"))
+    assert execute(read_spec(file), folder, workers=1, tell=silent).flown == 24
+    keep = '[keep]\nworst = 2\nby = "tilt_rms"\n'
+    file.write_text("# a note\n" + file.read_text() + keep)
+    assert execute(read_spec(file), folder, workers=1, tell=silent, resume=True).flown == 0
+    assert read_results(folder.path).spec.keep.worst == 2
+
+
+def test_a_copy_that_somebody_changed_is_not_reported_as_what_was_flown(tmp_path):
+    file, folder = tmp_path / "spec.toml", Folder(tmp_path / "out")
+    file.write_text(GOOD.replace("duration = 1.0", "duration = 0.1"))
+    execute(read_spec(file), folder, workers=1, tell=silent)
+    folder.spec.write_text(file.read_text().replace("seed = 3", "seed = 4"))
+    with pytest.raises(CampaignError, match="was changed since"):
+        read_results(folder.path)
+    go_on(file, folder)
+    assert read_results(folder.path).spec.seed == 3
 
 
 ARMS = """[[arms]]

@@ -50,7 +50,7 @@ BROKEN = {
     "value twice on a grid": ("[1e-3, 2e-3] }", "[1e-3, 1e-3] }", "grid has a value twice"),
     "unknown effect": ("[effects.gyro_bias]", "[effects.gyro_byas]", "'gyro_byas'.*did you mean"),
     "unknown parameter": ("[effects.gyro_bias]", "[effects.gyro_bias]\nbios = 1.0",
-                          "effects.gyro_bias.bios is no key we know"),
+                          "effects.gyro_bias.bios is no key we know; did you mean 'bias'"),
     "effect out of bounds": ("[5e-6, 2e-5]", "[-5e-6, 2e-5]", "uniform holds -5e-06 m; it must"),
     "distribution upside down": ("[5e-6, 2e-5]", "[2e-5, 5e-6]", "give the lower value first"),
     "distribution of three": ("[5e-6, 2e-5]", "[1e-6, 5e-6, 2e-5]", "give two values"),
@@ -78,6 +78,16 @@ BROKEN = {
     "worst by an unknown metric with a bracket": (
         "[gains]", '[keep]\nworst = 2\nby = "tilt(rms)"\n[gains]',
         "no metric of this campaign; did you mean 'tilt_rms'"),
+    "worst by nothing": ("[gains]", "[keep]\nworst = 2\n[gains]", "say by which: by = "),
+    "by without a number": ("[gains]", '[keep]\nby = "tilt_rms"\n[gains]', "add worst = 10"),
+    "more worst than runs": ("[gains]", '[keep]\nworst = 25\nby = "tilt_rms"\n[gains]',
+                             "worst is 25; the campaign has 24 runs"),
+    "reference of a balancing": (
+        "seed = 3", 'seed = 3\nprocedure = "balance"\nreference = "hold:1,0,0"',
+        "reference is of a run"),
+    "vector spread by too few": (
+        "hangs = true", "rate = { uniform = [[-1e-3, -1e-3], [1e-3, 1e-3]] }",
+        "each a number or a list of 3"),
     "gains of a balancing": ("runs = 24", 'runs = 24\nprocedure = "balance"',
                              "controller is 'mass_magnetic_pid', no way of balancing"),
     "target of a run": ("seed = 3", "seed = 3\ntarget = 1e-5", "target is of a balancing"),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from twin.campaign.folder import Folder
 from twin.campaign.spec import Spec
 from twin.campaign.worker import Done, begin, fly, fly_shard, written_shard
-from twin.errors import TwinError
+from twin.errors import CampaignError, TwinError
 
 if TYPE_CHECKING:
     from twin.campaign.cluster import Cluster
@@ -66,7 +66,7 @@ def execute(
         cluster: flies in place of processes of this machine.
 
     Raises:
-        CampaignError: the folder holds something else, or somebody flies there.
+        CampaignError: the folder holds something else, somebody flies there, or its disk is full.
         LostWorkers: processes died again and again.
         ClusterError: as `Cluster.fly` tells.
     """
@@ -82,10 +82,16 @@ def execute(
             shards = (fly_shard(spec, folder, shard) for shard in missing)
         else:
             shards = _by_processes(folder, missing, min(workers, len(missing)))
-        for done in shards:
-            progress.flown += done.runs
-            progress.failed += done.failed
-            tell(progress.words(time.monotonic()))
+        try:
+            for done in shards:
+                progress.flown += done.runs
+                progress.failed += done.failed
+                tell(progress.words(time.monotonic()))
+        except OSError as problem:
+            why = problem.strerror or problem
+            raise CampaignError(
+                folder.path, f"cannot be written ({why})", "make room; --resume goes on"
+            ) from None
     return progress
 
 

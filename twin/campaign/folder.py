@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 import sys
+import tomllib
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -131,14 +132,41 @@ class Folder:
                 file, f"cannot be read ({problem})", "begin again in another folder"
             ) from None
 
+    def check_spec(self) -> None:
+        """Whether the specification's copy is the one that was flown.
+
+        Raises:
+            CampaignError: somebody has changed it.
+        """
+        text = self.spec.read_text(encoding="utf-8")
+        if self._as_begun().get("specification") != _mark(text):
+            raise CampaignError(
+                self.spec,
+                "is not what was flown here, but was changed since",
+                "put it back, or give the one that was flown: twin campaign SPEC.toml "
+                f"{self.path} --resume",
+            )
+
+    def _changed(self, spec: Spec, mark: str) -> list[str]:
+        """Keys that a specification has otherwise than the one that was flown, but for what is only
+        kept of it; comments and order do not count."""
+        there, here = self.spec.read_text(encoding="utf-8"), spec.text
+        if mark not in (_mark(there), _mark(here)):
+            return ["keys than the copy there, which was changed since"]
+        was, now = (tomllib.loads(text) for text in (there, here))
+        keys = [key for key in {**was, **now} if was.get(key) != now.get(key)]
+        return [key for key in keys if key != "keep"]
+
     def _compare(self, spec: Spec, resume: bool) -> None:
         was, now = self._as_begun(), _facts(spec)
         if was.get("specification") != now["specification"]:
-            raise CampaignError(
-                self.path,
-                "holds a campaign of another specification",
-                f"name another folder, or give {self.spec}",
-            )
+            keys = self._changed(spec, str(was.get("specification")))
+            if keys:
+                raise CampaignError(
+                    self.path,
+                    f"holds a campaign of another specification: other {', '.join(keys)}",
+                    f"name another folder, or give {self.spec}",
+                )
         for kind in ("files", "versions"):
             if was.get(kind) != now[kind]:
                 name = _first_difference(was.get(kind, {}), now[kind])
@@ -154,11 +182,14 @@ class Folder:
                 f"holds this campaign already, {spec.shards - missing} of {spec.shards} shards",
                 "say --resume to go on with it",
             )
+        if self._as_begun() != now or self.spec.read_text(encoding="utf-8") != spec.text:
+            write_whole(self.spec, spec.text)
+            write_whole(self.path / FACTS, json.dumps(now, indent=2) + "\n")
 
 
 def _facts(spec: Spec) -> dict[str, Any]:
     return {
-        "specification": hashlib.sha256(spec.text.encode()).hexdigest(),
+        "specification": _mark(spec.text),
         "runs": spec.runs,
         "shards": spec.shards,
         "files": {name: _hash(file) for name, file in _files(spec).items()},
@@ -192,6 +223,10 @@ def versions() -> dict[str, str]:
 def _first_difference(was: Mapping[str, str], now: Mapping[str, str]) -> str:
     names = sorted({*was, *now})
     return next(name for name in names if was.get(name) != now.get(name))
+
+
+def _mark(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _hash(path: Path) -> str:

@@ -1,8 +1,10 @@
 """Before a campaign: how many runs, how long, how much disk; measured on a short probe."""
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from twin.campaign.distribution import Fixed
 from twin.campaign.draw import draw
 from twin.campaign.flight import flown
 from twin.campaign.rows import size_of, table_of
@@ -27,6 +29,8 @@ class Forecast:
     """Of each combination."""
     factors: tuple[str, ...]
     """With their distributions, in words."""
+    fixed: tuple[str, ...]
+    """What is the same in all runs, of what the specification gives."""
     seconds: float
     """On all workers together; of a balancing at most, and without its identifications."""
     at_most: bool
@@ -56,7 +60,19 @@ def forecast(spec: Spec, workers: int) -> Forecast:
         points=spec.points,
         samples=spec.samples,
         factors=tuple(f"{f.name} [{f.unit}]: {f.distribution.words()}" for f in spec.factors),
+        fixed=tuple(_fixed(spec)),
         seconds=each * spec.runs / min(workers, spec.shards),
         at_most=spec.procedure == "balance",
         bytes=round(size * spec.runs / len(drawn.runs)) + empty * spec.shards,
     )
+
+
+def _fixed(spec: Spec) -> Iterator[str]:
+    effects = [factor for effect in spec.arms[0].effects for factor in effect.factors]
+    start = [factor for of in spec.initial.factors.values() for factor in of]
+    for factor in (*spec.gains, *effects, *start):
+        if isinstance(factor.distribution, Fixed):
+            yield f"{factor.name} [{factor.unit}]: {factor.distribution.value:g}"
+    for arm in spec.arms:
+        if arm.reference:
+            yield f"reference of {arm.name}, in degrees: {arm.reference}"

@@ -35,6 +35,10 @@ def read_spec(path: Path) -> Spec:
     table = read_toml(path, CampaignError)
     _refuse_unknown(table)
     procedure = cast(Procedure, table.text("procedure", "run", among=("run", "balance")))
+    if procedure == "balance":
+        for key in ("reference", "steady"):
+            if key in table:
+                raise table.fail(key, "is of a run", "a balancing has none: leave it out")
     duration = table.number("duration", low=0.0, high=1e6, unit="s")
     if duration == 0.0:
         raise table.fail("duration", "is 0 s", "give a time above zero")
@@ -57,7 +61,7 @@ def read_spec(path: Path) -> Spec:
     metrics = _metrics(table, "metrics", names)
     spec = Spec(
         path=path,
-        text=path.read_text(encoding="utf-8"),
+        text=path.read_text(encoding="utf-8-sig"),
         arms=arms,
         procedure=procedure,
         runs=runs,
@@ -152,7 +156,13 @@ def _keep(table: Table, runs: int, metrics: Sequence[str]) -> Keep:
             raise own.fail("runs", f"is {own.raw('runs')!r}", "give whole numbers of runs")
         numbers = tuple(sorted({int(number) for number in given}))
     worst = own.whole("worst", 0, low=0, high=1000)
-    by = own.text("by", metrics[0]) if worst else own.text("by", "")
+    if worst > runs:
+        raise own.fail("worst", f"is {worst}", f"the campaign has {runs} runs")
+    if worst and "by" not in own:
+        raise own.fail("worst", "are worst by no metric", f'say by which: by = "{metrics[0]}"')
+    if not worst and "by" in own:
+        raise own.fail("by", "says by what, and not how many", "add worst = 10, say, or remove it")
+    by = own.text("by", "")
     if by and by not in metrics:
         hint = UnknownName("metric", by, metrics).hint
         raise own.fail("by", f"is {by!r}, no metric of this campaign", hint)

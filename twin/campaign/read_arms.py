@@ -162,6 +162,8 @@ def _dispersed(called: str, kind: type[Effect], target: str, table: Table) -> Di
         factors += [Factor(f"{stem}.{name}", known.unit, one) for name, one in pairs]
     names = [entry.name for entry in kind.settings()]
     settings = {name: _setting(table.raw(name)) for name in names if name in table}
+    for known in kind.parameters():
+        table.raw(known.name)  # those that are not given are known, too
     table.close()
     return DispersedEffect(called, kind, target, settings, tuple(factors))
 

@@ -100,7 +100,8 @@ def _usual(known: Parameter, typical: float) -> Distribution:
 
 def _pair(spread: Table, kind: str, size: int) -> tuple[Array, Array]:
     given = spread.raw(kind)
-    problem = spread.fail(kind, f"is {given!r}", f"give {_SHAPES[kind]}, as in [1.0, 2.0]")
+    each = f", each a number or a list of {size}" if size > 1 else ""
+    problem = spread.fail(kind, f"is {given!r}", f"give {_SHAPES[kind]}{each}, as in [1.0, 2.0]")
     if not isinstance(given, list) or len(given) != 2:
         raise problem
     ends: list[Array] = []

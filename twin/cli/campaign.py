@@ -135,6 +135,7 @@ def _foretold(told: "Forecast", spec: "Spec", workers: int) -> list[str]:
         f"{told.runs} runs of {spec.duration:g} s in {told.shards} shards: {told.samples} samples "
         f"of {ways}, {spec.sampling}, seed {spec.seed}",
         *(f"  {factor}" for factor in told.factors),
+        *(f"  {one} (the same in all runs)" for one in told.fixed),
         f"{most}{told.seconds:.3g} s on {workers} processes of this machine; processes take a few "
         "seconds to come up",
         f"about {told.bytes / 1e6:.3g} MB of metrics",
