@@ -9,6 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from twin.cli.main import main
+from twin.diagnose import diagnosis
+from twin.predict.path.rollouts import BeyondBounds
 
 Array = NDArray[np.float64]
 Change = Callable[[str, Array], Array]
@@ -260,6 +262,17 @@ def test_what_shows_the_motion_is_named_where_it_is_missing(log, said):
     code, text = said(log)
     assert code == 2
     assert "'attitude'" in text
+
+
+def test_a_prediction_that_runs_away_asks_for_signs_and_units(log, said, monkeypatch):
+    def away(*_: object, **__: object) -> None:
+        raise BeyondBounds("a machine with such parameters moves beyond all bounds")
+
+    monkeypatch.setattr(diagnosis, "plain_of", away)
+    code, told = said(log)
+    assert code == 2
+    assert "beyond all bounds, whatever its base is: look at the signs and units" in told
+    assert log.name in told
 
 
 def test_a_place_that_cannot_be_written_is_told_before_the_work(log, tmp_path, said):

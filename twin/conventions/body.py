@@ -47,7 +47,8 @@ class Body:
         """The same body beside wheels in another unit; what they have no part in is kept."""
         other = copy(self)
         other._recording = apply_all(self._recording, [unit])
-        other.__dict__.pop("_wheels", None)
+        for name in ("_wheels", "_answer"):
+            other.__dict__.pop(name, None)
         return other
 
     @cached_property
@@ -78,6 +79,12 @@ class Body:
         return inflation(self._upright.residual(best.attitude, best.force))
 
     @cached_property
+    def _answer(self) -> bool:
+        """Whether the wheels answer what the body does."""
+        wheels = self._wheels
+        return wheels is not None and wheels.judge(self._exchange(self.of_motion[0]))
+
+    @cached_property
     def _wheels(self) -> Wheels | None:
         """Held against the body while that floats freely."""
         recording = self._recording
@@ -100,11 +107,19 @@ class Body:
         return factor if share > ANSWERED else None
 
     def with_wheels(self) -> list[Hypothesis]:
-        """Those of `of_motion` with every likely reading of the wheels, best first."""
+        """Those of `of_motion` with every likely reading of the wheels, best first.
+
+        Where something else turns the body more than they do, their commands are read by what they
+        do to the wheels alone.
+        """
         bodies = self.of_motion
         wheels = self._wheels
-        if wheels is None or not wheels.judge(self._exchange(bodies[0])):
+        if wheels is None:
             return bodies
+        if not self._answer:
+            readings = wheels.commanded()
+            alone = [self._joined(h, reading, late=False) for h in bodies for reading in readings]
+            return sorted(alone, key=lambda h: h.score) if alone else bodies
         full: list[Hypothesis] = []
         for place, body in enumerate(bodies):
             exchange = self._exchange(body)
@@ -166,7 +181,7 @@ class Body:
             left = [up.residual(h.attitude, h.force) for h in (one, other)]
             yield left[0], left[1], self._upright_inflation
         wheels, mine, theirs = self._wheels, one.wheels, other.wheels
-        if wheels is None or mine is None or theirs is None:
+        if wheels is None or mine is None or theirs is None or not self._answer:
             return
         left = [wheels.residual(self._exchange(h), r) for h, r in ((one, mine), (other, theirs))]
         yield left[0], left[1], wheels.inflation

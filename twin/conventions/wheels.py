@@ -102,6 +102,22 @@ class Wheels:
         misfit, lag = least(self.lags[near], tried)
         return WheelReading(self._axes[0], self._axes[0], float(lag[0]), float(misfit[0]))
 
+    def commanded(self) -> list[WheelReading]:
+        """Wheels and commands as read, and the one or the other in the best other axes, between
+        which commands alone do not tell; none without commands that the wheels follow."""
+        if self.drive is None:
+            return []
+        near = self.lags[np.abs(self.lags) <= SMALL_LAG + 1e-9]
+        moments = self.drive.moments(near)
+        same, found = self._axes[0], list[WheelReading]()
+        for axes in self._axes:
+            left = moments.misfit(self._axes[:1], axes)
+            misfit, lag = least(near, 0.5 * left / self.drive.inflation)
+            found.append(WheelReading(same, axes, float(lag[0]), float(misfit[0])))
+        as_read, *others = found
+        best = min(others, key=lambda one: one.misfit + cost_of(one.command))
+        return [as_read, best, replace(best, axes=best.command.T, command=same)]
+
     def polished(self, exchange: Exchange, reading: WheelReading) -> WheelReading:
         """The same at a finer lag: torques that change at every tick tell it to milliseconds."""
         lags = reading.lag + np.linspace(-POLISHED, POLISHED, 7)

@@ -23,6 +23,7 @@ from twin.errors import UsageError
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of
 from twin.predict.log.usable import usable
+from twin.predict.path.rollouts import BeyondBounds
 from twin.recording import Recording
 from twin.recording.pauses import pieces_of
 
@@ -105,8 +106,17 @@ def diagnose(
     logs = [log for log, _ in read]
     noise = tuple(finding for log in logs for finding in noise_findings(log, platform))
     say("the base")
-    plain = plain_of(logs, platform)
-    reasoned, pushes = _explained(plain, logs, say)
+    findings = tuple(finding for _, found in read for finding in found)
+    try:
+        plain = plain_of(logs, platform)
+        reasoned, pushes = _explained(plain, logs, say)
+    except BeyondBounds as problem:
+        doubts = [finding.sentence for finding in findings if finding.ambiguous]
+        sign = "look at the signs and units of its commands, or compare it: twin compare LOG"
+        raise UsageError(
+            f"{', '.join(log.source for log in logs)}: {problem}, whatever its base is: "
+            f"{' '.join(doubts) or sign}"
+        ) from None
     plain, candidates, line = reasoned.plain, reasoned.candidates, reasoned.line
     now = line.now
     causes = (
@@ -119,7 +129,7 @@ def diagnose(
     found = Diagnosis(
         platform,
         tuple(logs),
-        tuple(finding for _, findings in read for finding in findings),
+        findings,
         noise,
         plain,
         now,

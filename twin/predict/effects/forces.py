@@ -28,6 +28,7 @@ from twin.model import Machine, compile_model
 from twin.plant.gas import thruster_arms
 from twin.predict.body import Body
 from twin.predict.drive.inputs import Inputs
+from twin.predict.effects.machine import modelled
 from twin.predict.parameters.base import hinge_axis
 from twin.predict.path.response import mass_matrix
 from twin.predict.path.states import States
@@ -218,7 +219,7 @@ class _Shared:
 
 def _with(effect: BodyEffect, body: Body, turn: Array | None) -> Machine:
     """The machine with an effect, on a step that can follow it, springs at rest at the start."""
-    platform = with_effects(able(body.machine.platform, effect), (effect,))
+    platform = with_effects(able(modelled(body.machine.platform), effect), (effect,))
     if not effect.changes_machine:
         return replace(body.machine, platform=platform)
     machine = compile_model(platform)

@@ -17,13 +17,15 @@ def predicted_machine(platform: Platform) -> Machine:
     Raises:
         PlatformError, EffectError: as `compile_model`.
     """
-    effects = effects_of(platform)
-    stays = tuple(
-        stated
-        for stated, effect in zip(platform.effects, effects, strict=True)
-        if not depends_on_start(effect)
-    )
-    return replace(compile_model(replace(platform, effects=stays)), effects=effects)
+    machine = compile_model(modelled(platform))
+    return replace(machine, platform=platform, effects=effects_of(platform))
+
+
+def modelled(platform: Platform) -> Platform:
+    """The platform without such effects."""
+    pairs = zip(platform.effects, effects_of(platform), strict=True)
+    stays = tuple(stated for stated, effect in pairs if not depends_on_start(effect))
+    return replace(platform, effects=stays)
 
 
 def depends_on_start(effect: Effect) -> bool:

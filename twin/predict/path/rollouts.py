@@ -32,6 +32,10 @@ TOUCH = np.radians(0.5)
 """And a path of any other that stays so far from it carries its neighbours by its own equations."""
 
 
+class BeyondBounds(TwinError):
+    """A motion that grows without end."""
+
+
 class Rollouts:
     """Of one log on a given grid. Models that are given are changed: their step is the grid's."""
 
@@ -136,7 +140,7 @@ class Rollouts:
         driven = np.tile(np.concatenate([self._control, force], axis=-1), (variants, 1, 1))
         positions, velocities = self._carried(batch, driven, push, np.tile(grid.starts, variants))
         if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
-            raise TwinError("a machine with such parameters moves beyond all bounds")
+            raise BeyondBounds("a machine with such parameters moves beyond all bounds")
 
         def along(values: Array, columns: slice | NDArray[np.intp]) -> Array:
             return values[..., columns].reshape(variants, grid.segments, grid.steps + 1, -1)
