@@ -22,6 +22,31 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+FAN = '''
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.effects import BodyEffect, Domain, Push, parameter
+
+
+@dataclass(frozen=True)
+class Fan(BodyEffect):
+    """A fan that somebody forgot on the table."""
+
+    name = "fan"
+    domain = Domain.torque
+    observable = "it turns"
+    streams = ("gyro",)
+
+    size: float = parameter("of the fan", "N m", 1e-3, source="measured")
+
+    def pushes(self, platform):
+        return (Push(platform.base.body, np.array([0.0, 0.0, 0.0, self.size, 0.0, 0.0])),)
+'''
+"""The file of an effect that a lab adds."""
+
+
 @dataclass(frozen=True)
 class Swing:
     """What is hidden in a simulated log of the DFKI pendulum."""

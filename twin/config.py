@@ -102,7 +102,7 @@ class Table:
         value = self._get(key, default)
         if value is default and default is not _REQUIRED:
             return value
-        number = _number(value)
+        number = as_number(value)
         if math.isnan(number):
             raise self.fail(key, f"is {value!r}", f"give a number{_in(unit)}")
         if not low <= number <= high:
@@ -141,10 +141,10 @@ class Table:
         value = self._get(key, default)
         if value is default and default is not _REQUIRED:
             return value
-        if size is not None and not math.isnan(_number(value)):
+        if size is not None and not math.isnan(as_number(value)):
             value = [value] * size
         entries = cast(list[object], value) if isinstance(value, list) else []
-        numeric = bool(entries) and all(math.isfinite(_number(x)) for x in entries)
+        numeric = bool(entries) and all(math.isfinite(as_number(x)) for x in entries)
         if not numeric or (size is not None and len(entries) != size):
             count = {None: "a list of numbers", 1: "a number"}.get(size, f"{size} numbers")
             raise self.fail(key, f"is {value!r}", f"give {count}{_in(unit)}")
@@ -277,8 +277,8 @@ def read_toml(path: Path, error: type[FileError] = FileError) -> Table:
     return Table(path, data, text.splitlines(), error=error)
 
 
-def _number(value: object) -> float:
-    """NaN of what is none; infinite where a float cannot hold it."""
+def as_number(value: object) -> float:
+    """A value of TOML; NaN of what is no number, infinite where a float cannot hold it."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return math.nan
     try:

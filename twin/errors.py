@@ -6,10 +6,24 @@ Every error a user can cause is a `TwinError`; the command line prints it withou
 import difflib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 
 class TwinError(Exception):
     """Base of everything we raise on purpose."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # their constructors take other arguments than their sentence, and processes send them
+        return _rebuilt, (type(self), self.args, self.__dict__)
+
+
+def _rebuilt(
+    kind: type[TwinError], args: tuple[object, ...], facts: dict[str, object]
+) -> TwinError:
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(facts)
+    return error
 
 
 class UnknownName(TwinError, LookupError):

@@ -33,29 +33,6 @@ width = { uniform = [5e-6, 2e-5] }
 [effects.bearing_viscous_friction]
 """
 
-FAN = '''
-from dataclasses import dataclass
-
-import numpy as np
-
-from twin.effects import BodyEffect, Domain, Push, parameter
-
-
-@dataclass(frozen=True)
-class Fan(BodyEffect):
-    """A fan that somebody forgot on the table."""
-
-    name = "fan"
-    domain = Domain.torque
-    observable = "it turns"
-    streams = ("gyro",)
-
-    size: float = parameter("of the fan", "N m", 1e-3, source="measured")
-
-    def pushes(self, platform):
-        return (Push(platform.base.body, np.array([0.0, 0.0, 0.0, self.size, 0.0, 0.0])),)
-'''
-
 
 def silent(said: str) -> None:
     """Told of progress, says nothing."""

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.campaign.conftest import FAN, GOOD, silent
+from tests.campaign.conftest import GOOD, silent
+from tests.conftest import FAN
 from twin.campaign.execute import execute
 from twin.campaign.folder import Folder
 from twin.campaign.read import read_spec
@@ -54,6 +55,11 @@ def test_a_copy_that_somebody_changed_is_not_reported_as_what_was_flown(tmp_path
     execute(read_spec(file), folder, workers=1, tell=silent)
     folder.spec.write_text(file.read_text().replace("seed = 3", "seed = 4"))
     with pytest.raises(CampaignError, match="was changed since"):
+        read_results(folder.path)
+    go_on(file, folder)
+    assert read_results(folder.path).spec.seed == 3
+    folder.spec.unlink()
+    with pytest.raises(CampaignError, match="there is no such file"):
         read_results(folder.path)
     go_on(file, folder)
     assert read_results(folder.path).spec.seed == 3

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.campaign.conftest import FAN, GOOD
+from tests.campaign.conftest import GOOD
+from tests.conftest import FAN
 from twin.campaign import parcel
 from twin.campaign.guest import Refused, Sent, fly_sent
 from twin.campaign.parcel import packed

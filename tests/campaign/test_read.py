@@ -88,6 +88,8 @@ BROKEN = {
     "vector spread by too few": (
         "hangs = true", "rate = { uniform = [[-1e-3, -1e-3], [1e-3, 1e-3]] }",
         "each a number or a list of 3"),
+    "spread beyond a float": (
+        "hangs = true", f"rate = {{ uniform = [0, 1{'0' * 400}] }}", "give two values, lowest"),
     "gains of a balancing": ("runs = 24", 'runs = 24\nprocedure = "balance"',
                              "controller is 'mass_magnetic_pid', no way of balancing"),
     "target of a run": ("seed = 3", "seed = 3\ntarget = 1e-5", "target is of a balancing"),

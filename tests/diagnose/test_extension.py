@@ -76,6 +76,7 @@ HIDDEN = {
 }
 
 
+@pytest.mark.slow
 def test_another_log_leaves_noise_under_the_extended_platform(
     flight_of: Callable[..., Recording], drawn_seed: int, tmp_path: Path
 ):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.conftest import FAN
 from twin.effects import (
     EffectError,
     catalogue,
@@ -157,36 +158,11 @@ def test_a_wrong_effect_of_a_platform_is_refused_with_its_line(folder, text):
     assert caught.value.line == line
 
 
-OWN = '''
-"""Ours."""
-from dataclasses import dataclass
-
-import numpy as np
-
-from twin.effects import BodyEffect, Domain, Push, parameter
-
-
-@dataclass(frozen=True)
-class Fan(BodyEffect):
-    """A fan that somebody forgot on the table."""
-
-    name = "fan"
-    domain = Domain.torque
-    observable = "it turns"
-    streams = ("gyro",)
-
-    torque_size: float = parameter("of the fan", "N m", 1e-3, source="measured")
-
-    def pushes(self, platform):
-        return (Push(platform.base.body, np.array([0.0, 0.0, 0.0, self.torque_size, 0.0, 0.0])),)
-'''
-
-
 def test_a_lab_adds_an_effect_of_its_own_by_its_file(tmp_path, sads):
     file = tmp_path / "fan.py"
-    file.write_text(OWN)
+    file.write_text(FAN)
     (effect,) = parse_effects(f"{file}=0.5")
-    assert effect.words() == "fan: torque_size 0.5 N m"
+    assert effect.words() == "fan: size 0.5 N m"
     machine = compile_model(with_effects(sads, (effect,)))
     assert machine.effects == (effect,)
 
@@ -194,8 +170,8 @@ def test_a_lab_adds_an_effect_of_its_own_by_its_file(tmp_path, sads):
 BROKEN = {
     "raise RuntimeError('x')": "cannot be imported, RuntimeError: x",
     "from twin.effects import Domain": "defines 0 effects (none)",
-    OWN.replace("observable", "tells"): "lacks `observable`",
-    OWN.replace('parameter("of the fan", "N m", 1e-3, source="measured")', "1.0"): "no parameter",
+    FAN.replace("observable", "tells"): "lacks `observable`",
+    FAN.replace('parameter("of the fan", "N m", 1e-3, source="measured")', "1.0"): "no parameter",
 }
 
 

@@ -107,7 +107,7 @@ class Answers:
     spreads: tuple[Spread, ...]
     points: tuple[AtPoint, ...]
     """Of each arm, metric by metric; none without a grid."""
-    stopped: dict[str, int]
+    at_stop: dict[str, int]
     """Runs of each arm that touched the tilt stop, where a metric tells."""
     sensitivities: tuple[Sensitivity, ...]
     indices: tuple[Index, ...]
@@ -154,7 +154,7 @@ def answers(results: Results, against: Results | None = None) -> Answers:
         reasons=_reasons(results),
         spreads=tuple(spreads),
         points=tuple(_at_points(results)),
-        stopped=_stopped(results),
+        at_stop=_at_stop(results),
         sensitivities=sensitivities,
         indices=sobol_indices(results),
         worst=_worst(results, sensitivities),
@@ -182,24 +182,19 @@ def _at_points(results: Results) -> Iterator[AtPoint]:
     for arm in results.spec.arms:
         rows = results.of(arm.name)
         values = np.column_stack([results.factors[factor.name][rows] for factor, _ in grids])
+        points, place = np.unique(values, axis=0, return_inverse=True)
+        at = [tuple(zip((f.name for f, _ in grids), p, strict=True)) for p in points.tolist()]
+        runs = [rows[place == number] for number in range(len(points))]
         for metric, column in results.metrics.items():
-            for point in np.unique(values, axis=0):
-                there = rows[(values == point).all(axis=1)]
+            for point, there in zip(at, runs, strict=True):
                 known = there[np.isfinite(column[there])]
                 if known.size:
-                    at = zip((factor.name for factor, _ in grids), point.tolist(), strict=True)
                     own, sample = column[known], results.sample[known]
-                    yield AtPoint(
-                        arm.name,
-                        tuple(at),
-                        metric,
-                        len(known),
-                        quantile(own, sample, 0.5),
-                        quantile(own, sample, HIGH),
-                    )
+                    median, high = (quantile(own, sample, share) for share in (0.5, HIGH))
+                    yield AtPoint(arm.name, point, metric, len(known), median, high)
 
 
-def _stopped(results: Results) -> dict[str, int]:
+def _at_stop(results: Results) -> dict[str, int]:
     found: dict[str, int] = {}
     if "tilt_max" not in results.metrics:
         return found

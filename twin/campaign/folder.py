@@ -132,14 +132,17 @@ class Folder:
                 file, f"cannot be read ({problem})", "begin again in another folder"
             ) from None
 
+    def _copy(self) -> str:
+        """Of the specification; empty where it was lost."""
+        return self.spec.read_text(encoding="utf-8") if self.spec.is_file() else ""
+
     def check_spec(self) -> None:
         """Whether the specification's copy is the one that was flown.
 
         Raises:
             CampaignError: somebody has changed it.
         """
-        text = self.spec.read_text(encoding="utf-8")
-        if self._as_begun().get("specification") != _mark(text):
+        if self._as_begun().get("specification") != _mark(self._copy()):
             raise CampaignError(
                 self.spec,
                 "is not what was flown here, but was changed since",
@@ -150,9 +153,9 @@ class Folder:
     def _changed(self, spec: Spec, mark: str) -> list[str]:
         """Keys that a specification has otherwise than the one that was flown, but for what is only
         kept of it; comments and order do not count."""
-        there, here = self.spec.read_text(encoding="utf-8"), spec.text
+        there, here = self._copy(), spec.text
         if mark not in (_mark(there), _mark(here)):
-            return ["keys than the copy there, which was changed since"]
+            return ["keys than the copy there, which was changed or lost since"]
         was, now = (tomllib.loads(text) for text in (there, here))
         keys = [key for key in {**was, **now} if was.get(key) != now.get(key)]
         return [key for key in keys if key != "keep"]
@@ -182,7 +185,7 @@ class Folder:
                 f"holds this campaign already, {spec.shards - missing} of {spec.shards} shards",
                 "say --resume to go on with it",
             )
-        if self._as_begun() != now or self.spec.read_text(encoding="utf-8") != spec.text:
+        if was != now or self._copy() != spec.text:
             write_whole(self.spec, spec.text)
             write_whole(self.path / FACTS, json.dumps(now, indent=2) + "\n")
 
@@ -192,7 +195,7 @@ def _facts(spec: Spec) -> dict[str, Any]:
         "specification": _mark(spec.text),
         "runs": spec.runs,
         "shards": spec.shards,
-        "files": {name: _hash(file) for name, file in _files(spec).items()},
+        "files": {name: hash_of(file) for name, file in _files(spec).items()},
         "versions": versions(),
     }
 
@@ -229,5 +232,6 @@ def _mark(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _hash(path: Path) -> str:
+def hash_of(path: Path) -> str:
+    """SHA-256 of a file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()

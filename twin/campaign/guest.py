@@ -34,7 +34,7 @@ class Sent:
 
 @dataclass(frozen=True)
 class Refused:
-    """Why it cannot be flown there; our exceptions know more than their sentence, and stay."""
+    """Why it cannot be flown there, and where that is."""
 
     host: str
     sentence: str

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import twin
-from twin.campaign.folder import versions
+from twin.campaign.folder import hash_of, versions
 from twin.campaign.spec import Arm, Spec
 from twin.effects import file_of
 from twin.errors import CampaignError, TwinError
@@ -69,7 +69,7 @@ def unpacked(data: bytes, folder: Path) -> Spec:
                 "other bits"
             )
     for path, wanted in effects.items():
-        if not path.is_file() or _mark(path) != wanted:
+        if not path.is_file() or hash_of(path) != wanted:
             what = "another file there" if path.is_file() else "not there"
             raise OtherVersions(
                 f"the effect {path} is {what}; effects of one's own do not travel: put the same "
@@ -97,11 +97,7 @@ def code_of() -> dict[str, str]:
 def _effects_of(spec: Spec) -> dict[Path, str]:
     """Files of effects that are not in the package, whose classes are found by them."""
     own = (file_of(effect.kind) for arm in spec.arms for effect in arm.effects)
-    return {path: _mark(path) for path in own if path is not None}
-
-
-def _mark(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return {path: hash_of(path) for path in own if path is not None}
 
 
 def _packed_arm(spec: Spec, arm: Arm, files: dict[str, bytes]) -> Arm:

@@ -13,7 +13,7 @@ from twin.campaign.distribution import (
     Normal,
     Uniform,
 )
-from twin.config import Table
+from twin.config import Table, as_number
 from twin.effects import Parameter
 
 Array = NDArray[np.float64]
@@ -107,11 +107,7 @@ def _pair(spread: Table, kind: str, size: int) -> tuple[Array, Array]:
     ends: list[Array] = []
     for end in given:
         numbers = end if isinstance(end, list) else [end] * size
-        fit = len(numbers) == size and all(
-            isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x)
-            for x in numbers
-        )
-        if not fit:
+        if len(numbers) != size or not all(math.isfinite(as_number(x)) for x in numbers):
             raise problem
         ends.append(np.array(numbers, dtype=np.float64))
     return ends[0], ends[1]

@@ -81,8 +81,8 @@ def read_results(path: Path) -> Results:
     folder = Folder(path)
     if not folder.begun:
         raise CampaignError(path, "holds no campaign", "fly one: twin campaign SPEC.toml DIR")
-    folder.check_spec()
     spec = read_spec(folder.spec)
+    folder.check_spec()
     missing = set(folder.missing(spec))
     files = [folder.shard(n) for n in range(spec.shards) if n not in missing]
     if not files:

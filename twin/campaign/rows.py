@@ -73,9 +73,19 @@ def table_of(spec: Spec, drawn: Drawn, came: Mapping[int, Came]) -> pa.Table:
 
 
 def write_rows(table: pa.Table, path: Path) -> None:
-    """The whole file or none of it, whenever the process is killed."""
-    with whole(path) as file:
-        pq.write_table(table, file, compression="zstd")
+    """The whole file or none of it, whenever the process is killed.
+
+    Raises:
+        CampaignError: the disk is full, or gone.
+    """
+    try:
+        with whole(path) as file:
+            pq.write_table(table, file, compression="zstd")
+    except OSError as problem:
+        why = problem.strerror or problem
+        raise CampaignError(
+            path, f"cannot be written ({why})", "make room; --resume goes on"
+        ) from None
 
 
 def read_rows(path: Path, columns: Sequence[str] | None = None) -> pa.Table:

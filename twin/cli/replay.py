@@ -35,6 +35,7 @@ class Replay:
         if self.rrd is not None:
             check_writable(self.rrd, ".rrd")
         spec = read_spec(folder.spec)
+        folder.check_spec()
         told = replay(spec, folder, self.run_number, self.rrd)
         if self.json:
             same = None if told.differs is None else not told.differs

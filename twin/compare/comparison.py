@@ -126,8 +126,6 @@ def compare(
     recording = corrected(recording, list(conventions))
     noise = tuple(noise_findings(recording, platform))
     body, plain, base = prepare(recording, platform)
-    if rings(body.machine):
-        body = _along(body, base)
     symptoms, biases = symptoms_of([body]), first_biases(body)
     refitted = None
     if not as_built:
@@ -168,7 +166,8 @@ def prepare(
     """A recording's predictor; its base, and with what its joints take of the motion."""
     machine = predicted_machine(platform)
     body = body_of(machine, recording, motion_of(recording, platform))
-    return body, *base_of(machine, [recording])
+    plain, base = base_of(machine, [recording])
+    return _along(body, base) if rings(machine) else body, plain, base
 
 
 def name_of(comparison: Comparison) -> str:

@@ -1,4 +1,4 @@
-"""Parts of a machine that a log has no stream of, or none that drives them, and what is assumed."""
+"""Where a log and a machine do not meet: parts without a stream, sensors without a place."""
 
 from collections.abc import Sequence
 
@@ -48,7 +48,8 @@ LATE = 0.5
 
 
 def taken_as_at_rest(recordings: Sequence[Recording], platform: Platform) -> tuple[str, ...]:
-    """A sentence for each kind of part that a measured log has no stream of, or no drive.
+    """A sentence for each kind of part that a measured log has no stream of, or no drive, and for
+    each sensor that the platform does not state.
 
     What no stream says is no motion that the logs explain: its torque would be put down to
     something else. A recording of our own holds all that was commanded, so nothing is said of it.

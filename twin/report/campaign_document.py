@@ -42,7 +42,7 @@ def campaign_document(found: Answers) -> dict[str, Any]:
             }
             for one in found.points
         ],
-        "touched_the_stop": found.stopped,
+        "touched_the_stop": found.at_stop,
         "sensitivities": [
             {
                 "arm": one.arm,

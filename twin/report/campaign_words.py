@@ -43,7 +43,7 @@ def summary(found: Answers) -> list[str]:
         words = {"done": "balanced"} if spec.procedure == "balance" else {}
         counted = ", ".join(f"{n} {words.get(end, end)}" for end, n in sorted(ends.items()))
         lines.append(f"{arm}: {counted}.")
-    for arm, count in found.stopped.items():
+    for arm, count in found.at_stop.items():
         angle = math.degrees(next(a.platform.stop_angle for a in spec.arms if a.name == arm))
         lines.append(
             f"{arm}: {count} touched the tilt stop at {angle:.3g} deg; what their metrics say is "
@@ -135,10 +135,10 @@ def point_table(found: Answers) -> Rows:
 
 def nothing_proven(found: Answers) -> str:
     """What stands where no factor matters for certain."""
-    machines = _machines(found)
-    few = f" {machines} machines can hardly prove any: a dozen is a beginning."
-    few = few if found.results.spec.dispersed and machines < A_BEGINNING else ""
-    return f"No factor is proven to matter.{few}"
+    machines, said = _machines(found), "No factor is proven to matter."
+    if not found.results.spec.dispersed or machines >= A_BEGINNING:
+        return said
+    return f"{said} {machines} machines can hardly prove any: a dozen is a beginning."
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Rows:
