@@ -64,6 +64,11 @@ def turned_attitude(x, t, platform):
     return scalar_first(seen)
 
 
+def seen_from_a_tilted_world(x, t, platform):
+    room = Rotation.from_rotvec([0.1, -0.2, 0.0]).inv()
+    return scalar_first(room * Rotation.from_quat(x, scalar_first=True))
+
+
 def askew_elevations(x, t, platform):
     """Of the axes of a sensor that stands turned on the body."""
     up = np.stack([-np.sin(x[:, 1]), np.sin(x[:, 0]), np.zeros(len(x))], axis=1)
@@ -86,6 +91,7 @@ FORMULAS = {
         lambda x, t, _: x @ Rotation.from_rotvec(TURN).as_matrix(),
     ),
     "attitude_misalignment=0.1/-0.2/0.15": ("attitude", turned_attitude),
+    "attitude_reference_tilt=0.1/-0.2": ("attitude", seen_from_a_tilted_world),
     "inclinometer_bias=0.1/-0.2": ("inclinometer", lambda x, t, _: x + THREE[:2]),
     "inclinometer_misalignment=0.1/-0.2/0.15": ("inclinometer", askew_elevations),
     "accelerometer_bias=0.1/-0.2/0.3": ("accelerometer", lambda x, t, _: x + THREE),

@@ -48,6 +48,7 @@ HIDDEN = (
     "wheel_misalignment:w2",
     "wheel_torque_gain:w3",
     "attitude_misalignment",
+    "attitude_reference_tilt",
     "gyro_bias",
     "gyro_drift",
     "gyro_misalignment",

@@ -22,6 +22,7 @@ STATED = {
     "a clock that drifts": "clock_drift:attitude=0.03",
     "a fault of a sensor": "gyro_scale_factor=0.2/-0.2/0.2",
     "a sensor that is turned": "attitude_misalignment=0.05/-0.04/0.06",
+    "a reference that is not level": "attitude_reference_tilt=0.05/-0.04",
     "a fault of what measures a state": "clock_lag:wheel_speed=0.2",
 }
 

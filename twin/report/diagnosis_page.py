@@ -20,6 +20,7 @@ from twin.report.diagnosed import (
 )
 from twin.report.diagnosis_figures import before_after_figure, evidence_figure
 from twin.report.next_experiment import experiment_sentence
+from twin.report.one_clock import one_clock_sentences
 from twin.report.style import bullets, framed, page, table, typeset
 from twin.report.words import MEANINGFUL, pair
 from twin.units import three_digits
@@ -36,7 +37,7 @@ def write_diagnosis(path: Path, found: Diagnosis, gain: Validation | None) -> No
 def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
     length = sum(log.stop - log.start for log in found.recordings)
     verdict = verdict_sentence(found)
-    own = [cause_sentence(cause) for cause in found.causes]
+    own = [cause_sentence(cause) for cause in found.causes] + one_clock_sentences(found)
     if found.equation is not None:
         own.append(equation_sentence(found.equation))
     if found.pushes:

@@ -25,6 +25,8 @@ OUT_OF_REACH = {
     "sensor_lag": "move it fast and slowly by turns: a filter delays the fast motion otherwise",
     "gyro_scale_factor": "turn it by an angle that is known otherwise",
     "attitude_misalignment": "turn it about one axis at a time before a reference outside of it",
+    "attitude_reference_tilt": "set a level before what measures the attitude, or turn the machine "
+    "by half a turn about the vertical: what is fixed in the room stays",
     "wheel_misalignment": "spin up one wheel at a time, the others at rest",
     "wheel_inertia_error": "mount a body of known inertia",
 }
