@@ -110,6 +110,7 @@ def test_the_extended_platform_flies_with_the_cause_in_it(found, tmp_path, capsy
     (effect,) = effects_of(platform)
     assert effect.values[0] == pytest.approx(found.causes[0].effect.values[0], rel=1e-6)
     assert platform.inertia == pytest.approx(load_platform("sads").inertia, abs=0.2)
+    assert "harness_stiffness: stiffness" in (tmp_path / "extended" / "README.md").read_text()
     assert main(["check", str(tmp_path / "extended")]) == 0
     fly = ["run", str(tmp_path / "extended"), "--controller", "quaternion_pd", "--duration", "1"]
     assert main(fly) == 0

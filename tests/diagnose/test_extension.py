@@ -12,7 +12,7 @@ import tomlkit
 from twin.compare import compare
 from twin.diagnose import diagnose, extend
 from twin.diagnose.extension import give_inertial, give_joints, state_effect
-from twin.effects import effect_named
+from twin.effects import effect_named, parse_effects
 from twin.library import library
 from twin.model import compile_model
 from twin.platform import load_platform
@@ -64,8 +64,15 @@ def test_a_cause_that_ends_at_its_bound_is_written_within_it():
     values = draft.values
     values[draft.names.index("phase")] = 2.0 * np.pi
     document = tomlkit.document()
-    state_effect(document, draft.with_values(values))
+    state_effect(document, draft.with_values(values), np.full(len(values), np.nan), "swing.rrd")
     assert document["room_draft"]["phase"] == 2.0 * np.pi
+
+
+def test_each_number_that_is_written_says_what_it_was_fitted_to_and_how_well(tmp_path: Path):
+    document = tomlkit.document()
+    (lag,) = parse_effects("clock_lag:gyro=0.17")
+    state_effect(document, lag, np.array([0.0123]), "swing.rrd")
+    assert "lag = 0.17 # s; fitted to swing.rrd; 95 %: +- 0.012" in tomlkit.dumps(document)
 
 
 HIDDEN = {

@@ -12,9 +12,11 @@ import tomlkit
 from numpy.typing import NDArray
 
 from twin.diagnose.diagnosis import Diagnosis
+from twin.diagnose.explanation import Explanation
 from twin.diagnose.law_file import write_laws
 from twin.effects import Effect
 from twin.errors import UsageError
+from twin.identify.prediction_error import NORMAL
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
 from twin.predict.parameters.base import BaseParameters
@@ -52,23 +54,51 @@ def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
     document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
     _flatten(document, platform)
     entries = found.base.entries(found.at.theta).tolist()
+    logs = ", ".join(dict.fromkeys(Path(log.source).name for log in diagnosis.recordings))
     base = document["mass_properties"]
-    base["inertia"] = [_rounded(value) for value in entries[:6]]
-    base["center_of_mass_offset"] = [_rounded(value) for value in entries[6:9]]
-    for key in ("inertia", "center_of_mass_offset"):
-        base[key].comment("fitted to its logs")
+    half = _half_widths(found)
+    for key, own in (("inertia", slice(0, 6)), ("center_of_mass_offset", slice(6, 9))):
+        base[key] = [_rounded(value) for value in entries[own]]
+        ends = ", ".join(f"{value:.2g}" for value in half[own])
+        base[key].comment(f"fitted to {logs}; 95 %: +- {ends}")
     document["title"] = f"{platform.title}, as its logs have it"
     if diagnosis.causes:
         effects = document.setdefault("effects", tomlkit.table())
         for cause in diagnosis.causes:
-            state_effect(effects, cause.effect)
+            state_effect(effects, cause.effect, cause.half_widths, logs)
     path.write_text(tomlkit.dumps(document), encoding="utf-8")
+    _introduce(folder / "README.md", diagnosis, logs)
     if diagnosis.equation is not None:
         write_laws(diagnosis.equation, platform, folder)
     extended = load_platform(str(folder))
     give_inertial(extended.model_path, extended.base.body, compile_model(extended).model)
     give_joints(extended.model_path, found.base, found.at.theta)
     return extended
+
+
+def _introduce(readme: Path, diagnosis: Diagnosis, logs: str) -> None:
+    """Say on top of what is known of the machine that this is not quite that machine."""
+    before = readme.read_text(encoding="utf-8") if readme.exists() else ""
+    causes = [f"- {cause.effect.words()}" for cause in diagnosis.causes]
+    what = "these effects" if causes else "no effect"
+    name = diagnosis.platform.name
+    said = [
+        f"# {diagnosis.platform.title}, as its logs have it",
+        "",
+        f"Written by `twin diagnose --extend` from {logs}: `{name}` with J and m r as fitted, and "
+        f"{what} in platform.toml. All that follows is said of `{name}`.",
+        "",
+        *(causes + [""] if causes else []),
+    ]
+    readme.write_text("\n".join(said) + "\n" + before, encoding="utf-8")
+
+
+def _half_widths(found: Explanation) -> Array:
+    """(9,) of the 95 % intervals of J and m r."""
+    to_entries = found.base.map
+    fitted = to_entries.shape[1]
+    spread = to_entries @ found.covariance[:fitted, :fitted] @ to_entries.T
+    return NORMAL * np.sqrt(np.maximum(np.diag(spread), 0.0))
 
 
 def check_new(folder: Path) -> None:
@@ -165,16 +195,28 @@ def _flatten(document: Any, platform: Platform) -> None:
     document.pop("variants", None)
 
 
-def state_effect(effects: Any, effect: Effect) -> None:
-    """`[effects.NAME]`, or `[effects.NAME.TARGET]`."""
+def state_effect(effects: Any, effect: Effect, half_widths: Array, logs: str) -> None:
+    """`[effects.NAME]`, or `[effects.NAME.TARGET]`, each number with where it is from.
+
+    Args:
+        effects: the table that it goes into.
+        effect: as fitted.
+        half_widths: (p,) of the 95 % intervals; NaN where a component was not fitted by itself.
+        logs: what it was fitted to.
+    """
     # a fit may end at a bound, and a rounding beyond it
     rounded = [_rounded(value) for value in effect.values.tolist()]
     effect = effect.with_values(np.clip(rounded, *effect.bounds()))
     table = tomlkit.table()
-    for known in (*effect.parameters(), *effect.settings()):
-        value = getattr(effect, known.name)
-        if value is not None:
-            table[known.name] = _plain(value)
+    for known in effect.parameters():
+        table[known.name] = _plain(getattr(effect, known.name))
+        half, half_widths = half_widths[: known.size], half_widths[known.size :]
+        ends = ", ".join("not told" if np.isnan(one) else f"{one:.2g}" for one in half)
+        unit = "" if known.unit == "1" else f"{known.unit}; "
+        table[known.name].comment(f"{unit}fitted to {logs}; 95 %: +- {ends}")
+    for setting in effect.settings():
+        if getattr(effect, setting.name) is not None:
+            table[setting.name] = _plain(getattr(effect, setting.name))
     if effect.target:
         effects.setdefault(effect.name, tomlkit.table())[effect.target] = table
     else:
