@@ -12,9 +12,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import UsageError
+
 Array = NDArray[np.float64]
 
 PHASES = ("read", "estimate", "control", "write", "record")
+
+LONGEST = 1e6
+"""Of a run [s]: eleven days and a half."""
 
 
 @dataclass
@@ -104,6 +109,18 @@ class WallClock(Clock):
             due = int(now / period) + 1
             self.timing.overruns += max(min(due, last + 1) - number - 1, 0)
             number = max(due, number + 1)
+
+
+def check_duration(duration: float) -> None:
+    """Whether a run can last so long [s].
+
+    Raises:
+        UsageError: it cannot.
+    """
+    if not 0.0 < duration <= LONGEST:
+        raise UsageError(
+            f"duration is {duration:g} s; give a time above zero, {LONGEST:g} s at most"
+        )
 
 
 def last_tick(period: float, duration: float) -> int:

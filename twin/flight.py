@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from twin.budget import momentum_budget
-from twin.clock import Clock
+from twin.clock import Clock, check_duration
 from twin.controller import AnyController, load_controller
 from twin.controller.load import tell_mistake
 from twin.effects import Effect, effects_of, with_effects
@@ -244,8 +244,7 @@ def prepare(
         body, machine = bench, bench.platform
     else:
         raise UnknownName("plant", plant, PLANTS)
-    if length <= 0.0:
-        raise UsageError(f"duration is {length:g} s; give a time above zero")
+    check_duration(length)
     observer = load_estimator(estimator or usual_estimator(machine))
     law = _law(controller, gains, machine, simulated=bench is None or lockstep, tell=tell)
     asked = reference or law.reference

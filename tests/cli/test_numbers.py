@@ -12,6 +12,14 @@ FINITE, TRIPLE = "give a finite number", "give finite numbers"
     [
         ("run sads --duration nan", f"--duration is nan; {FINITE}"),
         ("run sads --duration inf", f"--duration is inf; {FINITE}"),
+        (
+            "run sads --duration 1e308",
+            "duration is 1e+308 s; give a time above zero, 1e+06 s at most",
+        ),
+        (
+            "balance sads --duration 0",
+            "duration is 0 s; give a time above zero, 1e+06 s at most",
+        ),
         ("run sads --seed -1", "--seed is -1; give 0 or more"),
         ("run sads --attitude nan 0 0", f"--attitude is nan 0 0; {TRIPLE}"),
         ("run sads --rate 0 nan 0", f"--rate is 0 nan 0; {TRIPLE}"),

@@ -105,6 +105,12 @@ def test_a_reference_beyond_the_stop_is_refused_with_both_angles(capsys, referen
     assert "deg, beyond the stop at 30 deg" in said
 
 
+def test_a_table_that_falls_onto_its_stop_is_told_to_have_touched_it(capsys):
+    words = ["run", "sads", "--controller", "free_float", "--attitude", "25", "0", "0"]
+    assert main([*words, "--duration", "100"]) == 0
+    assert "largest tilt 30 deg, where it touched its stop" in capsys.readouterr().out
+
+
 def test_a_turn_about_the_vertical_meets_no_stop():
     names = {"plant": "sim", "estimator": None, "duration": 200.0}
     prepare("sads", controller="quaternion_pd", reference="slew:0,0,170", **names)

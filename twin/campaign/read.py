@@ -11,6 +11,7 @@ from twin.campaign.read_initial import read_initial
 from twin.campaign.read_values import read_values
 from twin.campaign.sampling import SAMPLINGS, Sampling
 from twin.campaign.spec import LEAST, PARTS, SHARD, Arm, Factor, Keep, Procedure, Spec
+from twin.clock import LONGEST
 from twin.config import Table, read_toml
 from twin.controller import load_controller
 from twin.errors import CampaignError, UnknownName
@@ -39,7 +40,7 @@ def read_spec(path: Path) -> Spec:
         for key in ("reference", "steady"):
             if key in table:
                 raise table.fail(key, "is of a run", "a balancing has none: leave it out")
-    duration = table.number("duration", low=0.0, high=1e6, unit="s")
+    duration = table.number("duration", low=0.0, high=LONGEST, unit="s")
     if duration == 0.0:
         raise table.fail("duration", "is 0 s", "give a time above zero")
     steady = table.number("steady", 0.5 * duration, low=0.0, high=duration, unit="s")

@@ -180,6 +180,7 @@ class Balance:
         return 0 if all(document["ended"] == "done" for document in documents) else 1
 
     def _check(self) -> None:
+        from twin.clock import check_duration
         from twin.errors import UnknownName, UsageError
         from twin.procedures.setup import WAYS
 
@@ -214,8 +215,7 @@ class Balance:
             )
         if self.runs < 1:
             raise UsageError(f"runs is {self.runs}; give 1 or more")
-        if self.duration <= 0.0:
-            raise UsageError(f"duration is {self.duration:g} s; give a time above zero")
+        check_duration(self.duration)
         if self.offset is not None and (self.random_offset or self.runs > 1):
             raise UsageError("--offset is that of one run; leave out --random-offset and --runs")
 

@@ -276,7 +276,10 @@ def _report(flight: "Flight", outcome: "Outcome", metrics: "Metrics") -> list[st
             f"from {metrics.settle:g} s on"
         )
     if "tilt_max_rad" in row:
-        lines.append(f"largest tilt {np.degrees(row['tilt_max_rad']):.3g} deg")
+        most = row["tilt_max_rad"]
+        touched = flight.platform.pitch_stop is None and most >= flight.platform.tilt_limit
+        stop = ", where it touched its stop" if touched else ""
+        lines.append(f"largest tilt {np.degrees(most):.3g} deg{stop}")
     peaks = row.get("wheel_momentum_max_N_m_s", ())
     if "wheel_speed" not in flight.platform.sensors:
         # nobody has seen them
