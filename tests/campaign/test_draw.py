@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from twin.campaign.draw import draw, hanging, start_of_runs
+from twin.campaign.draw import draw, start_of_runs
 from twin.campaign.sampling import shares
+from twin.plant.initial import hanging
 from twin.rotation import rotate
 
 NAMES = ("a", "b", "c")

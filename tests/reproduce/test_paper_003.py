@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from twin.controller import load_controller
-from twin.plant.initial import InitialState
-from twin.reproduce.flown import flown, hanging, perfect
+from twin.plant.initial import InitialState, hanging
+from twin.reproduce.flown import flown, perfect
 from twin.reproduce.judge import Status
 from twin.reproduce.paper_003.bench import (
     ALL_MOTORS,

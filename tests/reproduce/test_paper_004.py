@@ -8,16 +8,15 @@ import pytest
 
 from twin.effects import State
 from twin.identify import identify
+from twin.plant.initial import hanging
 from twin.reproduce.efficiency import cramer_rao, trial_of
-from twin.reproduce.flown import hanging
-from twin.reproduce.inertia import is_rigid_body, tensor
+from twin.reproduce.inertia import entries_of, is_rigid_body, tensor
 from twin.reproduce.paper_004 import fig10, fig11, table1_ours, table1_wheels, table2_unphysical
 from twin.reproduce.paper_004.manoeuvre import (
     as_guessed,
     flown,
     machine,
     resimulated,
-    truth_of,
 )
 from twin.reproduce.paper_004.parts import PARTS
 from twin.reproduce.paper_004.uncertain_torque import UncertainTorque
@@ -58,7 +57,7 @@ def test_hanging_means_that_the_offset_points_down():
 def test_the_true_machine_simulated_again_moves_as_it_did():
     platform = machine("sads:table1_noise")
     (log,) = flown(platform, table1_ours.MOTION, duration=20.0, runs=1, seed=3)
-    again, true = resimulated(platform, truth_of(platform), log), log["truth_rate"]
+    again, true = resimulated(platform, entries_of(platform), log), log["truth_rate"]
     apart = again.interpolated_at(true.time) - true.value
     assert np.abs(apart).max() < 1e-9
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from twin.campaign.sampling import shares
 from twin.campaign.spec import Arm, Initial, Spec
 from twin.effects import Effect
-from twin.plant.initial import InitialState, check_within_stop
+from twin.plant.initial import InitialState, check_within_stop, hanging
 from twin.procedures.means import Reach
-from twin.rotation import from_euler_zyx, from_rotation_vector, multiply
+from twin.rotation import from_euler_zyx, multiply
 
 Array = NDArray[np.float64]
 
@@ -112,12 +112,3 @@ def start_of_runs(initial: Initial, arm: Arm, drawn: Drawn) -> InitialState:
         gimbal_angle=given.get("gimbal_angle"),
         center_of_mass_offset=offset,
     )
-
-
-def hanging(moment: Array, most: float) -> Array:
-    """Attitudes (n, 4) in which m r (n, 3) hangs straight down, tilted by `most` [rad] at most."""
-    size = np.sqrt(moment[:, 0] ** 2 + moment[:, 1] ** 2)
-    angle = np.minimum(np.arctan2(size, -moment[:, 2]), most)
-    across = np.stack([-moment[:, 1], moment[:, 0], np.zeros_like(size)], axis=1)
-    # the body turns the other way, so that its m r comes to the room's downwards
-    return from_rotation_vector((angle / np.where(size > 0.0, size, 1.0))[:, None] * across)

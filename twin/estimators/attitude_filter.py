@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from twin.errors import UsageError
 from twin.estimators.estimator import Estimator, blank, encoders, instead, newest, shared
-from twin.platform import Platform, Sensor
+from twin.estimators.sample import variance_of
+from twin.platform import Platform
 from twin.rotation import (
     conjugate,
     cross,
@@ -98,7 +99,7 @@ class AttitudeFilter(Estimator):
         start = replace(blank(platform, n), covariance=covariance.transpose(2, 0, 1))
         return FilterEstimate(
             **shared(start),
-            noise=Noise(_variance(gyro), _variance(attitude), self.bias_walk**2),
+            noise=Noise(variance_of(gyro), variance_of(attitude), self.bias_walk**2),
             gyro=np.zeros((n, 3)),
             gyro_time=np.full(n, np.nan),
             attitude_then=start.attitude,
@@ -170,11 +171,6 @@ class _Fix(NamedTuple):
     """Mean, (n,) [s]."""
     after: Array
     """Share of each gyro step that lies after the samples, (steps, n)."""
-
-
-def _variance(sensor: Sensor) -> Array:
-    """Of a sample; a perfect sensor is taken as good to 1e-7 of its unit."""
-    return np.maximum(sensor.noise**2 + sensor.resolution**2 / 12.0, 1e-14)
 
 
 def _joined(before: FilterEstimate, gyro: Samples | None, now: float) -> tuple[Array, Array]:

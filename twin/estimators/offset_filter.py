@@ -15,7 +15,8 @@ from twin.estimators.estimator import (
     shared,
 )
 from twin.estimators.gyrostat import Gyrostat, Motion, Parts, rate_of
-from twin.platform import Platform, Sensor
+from twin.estimators.sample import variance_of
+from twin.platform import Platform
 from twin.rotation import (
     conjugate,
     cross,
@@ -338,10 +339,5 @@ def _noise(platform: Platform) -> Noise:
     delay = 0.0
     if np.isfinite(gyro.cutoff):
         delay = 1.0 / (2.0 * np.pi * gyro.cutoff * np.sin(0.5 * np.pi / gyro.order))
-    wheels = np.zeros(0) if speeds is None else inertia**2 * _variance(speeds)
-    return Noise(_variance(gyro), _variance(platform.sensors["attitude"]), wheels, delay)
-
-
-def _variance(sensor: Sensor) -> Array:
-    """Of a sample; a perfect sensor is taken as good to 1e-7 of its unit."""
-    return np.maximum(sensor.noise**2 + sensor.resolution**2 / 12.0, 1e-14)
+    wheels = np.zeros(0) if speeds is None else inertia**2 * variance_of(speeds)
+    return Noise(variance_of(gyro), variance_of(platform.sensors["attitude"]), wheels, delay)

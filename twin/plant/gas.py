@@ -6,11 +6,9 @@ from numpy.typing import NDArray
 from twin.effects import BodyEffect
 from twin.model import Machine
 from twin.platform import Gas
+from twin.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
-
-STANDARD_GRAVITY = 9.80665
-"""[m/s^2]: what a specific impulse in seconds is multiplied with."""
 
 
 def thruster_arms(machine: Machine) -> Array:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from twin.errors import UsageError
 from twin.platform import Platform
+from twin.rotation import from_rotation_vector
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,18 @@ class InitialState:
         """As given, or at home [rad/s]."""
         home = np.array([wheel.home for wheel in platform.wheels])
         return home if self.wheel_speed is None else self.wheel_speed
+
+
+def hanging(moment: Array, most: float = np.inf) -> Array:
+    """Attitudes (..., 4) in which m r (..., 3) hangs straight down, tilted by `most` [rad] at most.
+
+    The body turns about a level axis; one that would have to turn upside down stays as it is.
+    """
+    across = np.stack([-moment[..., 1], moment[..., 0], np.zeros(moment.shape[:-1])], axis=-1)
+    size = np.sqrt(moment[..., 0] ** 2 + moment[..., 1] ** 2)
+    angle = np.minimum(np.arctan2(size, -moment[..., 2]), most)
+    # the body turns the other way, so that its m r comes to the room's downwards
+    return from_rotation_vector((angle / np.where(size > 0.0, size, 1.0))[..., None] * across)
 
 
 def check_within_stop(platform: Platform, attitude: Array) -> None:

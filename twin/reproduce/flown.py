@@ -16,7 +16,7 @@ from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, Sensor
 from twin.recording import Recording
 from twin.reference import Hold, Reference
-from twin.rotation import from_rotation_vector, multiply
+from twin.rotation import multiply
 from twin.signals import Target, Tick
 from twin.stream.recorder import MemoryRecorder
 
@@ -128,16 +128,6 @@ def perfect(platform: Platform) -> Platform:
 
     sensors = {name: plain(sensor) for name, sensor in platform.sensors.items()}
     return replace(platform, sensors=sensors, effects=())
-
-
-def hanging(moment: Array, most: float = np.inf) -> Array:
-    """Attitude (4,) in which m r (3,) hangs straight down, tilted by no more than `most` [rad]."""
-    down = moment / np.linalg.norm(moment)
-    across = np.array([-down[1], down[0], 0.0])  # -z turns onto `down` about it
-    size = float(np.linalg.norm(across))
-    angle = min(float(np.arctan2(size, -down[2])), most)
-    # The body turns the other way, so that its `down` comes to the room's.
-    return from_rotation_vector(angle * across / size if size else np.zeros(3))
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.platform import Platform
 from twin.predict.parameters.base import ENTRIES
 
 Array = NDArray[np.float64]
@@ -14,6 +15,12 @@ def tensor(entries: Array) -> Array:
     for value, (i, j) in zip(entries, ENTRIES, strict=True):
         found[i, j] = found[j, i] = value
     return found
+
+
+def entries_of(platform: Platform) -> Array:
+    """(9,) J and m r as a platform states them, as `ENTRIES` names them."""
+    entries = [platform.inertia[i, j] for i, j in ENTRIES]
+    return np.concatenate([entries, platform.center_of_mass_offset])
 
 
 def is_rigid_body(inertia: Array) -> bool:

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.controller import load_controller
-from twin.plant.initial import InitialState
+from twin.plant.initial import InitialState, hanging
 from twin.platform import Platform, load_platform
 from twin.reference import Multisine, Reference
-from twin.reproduce.flown import About, Flown, flown, hanging
+from twin.reproduce.flown import About, Flown, flown
 from twin.signals import Target
 
 Array = NDArray[np.float64]

@@ -10,6 +10,7 @@ from twin.effects import parse_effects, with_effects
 from twin.identify import Identification, identify
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
+from twin.reproduce.inertia import entries_of
 from twin.reproduce.paper_000.bench import (
     MIDDLE,
     PRINTED,
@@ -46,7 +47,7 @@ def products_back(say: Say) -> Found:
     """Fly the machine of eq. 43, tell the identification another one, look what it says."""
     machine = printed_machine()
     stated = with_noise(load_platform("tas2"), MIDDLE)
-    truth = truth_of(machine)
+    truth = entries_of(machine)
     say("sinusoidal tracking")
     run = tracked(machine, runs=RUNS)
     held: list[NDArray[np.bool_]] = []
@@ -70,7 +71,7 @@ def which_effect(say: Say) -> Found:
     """The batch method on logs of machines that have one of the published faults each."""
     machine = replace(printed_machine(), sensors=load_platform("tas2").sensors)
     stated = load_platform("tas2")
-    truth = truth_of(machine)[2]
+    truth = entries_of(machine)[2]
     errors: dict[str, float] = {}
     for cause in ("", *CAUSES):
         say(cause or "nothing")
@@ -88,12 +89,6 @@ def which_effect(say: Say) -> Found:
         f"The largest comes from {name}. Errors of Jzz [kg m^2], the worse of both filters: {told}."
     )
     return Found({"000.eq43.which_effect": Ours(float(abs(worst)), note=note)})
-
-
-def truth_of(machine: Platform) -> Array:
-    """(9,) as `ENTRIES` names them."""
-    j = machine.inertia
-    return np.concatenate([j.diagonal(), j[[0, 0, 1], [1, 2, 2]], machine.center_of_mass_offset])
 
 
 def at_motor(log: Recording, machine: Platform) -> Recording:

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from twin.identify import Settings, identify
 from twin.identify.methods import Form
+from twin.plant.initial import hanging
 from twin.platform import Platform
 from twin.recording import Recording
 from twin.report.style import FIGURE, svg
-from twin.reproduce.flown import hanging
+from twin.reproduce.inertia import entries_of
 from twin.reproduce.paper_002.manoeuvre import (
     DURATION,
     RATE,
@@ -21,7 +22,6 @@ from twin.reproduce.paper_002.manoeuvre import (
     machine,
     measured,
 )
-from twin.reproduce.paper_002.methods import truth_of
 from twin.reproduce.part import Found, Ours, Part, Say
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ def borne(errors: Array) -> float:
 
 
 def _median_error(log: Recording, platform: Platform, noise: float, form: Form) -> float:
-    truth = truth_of(platform)
+    truth = entries_of(platform)
     sigma = noise * float(np.abs(log["gyro"].value).max())
     found: list[float] = []
     for seed in SEEDS:

@@ -12,8 +12,9 @@ from twin.identify import identify
 from twin.predict.parameters.base import NAMES
 from twin.recording import Recording, Series
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
+from twin.reproduce.inertia import entries_of
 from twin.reproduce.paper_002.manoeuvre import DURATION, NOISE, ideal, machine, measured
-from twin.reproduce.paper_002.methods import METHODS, truth_of
+from twin.reproduce.paper_002.methods import METHODS
 from twin.reproduce.part import Found, Ours, Part, Say
 
 Array = NDArray[np.float64]
@@ -39,7 +40,7 @@ def compute(say: Say) -> Found:
     turned_log = _estimates(log, TURNS, turned)
     places = [p for p in map(turn_nearest_sync, shifted_log.T) if p is not None]
     bent = np.array([bend(TURNS, column) for column in turned_log.T])
-    change = np.ptp(turned_log, axis=0) / np.abs(truth_of(machine()))
+    change = np.ptp(turned_log, axis=0) / np.abs(entries_of(machine()))
     plain = change > 0.01
     large = f"{bent[plain].max():.3f}" if plain.any() else "none"
     figures = {
@@ -118,7 +119,7 @@ def _those(plain: NDArray[np.bool_]) -> str:
 def _figure(x: Array, estimates: Array, label: str) -> str:
     with mpl.rc_context(FIGURE):
         figure = Figure(figsize=(9.6, 7.0))
-        truth = truth_of(machine())
+        truth = entries_of(machine())
         for panel, name, column, true in zip(
             figure.subplots(3, 3, sharex=True).ravel(), NAMES, estimates.T, truth, strict=True
         ):

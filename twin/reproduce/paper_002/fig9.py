@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from twin.plant.initial import hanging
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
 from twin.report.style import FIGURE, INK, PALETTE, SOFT, svg
-from twin.reproduce.flown import hanging
 from twin.reproduce.paper_002.manoeuvre import flown, machine, wheels
 from twin.reproduce.part import Found, Ours, Part, Say
 

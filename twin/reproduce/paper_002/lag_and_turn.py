@@ -9,8 +9,8 @@ from twin.diagnose import Diagnosis, diagnose
 from twin.effects import Effect, with_effects
 from twin.effects.clocks.clock_lag import ClockLag
 from twin.effects.wheels.wheel_misalignment import WheelMisalignment
+from twin.plant.initial import hanging
 from twin.platform import load_platform
-from twin.reproduce.flown import hanging
 from twin.reproduce.paper_002.manoeuvre import flown, wheels
 from twin.reproduce.part import Found, Ours, Part, Say
 

@@ -14,13 +14,12 @@ from twin.clock import SimulatedClock
 from twin.controller import AnyController, Controller, load_controller
 from twin.estimators.passthrough import Passthrough
 from twin.loop import fly
-from twin.plant.initial import InitialState
+from twin.plant.initial import InitialState, hanging
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.predict.log.tilt import attitude_of_start
 from twin.recording import Recording
 from twin.reference import Hold, Reference
-from twin.reproduce.flown import hanging
 from twin.signals import Command, Estimate, Target
 from twin.stream.recorder import MemoryRecorder
 

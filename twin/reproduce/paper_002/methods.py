@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from twin.identify import Settings, identify
 from twin.platform import Platform
-from twin.predict.parameters.base import ENTRIES
 from twin.recording import Recording
+from twin.reproduce.inertia import entries_of
 
 Array = NDArray[np.float64]
 
@@ -21,16 +21,10 @@ METHODS: Mapping[str, tuple[str, Settings]] = {
 """Columns of Tables 2 and 3: TM, MI(1), MI(2), MI(3), all integrated."""
 
 
-def truth_of(platform: Platform) -> Array:
-    """(9,) J and m r."""
-    entries = [platform.inertia[i, j] for i, j in ENTRIES]
-    return np.concatenate([entries, platform.center_of_mass_offset])
-
-
 def errors(log: Recording, platform: Platform, method: str) -> Array:
     """(9,) errors of a method of the paper [%]; J xx yy zz xy xz yz, then m r."""
     name, settings = METHODS[method]
-    truth = truth_of(platform)
+    truth = entries_of(platform)
     return 100.0 * (identify([log], platform, name, settings).theta[:9] - truth) / truth
 
 

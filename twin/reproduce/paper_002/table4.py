@@ -3,9 +3,8 @@
 import numpy as np
 
 from twin.identify import identify
-from twin.reproduce.inertia import is_rigid_body, tensor
+from twin.reproduce.inertia import entries_of, is_rigid_body, tensor
 from twin.reproduce.paper_002.manoeuvre import NOISE, ideal, machine, measured
-from twin.reproduce.paper_002.methods import truth_of
 from twin.reproduce.part import Found, Ours, Part, Say
 
 PUBLISHED = {
@@ -21,7 +20,7 @@ SEEDS = range(20)
 def compute(say: Say) -> Found:
     """Count them; then project what the torque method makes of Table 3's data."""
     bodies = [name for name, entries in PUBLISHED.items() if is_rigid_body(tensor(entries))]
-    platform, truth = machine(), truth_of(machine())
+    platform, truth = machine(), entries_of(machine())
     held, moved = 0, 0
     for seed in SEEDS:
         say(f"Table 4: nearest rigid body, seed {seed}")

@@ -15,9 +15,9 @@ from scipy.signal import butter, sosfiltfilt
 
 from twin.controller import AnyController, load_controller
 from twin.effects import Effect, with_effects
-from twin.plant.initial import InitialState
+from twin.plant.initial import InitialState, hanging
 from twin.platform import Platform, load_platform
-from twin.reproduce.flown import Flown, flown, hanging
+from twin.reproduce.flown import Flown, flown
 from twin.rotation import cross, vertical_body
 
 Array = NDArray[np.float64]

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from twin.controller import load_controller
 from twin.identify import Identification, identify
-from twin.plant.initial import InitialState
+from twin.plant.initial import InitialState, hanging
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
-from twin.reproduce.flown import flown, hanging
+from twin.reproduce.flown import flown
 from twin.reproduce.paper_003.bench import FLOAT, afloat, mixed, momentum_change
 from twin.reproduce.part import Found, Ours, Part, Say
 from twin.rotation import from_rotation_vector, multiply

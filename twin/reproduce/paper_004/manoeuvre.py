@@ -11,13 +11,12 @@ from twin.effects import with_effects
 from twin.estimators import load_estimator
 from twin.estimators.passthrough import Passthrough
 from twin.loop import fly
-from twin.plant.initial import InitialState
+from twin.plant.initial import InitialState, hanging
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
-from twin.predict.parameters.base import ENTRIES
 from twin.recording import Recording, Series
 from twin.reference import Hold, Multisine
-from twin.reproduce.flown import About, hanging
+from twin.reproduce.flown import About
 from twin.reproduce.inertia import tensor
 from twin.reproduce.paper_004.uncertain_torque import UncertainTorque
 from twin.signals import Command, Estimate, Target
@@ -97,12 +96,6 @@ def flown(
         observers=[recorder],
     )
     return [recorder.recording(run) for run in range(runs)]
-
-
-def truth_of(platform: Platform) -> Array:
-    """(9,) J and m r."""
-    entries = [platform.inertia[i, j] for i, j in ENTRIES]
-    return np.concatenate([entries, platform.center_of_mass_offset])
 
 
 def resimulated(platform: Platform, theta: Array, log: Recording) -> Series:

@@ -12,7 +12,8 @@ from twin.identify import identify
 from twin.platform import Platform
 from twin.recording import Recording, Series
 from twin.report.style import FIGURE, INK, PALETTE, svg
-from twin.reproduce.paper_004.manoeuvre import as_guessed, flown, machine, resimulated, truth_of
+from twin.reproduce.inertia import entries_of
+from twin.reproduce.paper_004.manoeuvre import as_guessed, flown, machine, resimulated
 from twin.reproduce.paper_004.table1_ours import DURATION, MOTION, TORQUE
 from twin.reproduce.part import Found, Ours, Part, Say
 
@@ -34,7 +35,7 @@ def compute(say: Say) -> Found:
         for method, thetas in found.items():
             one = identify([log.without_truth()], as_guessed(platform), method)
             thetas.append(one.theta[:9])
-    truth, mean_moment = truth_of(platform), float(np.trace(platform.inertia)) / 3.0
+    truth, mean_moment = entries_of(platform), float(np.trace(platform.inertia)) / 3.0
     worst = {m: np.abs(np.array(thetas) - truth) for m, thetas in found.items()}
     inertia = {m: float(np.median(e[:, :6].max(axis=1))) / mean_moment for m, e in worst.items()}
     offset = float(np.median(worst[TRAJECTORY][:, 6:].max(axis=1))) / platform.mass
