@@ -88,6 +88,22 @@ def test_a_wrong_unit_is_named_in_a_short_log_too(sads, right_logs, stream, unit
     assert f"{stream} looks like {unit}".lower() in sentences[0].lower()
 
 
+@pytest.mark.parametrize(
+    ("machine", "stream", "unit"),
+    [("cubesat", "magnetometer", "uT"), ("astros", "inclinometer", "deg")],
+)
+def test_the_unit_of_a_field_or_a_slope_is_told_by_its_size(tmp_path, machine, stream, unit):
+    log = tmp_path / "log.rrd"
+    words = ["run", machine, "--controller", "free_float", "--duration", "20"]
+    assert main([*words, "--attitude", "4", "-6", "10", "--rrd", str(log)]) == 0
+    platform, right = load_platform(machine), open_log(log)
+    assert [str(finding) for finding in check_conventions(right, platform)] == []
+    wrong = flights.misread(right, stream, value=right[stream].value / unit_named(unit).factor)
+    sentences = [finding.sentence for finding in check_conventions(wrong, platform)]
+    assert len(sentences) == 1
+    assert f"{stream} looks like {unit}".lower() in sentences[0].lower()
+
+
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us")])
 def test_times_that_are_all_of_them_in_another_unit_are_named(sads, right_logs, factor, unit):
     _, logs = right_logs

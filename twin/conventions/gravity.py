@@ -24,12 +24,11 @@ UPSIDE_DOWN = 60.0
 """What an attitude that always does costs a hypothesis [nats]."""
 
 
-def accelerometer_factor(recording: Recording, gravity: float) -> float | None:
-    """By what the accelerometer must be multiplied for its median length to be g."""
-    if "accelerometer" not in recording or len(recording["accelerometer"]) == 0:
-        return None
-    length = float(np.median(np.linalg.norm(recording["accelerometer"].value, axis=1)))
-    return gravity / length if length > 0.0 else None
+def median_length(recording: Recording, stream: str) -> float:
+    """Of the vectors that a stream shows; 0 where there are none."""
+    if stream not in recording or not len(recording[stream]):
+        return 0.0
+    return float(np.median(np.linalg.norm(recording[stream].value, axis=1)))
 
 
 class Upright:

@@ -8,7 +8,7 @@ from twin.conventions.body import Body
 from twin.conventions.changes import CLOSE, unit_change, unit_changes
 from twin.conventions.correction import Correction, apply_all, stated
 from twin.conventions.finding import CERTAIN, CLEAR, TIED, ConventionFinding
-from twin.conventions.gravity import accelerometer_factor
+from twin.conventions.gravity import median_length
 from twin.conventions.hypothesis import Hypothesis
 from twin.conventions.joint import joint_findings
 from twin.conventions.time_base import time_unit_changes
@@ -43,7 +43,12 @@ def check_conventions(
     recording = _scaled(recording.without_truth())
     plain = time_unit_changes(recording, platform)
     recording = longest_of(apply_all(recording, plain))
-    for unit in (_accelerometer_unit(recording, platform), _gyro_unit(recording)):
+    for unit in (
+        _accelerometer_unit(recording, platform),
+        _magnetometer_unit(recording, platform),
+        _inclinometer_unit(recording),
+        _gyro_unit(recording),
+    ):
         plain += unit
         recording = apply_all(recording, unit)
     turning = turning_of(recording)
@@ -95,9 +100,32 @@ def corrected(recording: Recording, findings: list[ConventionFinding]) -> Record
 
 
 def _accelerometer_unit(recording: Recording, platform: Platform | None) -> list[Correction]:
-    factor = accelerometer_factor(recording, platform.gravity if platform else STANDARD_GRAVITY)
-    change = unit_change(recording, "accelerometer", factor) if factor is not None else None
+    length = median_length(recording, "accelerometer")
+    gravity = platform.gravity if platform else STANDARD_GRAVITY
+    change = unit_change(recording, "accelerometer", gravity / length) if length else None
     return [] if change is None else [change]
+
+
+def _magnetometer_unit(recording: Recording, platform: Platform | None) -> list[Correction]:
+    """By the strength of the field that the log or the platform states."""
+    environment = recording.provenance.get("environment") or {}
+    unknown = np.zeros(3) if platform is None else platform.magnetic_field
+    field = float(np.linalg.norm(environment.get("magnetic_field", unknown)))
+    length = median_length(recording, "magnetometer")
+    if not field or not length:
+        return []
+    change = unit_change(recording, "magnetometer", field / length)
+    return [] if change is None else [change]
+
+
+def _inclinometer_unit(recording: Recording) -> list[Correction]:
+    """Degrees, where nothing stands so steeply in what was read."""
+    if "inclinometer" not in recording or not len(recording["inclinometer"]):
+        return []
+    if float(np.abs(recording["inclinometer"].value).max()) <= 0.5 * np.pi:
+        return []
+    changes = unit_changes(recording, "inclinometer")
+    return [one for one in changes if ("unit", "deg") in one.keys]
 
 
 def _wheel_unit(body: Body, recording: Recording) -> Correction | None:
