@@ -11,7 +11,7 @@ from scipy.io import loadmat
 from twin import rotation
 from twin.cli.main import main
 from twin.errors import RecordingError
-from twin.recording import Recording, Series, open_log, write_folder
+from twin.recording import Recording, Series, open_log, read_log, write_folder
 from twin.stream.runfile import write_recording
 
 
@@ -141,3 +141,16 @@ def test_a_log_without_a_platform_is_written_without_one(tmp_path: Path):
     copy = open_log(tmp_path / "log")
     assert copy.provenance["platform"] is None
     assert "platform" not in (tmp_path / "log" / "log.toml").read_text()
+
+
+def test_the_time_of_day_at_which_a_log_began_is_written_and_read_back(tmp_path: Path):
+    streams = {"gyro": Series(np.arange(3.0), np.ones((3, 3)), ("x", "y", "z"), "rad/s")}
+    write_folder(Recording(streams, {"kind": "log", "time_origin": 1.7e9}), tmp_path / "a")
+    assert read_log(tmp_path / "a").provenance["time_origin"] == 1.7e9
+
+
+def test_a_stream_whose_name_begins_with_a_sign_is_kept_in_a_mat(tmp_path: Path):
+    streams = {"\N{DEGREE SIGN}temp": Series(np.arange(3.0), np.ones((3, 1)), ("a",), "K")}
+    write_folder(Recording(streams, {"kind": "log"}), tmp_path / "a", format="mat")
+    (back,) = read_log(tmp_path / "a").values()
+    np.testing.assert_array_equal(back.value, 1.0)

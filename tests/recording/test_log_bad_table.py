@@ -81,13 +81,58 @@ GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
         ),
         (
             "t;x;y;z\n0;0,5;1;1\n1;0.5;1;1\n",
-            "gyro.csv:3: column 'x' holds '0.5', which is no finite number; "
-            "write the number, or delete the row",
+            "gyro.csv:3: column 'x' holds '0.5', and other numbers have decimal commas; write all "
+            "alike, with points or with commas",
         ),
         (
             "x,y,z,Time [s]\n1,2,3,0\n1,2,3,1\n",
             "log.toml:3: streams.gyro.file has its times in 'x', its first column, unless `time` "
             'names another, and one is called \'Time [s]\'; add `time = "Time [s]"` (or "x")',
+        ),
+        (
+            "t,wx [deg/s],wy [deg/s],wz [deg/s]\n0,1,2,3\n",
+            "log.toml:2: streams.gyro.unit is not given, and a column is named 'wx [deg/s]'; add "
+            '`unit = "deg/s"`, or `unit = "rad/s"` if the name is wrong',
+        ),
+        (
+            "time_ms,x,y,z\n0,1,2,3\n",
+            "log.toml:2: streams.gyro.time_unit is not given, and the times are named 'time_ms'; "
+            'add `time_unit = "ms"`, or `time_unit = "s"` if the name is wrong',
+        ),
+        (
+            "sample,x,y,z\n" + "".join(f"{i},1,2,{i}\n" for i in range(9)),
+            "log.toml:3: streams.gyro.file has its times in 'sample', its first column, and that "
+            'counts rows; name a column of times as `time` ("sample" if these are seconds), or '
+            "give `rate`",
+        ),
+        (
+            "t,x,y,z\n" + "".join(f"{i / 100 - 0.053 * (i > 20):.3f},1,2,{i}\n" for i in range(40)),
+            "gyro.csv:23: time goes back from 0.2 s to 0.157 s, where no row was missing; its "
+            "clock was set back: split the file there",
+        ),
+        (
+            "t,x,y,z\n" + "".join(f"{0.1 * (7 * i % 10)},1,2,{i}\n" for i in range(10)),
+            "gyro.csv: time goes back to 6 rows of 10: it is no clock; name the column of times as "
+            "`time`, or give `rate`",
+        ),
+        (
+            "t,x,y,z\n0,1,2,\n1,1,3,\n",
+            "gyro.csv: has nothing in column 'z'; list the others in `columns`, and in `axes`",
+        ),
+        (
+            't,x,y,z\n"0,0","1,5","2,0","3,0"\n',
+            "gyro.csv:2: holds decimal commas, '0,0'; write decimal points, or separate the "
+            "columns by semicolons",
+        ),
+        (
+            "t;x;y;z\n0.0;1,5;2;3\n",
+            "gyro.csv:2: column 't' holds '0.0', and other numbers have decimal commas; write all "
+            "alike, with points or with commas",
+        ),
+        (
+            "t,x,y,z\n12:00:00.123,1,2,3\n",
+            "gyro.csv:2: column 't' holds '12:00:00.123', a date; export seconds (since 1970, "
+            "say), or the table as .parquet with a timestamp",
         ),
         ("t,x,x,z\n0,1,2,3\n", "gyro.csv:1: names two columns 'x'; give each its own name"),
         (
@@ -135,6 +180,40 @@ def test_a_bad_table_is_refused_with_its_line(
 LONG_LINE = (
     "holds a line of more than 1 MiB, so it is no table; export it as CSV with one row a line"
 )
+
+
+@pytest.mark.parametrize(
+    ("keys", "sentence"),
+    [
+        (
+            'columns = ["x", "x", "z"]',
+            "log.toml:4: streams.gyro.columns lists 'x' twice; name each once",
+        ),
+        (
+            'columns = ["t", "y", "z"]',
+            "log.toml:4: streams.gyro.columns lists 't', which the times are taken from; take it "
+            "out, name another `time`, or give `rate`",
+        ),
+        (
+            'columns = ["x", "y"]\naxes = ["x", "x"]',
+            "log.toml:5: streams.gyro.axes lists 'x' twice; name each once",
+        ),
+    ],
+)
+def test_a_column_that_stands_for_two_things_is_refused(
+    folder_with, complaint, tmp_path: Path, keys: str, sentence: str
+):
+    folder = folder_with(tmp_path, f"{GYRO}{keys}\n", gyro="t,x,y,z\n0,1,2,3\n1,2,3,4\n")
+    assert complaint(folder) == sentence
+
+
+def test_degrees_that_nobody_called_so_are_asked_for(folder_with, complaint, tmp_path: Path):
+    toml = '[streams.attitude]\nfile = "a.csv"\nformat = "euler_zyx"\n'
+    folder = folder_with(tmp_path, toml, a="t,yaw,pitch,roll\n0,1,0.5,0.5\n1,46,0.5,0.5\n")
+    assert complaint(folder) == (
+        "log.toml:2: streams.attitude.unit is not given, and the angles reach 46; add "
+        '`unit = "deg"`, or `unit = "rad"` if the body turned on and on'
+    )
 
 
 def test_one_giant_line_is_refused_before_the_rest_is_read(folder_with, complaint, tmp_path: Path):

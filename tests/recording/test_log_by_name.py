@@ -123,3 +123,31 @@ def test_a_scalar_that_is_named_wrongly_is_mended_by_columns(folder_with, tmp_pa
     toml = "\n".join([lines[0], 'file = "a.csv"', *lines[1:], ""])
     again = read_log(folder_with(tmp_path, toml, a=table("w,x,y,z", row)))
     np.testing.assert_allclose(again["attitude"].value[0], row[0, [3, 0, 1, 2]])
+
+
+@pytest.mark.parametrize(
+    "names",
+    ["gyro_z,gyro_y,gyro_x", "z [rad/s],y [rad/s],x [rad/s]", "Z_gyr,Y_gyr,X_gyr", "wz,wy,wx"],
+)
+def test_what_all_names_share_says_nothing_of_the_order(folder_with, tmp_path: Path, names: str):
+    toml = '[streams.gyro]\nfile = "g.csv"\n'
+    log = read_log(folder_with(tmp_path, toml, g=table(names, np.array([[3.0, 2.0, 1.0]] * 2))))
+    np.testing.assert_array_equal(log["gyro"].value[0], [1.0, 2.0, 3.0])
+    assert "taken by name" in log.repairs[0]
+
+
+def test_quaternions_with_a_letter_before_their_parts_are_taken_by_name(
+    folder_with, tmp_path: Path
+):
+    row = np.array([[0.0, 0.0, 0.6, 0.8]] * 2)
+    log = read_log(folder_with(tmp_path, ATTITUDE, a=table("qx,qy,qz,qw", row)))
+    np.testing.assert_allclose(log["attitude"].value[0], [0.8, 0.0, 0.0, 0.6])
+
+
+def test_wheels_with_a_unit_behind_their_names_are_the_machines(folder_with, tmp_path: Path):
+    toml = WHEELS + 'unit = "rpm"\n'
+    names, row = "w3 [rpm],w1 [rpm],w2 [rpm]", np.array([[3.0, 1.0, 2.0]] * 2)
+    log = read_log(folder_with(tmp_path, toml, w=table(names, row)))
+    speed = in_order_of(load_platform("sads"), log)["wheel_speed"]
+    assert speed.columns == ("w1", "w2", "w3")
+    np.testing.assert_allclose(speed.value[0] * 30.0 / np.pi, [1.0, 2.0, 3.0])

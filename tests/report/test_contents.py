@@ -231,3 +231,11 @@ def test_a_command_written_when_it_changes_has_no_gaps():
     by_name = {stream.name: stream for stream in contents.streams}
     assert by_name["command_wheel_duty"].gaps == ()
     assert len(by_name["command_wheel_torque"].gaps) == 1
+
+
+def test_streams_that_share_no_time_are_told_without_a_machine_too():
+    def series(start: float) -> Series:
+        return Series(start + 0.01 * np.arange(500.0), np.ones((500, 3)), ("x", "y", "z"), "rad/s")
+
+    log = Recording({"gyro": series(1e5), "joint_rates": series(0.0)}, {"kind": "log"})
+    assert any("they share no time" in said for said in contents_of("", log, None).findings)

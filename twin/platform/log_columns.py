@@ -7,6 +7,7 @@ from typing import Any
 from twin.errors import UsageError
 from twin.platform.parts import Platform
 from twin.recording import Recording, Series
+from twin.recording.column_names import in_order
 from twin.signals import STREAMS
 
 
@@ -14,7 +15,8 @@ def in_order_of(platform: Platform, recording: Recording) -> Recording:
     """The log with every stream's columns as the machine has its parts, where they have the same
     names in another order; `repairs` says so.
 
-    Columns that log.toml lists are in order as they stand there, whatever they are called.
+    A unit in brackets, and what all names have before or behind, do not count. Columns that
+    log.toml lists are in order as they stand there, whatever they are called.
     """
     streams: dict[str, Series] = dict(recording.streams)
     stated: dict[str, Any] = dict(recording.provenance.get("streams") or {})
@@ -22,11 +24,10 @@ def in_order_of(platform: Platform, recording: Recording) -> Recording:
     for name, series in recording.items():
         wanted = platform.columns(name) if name in STREAMS else ()
         facts: Mapping[str, Any] = stated.get(name) or {}
-        if series.columns == wanted or sorted(series.columns) != sorted(wanted):
+        named = None if facts.get("listed") else in_order(series.columns, wanted)
+        if series.columns == wanted or named is None:
             continue
-        if facts.get("listed"):
-            continue
-        order = [series.columns.index(column) for column in wanted]
+        order = [series.columns.index(column) for column in named]
         streams[name] = replace(series, value=series.value[:, order], columns=wanted)
         moved = {
             key: [entries[place] for place in order]
@@ -34,9 +35,11 @@ def in_order_of(platform: Platform, recording: Recording) -> Recording:
             if isinstance(entries := facts.get(key), list) and len(entries) == len(order)
         }
         stated |= {name: {**facts, **moved}} if facts else {}
+        if named == series.columns:
+            continue
         given = ", ".join(series.columns)
         said.append(f"{name}: columns {given} taken by name, as {', '.join(wanted)}")
-    if not said:
+    if all(streams[name] is series for name, series in recording.items()):
         return recording
     provenance = {**recording.provenance, "streams": stated}
     return replace(

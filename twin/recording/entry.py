@@ -1,7 +1,6 @@
 """One [streams.NAME] of a log.toml, checked key by key, and the series in the file it names."""
 
 import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,14 @@ from numpy.typing import NDArray
 
 from twin.config import Table
 from twin.errors import UnknownName
+from twin.recording.column_names import (
+    in_order,
+    is_clock,
+    is_counter,
+    stated_time_unit,
+    stated_unit,
+)
+from twin.recording.entry_units import noise_of, scale_of, si_of, time_factor, unit_of
 from twin.recording.formats import ENDINGS, NumberFile, OpenFiles
 from twin.recording.quaternions import DIRECTIONS, LAYOUTS, attitude
 from twin.recording.recording import Series
@@ -24,9 +31,8 @@ Array = NDArray[np.float64]
 WXYZ = ("w", "x", "y", "z")
 EULER = ("yaw", "pitch", "roll")
 QUATERNIONS = LAYOUTS[:2]
-TWICE = 3e-3
-"""A scale that is so near to its unit's factor (0.0175 of a degree) converts a second time."""
-_CLOCK = re.compile(r"(t|stamp|time(stamp)?(_\w+)?)(\W|$)", re.IGNORECASE)
+TURN = 2.0 * np.pi
+"""Angles beyond are of a body that turns on, or in degrees [rad]."""
 LISTED = 8
 """Columns that an error names; of more it says how many."""
 
@@ -97,7 +103,7 @@ class Entry:
             if key in table:
                 raise table.fail(key, "is for attitudes", "remove it")
         path = _path(table, folder)
-        unit = _unit(table, name, canonical, layout)
+        unit = unit_of(table, name, canonical, layout)
         entry = cls(
             table=table,
             name=name,
@@ -106,17 +112,17 @@ class Entry:
             topic=_part(table, "topic", path, ".mcap"),
             canonical=canonical,
             time=table.text("time", None) if has_time else None,
-            time_factor=_time_factor(table) if has_time else 1.0,
+            time_factor=time_factor(table) if has_time else 1.0,
             rate=table.number("rate", np.nan, low=1e-6, unit="Hz"),
             start=0.0 if has_time else table.number("start", 0.0, unit="s"),
             clock_lag=table.number("clock_lag", 0.0, unit="s"),
             columns=table.texts("columns", ()),
             axes=table.texts("axes", ()),
             unit=unit,
-            scale=_scale(table, unit, _si(canonical, layout)),
+            scale=scale_of(table, unit, si_of(canonical, layout)),
             layout=layout,
             world_to_body=direction == DIRECTIONS[1],
-            noise=_noise(table, canonical),
+            noise=noise_of(table, canonical),
         )
         table.close()
         return entry
@@ -133,6 +139,7 @@ class Entry:
         layout = LAYOUTS[0] if file.by_name and not self.columns else self.layout
         names = self._names(columns, layout, file)
         where = f"{self.name} ({self.path.name})"
+        self._check_names(columns, clock, file)
         rows = mended(*self._numbers(file, clock, columns), file, columns, clock, where)
         value, repairs = rows.value * signs * self.unit.factor, rows.repairs
         if not self.columns and columns != self._rest(file):
@@ -141,10 +148,13 @@ class Entry:
         if self.unit.offset != 0.0:  # adding 0.0 would turn -0.0 into 0.0
             value = value + self.unit.offset
         value = value * self.scale
+        angles = value
         if layout and names == WXYZ:
             scaled = Rows(rows.time, value, rows.origin, ())
             value, more = attitude(scaled, layout, self.world_to_body, file, where)
             repairs = (*repairs, *more)
+        if layout == "euler_zyx" and {"unit", "scale"}.isdisjoint(self.table.keys):
+            self._check_angles(angles)
         if self.name in CONTINUOUS:
             value, more = unwrapped(value, where)
             repairs = (*repairs, *more)
@@ -161,7 +171,7 @@ class Entry:
         """The column of times; None where `rate` gives them."""
         if self.time or not np.isnan(self.rate):
             return self.time
-        named = [name for name in file.header if _CLOCK.match(name)]
+        named = [name for name in file.header if is_clock(name)]
         if named and file.time not in (*named, *file.clocks):
             raise self.table.fail(
                 "file",
@@ -179,14 +189,12 @@ class Entry:
     def _columns(self, file: NumberFile) -> tuple[str, ...]:
         """Those of the stream, in its order: where all are named as the stream's are, by name."""
         rest = self._rest(file)
-        place = {name.lower(): name for name in rest}
-        expected = self._expected(self.layout)
-        if self.columns or self.axes or len(place) != len(rest) or set(place) != set(expected):
+        listed = self.columns or self.axes
+        named = None if listed else in_order(rest, self._expected(self.layout))
+        if named is None:
             return self.columns or rest
-        named = tuple(place[name] for name in expected)
         if self.layout in QUATERNIONS and "format" in self.table and not file.by_name:
-            stated = tuple(place[name] for name in self.layout)
-            if stated != rest:
+            if in_order(rest, self.layout) != rest:
                 raise self.table.fail(
                     "format",
                     f"is {self.layout!r}, but the columns are named {', '.join(rest)}",
@@ -195,6 +203,47 @@ class Entry:
                 )
             return rest
         return named
+
+    def _check_names(self, columns: tuple[str, ...], clock: str | None, file: NumberFile) -> None:
+        """Refuse columns that stand for two things, and units that only their names state."""
+        named = (*columns, clock) if clock else columns
+        named = (*columns, clock) if clock else columns
+        for key, names in (("columns", named), ("axes", self.axes)):
+            twice = next((name for name in names if names.count(name) > 1), None)
+            if twice is None:
+                continue
+            if key == "columns" and twice == clock:
+                problem = f"lists {twice!r}, which the times are taken from"
+                raise self.table.fail(
+                    key, problem, "take it out, name another `time`, or give `rate`"
+                )
+            raise self.table.fail(key, f"lists {twice!r} twice", "name each once")
+        open_unit = {"unit", "scale"}.isdisjoint(self.table.keys)
+        for name in columns if open_unit else ():
+            text = stated_unit(name)
+            if text and unit_named(text) != self.unit:
+                raise self.table.fail(
+                    "unit",
+                    f"is not given, and a column is named {name!r}",
+                    f'add `unit = "{text}"`, or `unit = "{self.si}"` if the name is wrong',
+                )
+        text = "" if clock is None or clock in file.clocks else stated_time_unit(clock)
+        if text and "time_unit" not in self.table and unit_named(text).factor != 1.0:
+            raise self.table.fail(
+                "time_unit",
+                f"is not given, and the times are named {clock!r}",
+                f'add `time_unit = "{text}"`, or `time_unit = "s"` if the name is wrong',
+            )
+
+    def _check_angles(self, value: Array) -> None:
+        """Degrees that nobody called so turn the body far oftener than it turned."""
+        most = float(np.nanmax(np.abs(value)))
+        if most > TURN:
+            raise self.table.fail(
+                "unit",
+                f"is not given, and the angles reach {most:.4g}",
+                'add `unit = "deg"`, or `unit = "rad"` if the body turned on and on',
+            )
 
     def _noise_by_name(self, file: NumberFile) -> list[float] | None:
         """Of each column of the series, where the file gives one a column."""
@@ -222,6 +271,14 @@ class Entry:
             problem = f"is given, but {clock} is in seconds by its type"
             raise self.table.fail("time_unit", problem, "remove it")
         table = file.numbers((clock, *columns))
+        counts = self.time is None and is_counter(clock) and len(table) > 1
+        if counts and (np.diff(table[:, 0]) == 1.0).all():
+            raise self.table.fail(
+                "file",
+                f"has its times in {clock!r}, its first column, and that counts rows",
+                f"name a column of times as `time` ({json.dumps(clock)} if these are seconds), or "
+                "give `rate`",
+            )
         return table[:, 0] * self.time_factor, table[:, 1:]
 
     def _names(self, columns: tuple[str, ...], layout: str, file: NumberFile) -> tuple[str, ...]:
@@ -296,62 +353,3 @@ def _part(table: Table, key: str, path: Path, ending: str) -> str | None:
     if key in table and path.suffix.lower() != ending:
         raise table.fail(key, f"is for {ending} files, not for {path.name}", "remove it")
     return table.text(key, None) if path.suffix.lower() == ending else None
-
-
-def _time_factor(table: Table) -> float:
-    text = table.text("time_unit", "s")
-    try:
-        unit = unit_named(text)
-    except UnknownName:
-        raise table.fail("time_unit", f"is {text!r}, no unit", "use s, ms or us") from None
-    if unit.si != "s":
-        raise table.fail("time_unit", f"is {text!r}, a unit of {unit.si}", "use s, ms or us")
-    return unit.factor
-
-
-def _si(canonical: Stream | None, layout: str) -> str:
-    """The unit that the file's values must come to; empty where any will do."""
-    if layout == "euler_zyx":
-        return "rad"
-    return canonical.unit if canonical else ""
-
-
-def _unit(table: Table, name: str, canonical: Stream | None, layout: str) -> Unit:
-    si = _si(canonical, layout)
-    text = table.text("unit", si or None)
-    try:
-        unit = unit_named(text)
-    except UnknownName as unknown:
-        raise table.fail("unit", f"is {text!r}", str(unknown)) from None
-    if si and unit.si != si and "scale" not in table:
-        raise table.fail(
-            "unit", f"is {text!r}, but {name} is in {si}", f"use a unit of {si}, or add `scale`"
-        )
-    return unit
-
-
-def _scale(table: Table, unit: Unit, si: str) -> float:
-    if table.raw("scale", 1.0) == "fit":
-        return 1.0
-    scale = table.number("scale", 1.0)
-    if scale == 0.0:
-        raise table.fail("scale", "is 0", "give the factor to SI")
-    converts = unit.si == si and unit.factor != 1.0
-    if converts and abs(scale / unit.factor - 1.0) < TWICE:
-        raise table.fail(
-            "scale",
-            f"is {scale:g}, which is {table.text('unit')} in {si}, and `unit` converts already",
-            "remove `scale`, which multiplies what `unit` gives",
-        )
-    return scale
-
-
-def _noise(table: Table, canonical: Stream | None) -> Array | None:
-    if "noise" not in table:
-        return None
-    unit = canonical.unit if canonical else "its SI unit"
-    size = None if isinstance(table.raw("noise"), list) else 1
-    noise = table.numbers("noise", size, low=0.0, unit=unit)
-    if not noise.all():
-        raise table.fail("noise", "is 0", "give what a sample scatters by, or leave it out")
-    return noise

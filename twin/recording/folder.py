@@ -101,6 +101,8 @@ def _log_toml(recording: Recording, files: Mapping[str, Path], format: str) -> s
     lines = ["# Written by `twin export`; all values in SI."]
     if facts.get("platform") is not None:
         lines.append(f"platform = {_toml(str(facts['platform']))}")
+    if facts.get("time_origin"):
+        lines.append(f"time_origin = {_toml(facts['time_origin'])}")
     environment = dict(facts.get("environment") or {})
     if "gravity" in facts:
         environment.setdefault("gravity", facts["gravity"])
@@ -173,4 +175,5 @@ def _quoted(text: str) -> str:
 
 def _plain(name: str) -> str:
     """A name that file systems and MATLAB take."""
-    return re.sub(r"\W", "_", name, flags=re.ASCII)
+    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return f"s{plain}" if plain.startswith("_") else plain

@@ -37,6 +37,7 @@ def read_log(path: str | Path) -> Recording:
     table = read_toml(folder / "log.toml", LogError)
     platform = _platform(table, folder)
     environment = _environment(table)
+    stated = table.number("time_origin", 0.0, unit="s")
     notes = table.table("notes", required=False)
     streams_table = table.table("streams")
     streams: dict[str, Series] = {}
@@ -61,7 +62,7 @@ def read_log(path: str | Path) -> Recording:
         "environment": environment,
         "notes": {key: _plain(notes.raw(key)) for key in notes.keys},
         "streams": facts,
-        "time_origin": origin if abs(origin) > EPOCH else 0.0,
+        "time_origin": stated + (origin if abs(origin) > EPOCH else 0.0),
     }
     return Recording(streams, provenance, tuple(repairs))
 

@@ -13,6 +13,12 @@ Array = NDArray[np.float64]
 LATE_ROWS = 10
 """A row later than this many sampling periods was not delayed: the clock was set back."""
 
+MOSTLY = 0.25
+"""Share of rows beyond which those that are late are the rule."""
+SQUEEZED = 1.5
+"""A late row that finds its place free stands two periods between its neighbours; where it has less
+room than this [periods], others were there already."""
+
 
 @dataclass(frozen=True)
 class Rows:
@@ -63,6 +69,12 @@ def _filled(
     blank: NDArray[np.bool_] = np.logical_and.reduce(np.isnan(rows.value), axis=1)
     if blank.all():
         raise file.fault(f"has no number in {', '.join(names)}", "name other `columns`")
+    none: NDArray[np.bool_] = np.logical_and.reduce(np.isnan(rows.value), axis=0)
+    if none.any():
+        empty = ", ".join(repr(name) for name, void in zip(names, none, strict=True) if void)
+        raise file.fault(
+            f"has nothing in column {empty}", "list the others in `columns`, and in `axes`"
+        )
     wrong = ~finite & ~blank[:, None]
     if wrong.any():
         row, column = (int(index) for index in np.argwhere(wrong)[0])
@@ -90,8 +102,32 @@ def _in_order(rows: Rows, file: NumberFile, where: str) -> Rows:
             "split the file where its clock starts anew",
             int(rows.origin[worst]),
         )
-    late = f"{where}: {_rows(behind > 0.0)} out of order sorted by time"
-    return rows.only(np.argsort(rows.time, kind="stable"), late)
+    late = behind > 0.0
+    if np.count_nonzero(late) > MOSTLY * len(late) > 1.0:
+        raise file.fault(
+            f"time goes back to {_rows(late)} of {len(late)}: it is no clock",
+            "name the column of times as `time`, or give `rate`",
+        )
+    order = np.argsort(rows.time, kind="stable")
+    if _squeezed(rows.time[order], np.isin(order, np.flatnonzero(late))):
+        first = int(np.argmax(late))
+        raise file.fault(
+            f"time goes back from {rows.time[first - 1]:.6g} s to {rows.time[first]:.6g} s, where "
+            "no row was missing",
+            "its clock was set back: split the file there",
+            int(rows.origin[first]),
+        )
+    return rows.only(order, f"{where}: {_rows(late)} out of order sorted by time")
+
+
+def _squeezed(time: Array, moved: NDArray[np.bool_]) -> bool:
+    """Whether rows that were sorted to an earlier place fill no holes there."""
+    gaps = np.diff(time)
+    inner = np.flatnonzero(moved[1:-1]) + 1
+    before, after = gaps[inner - 1], gaps[inner]
+    twice = (before == 0.0) | (after == 0.0)  # of one row again
+    room = (before + after)[~twice]
+    return bool(room.size) and float(np.median(room)) < SQUEEZED * float(np.median(gaps))
 
 
 def _once(rows: Rows, file: NumberFile, where: str) -> Rows:

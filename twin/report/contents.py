@@ -15,7 +15,12 @@ from twin.noise.cleaning import cleaned
 from twin.noise.clock import GAP
 from twin.platform import Platform, check_columns, in_order_of, taken_as_at_rest
 from twin.predict.log.motion import motion_of
-from twin.predict.log.possible import ImpossibleLog, check_possible, check_within_stop
+from twin.predict.log.possible import (
+    ImpossibleLog,
+    apart,
+    check_possible,
+    check_within_stop,
+)
 from twin.predict.log.usable import usable
 from twin.recording import Recording, Series
 from twin.signals import DERIVED, LOGGED, STREAMS, stream_named
@@ -100,7 +105,9 @@ def contents_of(
     advice = convention_advice(recording, platform)
     used = cleaned(recording) if platform is None else usable(recording, platform)
     findings += (f"{one}." for one in used.repairs if one not in recording.repairs)
-    if platform is not None:
+    if platform is None:
+        findings += _apart(recording)
+    else:
         findings += _of_other_width(recording, platform)
         findings += taken_as_at_rest([recording], platform)
         findings += _impossible(recording, platform, read_rightly=not advice.findings)
@@ -113,6 +120,16 @@ def contents_of(
         advice,
         tuple(findings),
     )
+
+
+def _apart(recording: Recording) -> list[str]:
+    """Of streams that share no time with the longest."""
+    names = [name for name in recording if len(recording[name])]
+    if not names:
+        return []
+    longest = max(names, key=lambda name: np.ptp(recording[name].time))
+    said = [apart(recording, name, longest) for name in names if name != longest]
+    return [f"{one[0].upper()}{one[1:]}." for one in said if one]
 
 
 def _of_other_width(recording: Recording, platform: Platform) -> list[str]:
@@ -354,7 +371,8 @@ def _impossible(recording: Recording, platform: Platform, *, read_rightly: bool)
     try:
         check_possible(recording, platform)
         if read_rightly:
-            check_within_stop(recording, platform, motion_of(recording, platform))
+            motion = motion_of(recording, platform)
+            check_within_stop(recording, platform, motion, "look at units, signs and axes")
     except ImpossibleLog as problem:
         return [f"{problem}."]
     except TwinError:  # without the streams that show a motion

@@ -34,6 +34,14 @@ def test_timestamps_are_seconds_whatever_they_count(log_of, tmp_path: Path):
     np.testing.assert_allclose(log["gyro"].time, [0.0, 0.01, 0.02])
 
 
+def test_the_only_timestamps_are_the_times_wherever_they_stand(log_of, tmp_path: Path):
+    stamps = pa.array([1_700_000_000_000, 1_700_000_000_500], pa.timestamp("ms"))
+    write(tmp_path, {"x": [1, 2], "y": [3, 4], "z": [5, 6], "__index_level_0__": stamps})
+    gyro = log_of(GYRO)["gyro"]
+    np.testing.assert_array_equal(gyro.time, [0.0, 0.5])
+    np.testing.assert_array_equal(gyro.value, [[1, 3, 5], [2, 4, 6]])
+
+
 def test_a_time_unit_beside_timestamps_is_refused(complaint, tmp_path: Path):
     write(tmp_path, {"when": np.array([0, 1], dtype="timedelta64[us]"), "x": [1.0, 2.0]})
     assert complaint(GYRO + 'axes = ["x"]\ntime_unit = "ms"\n') == (

@@ -35,6 +35,9 @@ BEYOND = 10.0
 BEYOND_STOP = np.radians(1.0)
 """By how much a stop may give way, or a level be off, before a log cannot be true of it [rad]."""
 
+LOOK = "`twin show` tells what is read wrongly"
+"""What to do about a lean that was none."""
+
 
 class ImpossibleLog(UsageError):
     """A log that cannot be of its machine, both as they stand."""
@@ -83,22 +86,35 @@ def _check_clocks(recording: Recording, platform: Platform) -> None:
     if not shown:
         return
     shows = max(shown, key=lambda s: recording[s].time[-1] - recording[s].time[0])
-    main = recording[shows].time
     for name in (*OF_MOTION, *platform.commands, *(s for two in OF_PARTS.values() for s in two)):
         if name == shows or name not in recording or len(recording[name]) == 0:
             continue
-        time = recording[name].time
-        # what was commanded before still holds
-        if time[0] > main[-1] or (time[-1] < main[0] and not name.startswith("command_")):
-            raise ImpossibleLog(
-                f"{recording.source}: {name} runs from {time[0]:.6g} to {time[-1]:.6g} s, "
-                f"{shows} from {main[0]:.6g} to {main[-1]:.6g} s; they share no time: bring them "
-                "to one clock"
-            )
+        if said := apart(recording, name, shows):
+            raise ImpossibleLog(f"{recording.source}: {said}")
 
 
-def check_within_stop(recording: Recording, platform: Platform, motion: Motion) -> None:
+def apart(recording: Recording, name: str, other: str) -> str:
+    """That two streams share no time, as a sentence; empty where they do."""
+    time, main = recording[name].time, recording[other].time
+    # what was commanded before still holds
+    if time[0] <= main[-1] and (time[-1] >= main[0] or name.startswith("command_")):
+        return ""
+    return (
+        f"{name} runs from {time[0]:.6g} to {time[-1]:.6g} s, {other} from {main[0]:.6g} to "
+        f"{main[-1]:.6g} s; they share no time: bring them to one clock"
+    )
+
+
+def check_within_stop(
+    recording: Recording, platform: Platform, motion: Motion, look: str = LOOK
+) -> None:
     """A motion that goes on beyond the stop is not that of a body which the stop holds.
+
+    Args:
+        recording: for its name.
+        platform: with its stop.
+        motion: of the log.
+        look: where to look if the body never leaned so far.
 
     Raises:
         ImpossibleLog: it leans further than that, and where.
@@ -112,8 +128,7 @@ def check_within_stop(recording: Recording, platform: Platform, motion: Motion) 
             f"{recording.source}: {platform.name} leans {np.degrees(lean[most]):.3g} deg at "
             f"{motion.time[most]:.4g} s, and platform.toml has a stop at "
             f"{np.degrees(platform.stop_angle):.3g} deg: set the angle of [tilt_stop] to where it "
-            "touches, or leave the stop out; if it never leaned so far, `twin show` tells what is "
-            "read wrongly"
+            f"touches, or leave the stop out; if it never leaned so far, {look}"
         )
 
 

@@ -30,7 +30,7 @@ SEPARATORS = (",", ";", "\t")
 _COMMA = re.compile(rb'[;\t\n]\s*"?[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?"?\s*(?=[;\t\r\n]|$)')
 """A cell that is a number with a decimal comma, and nothing else."""
 
-BLANKS = ["", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL"]
+BLANKS = ["", " ", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL"]
 """How programs write that there is no number."""
 
 
@@ -105,6 +105,12 @@ class CsvFile(NumberFile):
         return self._not_finite(row, name, text[self.header.index(name)].strip())
 
     def _not_finite(self, row: int, name: str, text: str) -> LogError:
+        if self._point == "," and _is_finite(text):
+            return self.fault(
+                f"column {name!r} holds {_quoted(text)}, and other numbers have decimal commas",
+                "write all alike, with points or with commas",
+                row,
+            )
         if _is_date(text):
             return self.fault(
                 f"column {name!r} holds {_quoted(text)}, a date",
@@ -143,6 +149,13 @@ class CsvFile(NumberFile):
                     self._remedy(row),
                     line=line,
                 )
+            if index == 0 and self._separator == "," and all(map(_has_comma, row)):
+                return LogError(
+                    self.path,
+                    f"holds decimal commas, {_quoted(row[0])}",
+                    "write decimal points, or separate the columns by semicolons",
+                    line=line,
+                )
             if index == 0 and not any(self._is_number(cell) for cell in row):
                 return LogError(
                     self.path,
@@ -167,7 +180,7 @@ class CsvFile(NumberFile):
         """Or none at all, as programs write it and the reader takes it."""
         if self._point == ",":
             text = text.replace(".", "?").replace(",", ".")
-        return text in BLANKS or _is_finite(text)
+        return _is_number(text)
 
     def _leave_out_what_was_cut(self) -> None:
         """A last row that lacks columns and its end was being written when the recorder stopped."""
@@ -268,7 +281,13 @@ def _is_number(text: str) -> bool:
     return text.strip() in BLANKS or _is_finite(text)
 
 
+def _has_comma(text: str) -> bool:
+    return "," in text and _is_number(text.replace(",", "."))
+
+
 def _is_date(text: str) -> bool:
+    if re.match(r"\d+[.:/]\d+[.:/]\d+", text):  # a day, or a time of day, as people write them
+        return True
     try:
         datetime.fromisoformat(text)
     except ValueError:

@@ -45,6 +45,12 @@ class ParquetFile(NumberFile):
         super().__init__(path, table.column_names, clocks)
 
     @property
+    def time(self) -> str:
+        """The first column, or the only one that is a time by its type: an index comes last."""
+        only = len(self.clocks) == 1
+        return self.clocks[0] if only else super().time
+
+    @property
     def values(self) -> tuple[str, ...]:
         return self.header
 
