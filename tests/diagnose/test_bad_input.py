@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from twin.cli.main import main
 from twin.diagnose import diagnosis
+from twin.errors import UsageError
 from twin.predict.path.rollouts import BeyondBounds
 
 Array = NDArray[np.float64]
@@ -255,6 +256,18 @@ def test_a_log_validates_no_fit_that_it_takes_part_in(log, said):
     code, text = said(log, "--validate", str(log))
     assert code == 2
     assert "takes part" in text
+
+
+def test_a_log_that_cannot_validate_is_told_last(log, tmp_path, capsys, monkeypatch):
+    def refuse(*_: object) -> None:
+        raise UsageError("it leans too far")
+
+    monkeypatch.setattr("twin.diagnose.validate", refuse)
+    other = shutil.copytree(log, tmp_path / "other")
+    assert main(["diagnose", str(log), "--validate", str(other)]) == 2
+    told = capsys.readouterr()
+    assert "Healthy" in told.out
+    assert "it leans too far" in told.err
 
 
 def test_what_shows_the_motion_is_named_where_it_is_missing(log, said):

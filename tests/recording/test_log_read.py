@@ -186,3 +186,10 @@ def test_a_log_may_name_no_platform(tmp_path: Path):
     (tmp_path / "log.toml").write_text(GYRO)
     (tmp_path / "gyro.csv").write_text(ROWS)
     assert read_log(tmp_path).provenance["platform"] is None
+
+
+def test_a_log_that_begins_long_after_power_on_counts_from_its_start(folder_with, tmp_path: Path):
+    rows = "".join(f"{2000 + i / 10},1,2,3\n" for i in range(600))
+    log = read_log(folder_with(tmp_path, GYRO, gyro=f"t,x,y,z\n{rows}"))
+    assert log.start == 0.0
+    assert log.provenance["time_origin"] == 2000.0

@@ -37,7 +37,7 @@ class Diagnose:
         """Diagnose, print, write what was asked for."""
         from twin.cli.output import check_writable, print_json, progress
         from twin.diagnose import check_logs, check_new, diagnose, extend, laws_in, validate
-        from twin.errors import UsageError
+        from twin.errors import TwinError, UsageError
         from twin.platform import common_platform, in_gravity_of, load_platform
         from twin.recording import open_log
         from twin.report import (
@@ -66,9 +66,13 @@ class Diagnose:
         check_logs(every, machine)
         with progress() as say:
             found = diagnose(logs, machine, say=say)
+            gain, trouble = None, None
             if other is not None:
                 say("the log that took no part")
-            gain = None if other is None else validate(found, other)
+                try:
+                    gain = validate(found, other)
+                except TwinError as problem:  # what the other logs said is said first
+                    trouble = problem
             if self.report is not None:
                 say("the page")
                 write_diagnosis(self.report, found, gain)
@@ -89,4 +93,6 @@ class Diagnose:
         if self.extend is not None and found.equation is not None:
             laws = ",".join(map(str, laws_in(self.extend)))
             print(f"wrote {laws}: twin run {self.extend} --effects {laws} has it too", file=to)
+        if trouble is not None:
+            raise trouble
         return 0

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from twin.noise.quantisation import resolution_of
+from twin.predict.sensors.outputs import Output
 from twin.predict.whitening.innovations import Innovations, Problem
 
 Array = NDArray[np.float64]
@@ -60,7 +61,8 @@ class Misfit:
 
 
 def misfits(problem: Problem, now: Innovations) -> tuple[Misfit, ...]:
-    """Of a motion that follows the model exactly; the blocks are those of the first log."""
+    """Of a motion that follows the model exactly; the blocks are those of the first log that has
+    the stream."""
     left = [body.cells.gather(rows) for body, rows in zip(problem.bodies, now.left(), strict=True)]
     return misfits_of(problem, left, now.columns.shape[1] + sum(s.width for s in now.at.starts))
 
@@ -75,10 +77,14 @@ def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[
     """
     total = sum(body.samples for body in problem.bodies)
     found: list[Misfit] = []
-    for index, output in enumerate(problem.bodies[0].outputs):
+    of_stream: dict[str, tuple[Output, list[Array]]] = {}
+    for body, parts in zip(problem.bodies, left, strict=True):
+        for output, part in zip(body.outputs, parts, strict=True):
+            of_stream.setdefault(output.stream, (output, []))[1].append(part)
+    for output, parts in of_stream.values():
         if not output.scatters:
             continue
-        values = np.concatenate([log[index] for log in left if index < len(log)])
+        values = np.concatenate(parts)
         for k, column in enumerate(output.columns):
             steps = resolution_of(output.value[:, k]) / np.sqrt(12.0)
             found.append(

@@ -77,13 +77,13 @@ class Candidates:
 
 def candidates_of(bodies: Sequence[Body]) -> Candidates:
     """Everything in the catalogue, held against what these logs hold."""
-    platform = bodies[0].machine.platform
+    platform = _widest([body.machine.platform for body in bodies])
     asked: list[Candidate] = []
     not_asked: dict[str, str] = {}
     for kind in catalogue():
         for target in targets(kind.takes, platform) if kind.takes else ("",):
             label = f"{kind.name}:{target}" if target else kind.name
-            why = _why_not(kind, target, bodies)
+            why = _why_not(kind, target, platform, bodies)
             if why:
                 not_asked[label] = why
                 continue
@@ -137,9 +137,13 @@ def _ringing(usual: Effect, hertz: float, platform: Platform) -> list[Candidate]
     return [candidate(shape, platform) for shape in shapes if not _refused(shape, platform)]
 
 
-def _why_not(kind: type[Effect], target: str, bodies: Sequence[Body]) -> str:
+def _widest(platforms: Sequence[Platform]) -> Platform:
+    """The machine where it can have most: in the strongest field that logs were measured in."""
+    return max(platforms, key=lambda one: float(np.linalg.norm(one.magnetic_field)))
+
+
+def _why_not(kind: type[Effect], target: str, platform: Platform, bodies: Sequence[Body]) -> str:
     """Why logs cannot be asked for a cause; empty where they can."""
-    platform = bodies[0].machine.platform
     effect = kind.typical(target).absent()
     refused = _refused(effect, platform)
     if refused:

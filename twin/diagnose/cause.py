@@ -18,6 +18,9 @@ from twin.predict.effects.columns import amplitudes
 
 Array = NDArray[np.float64]
 
+MOSTLY = 1.645
+"""Standard deviations by which what is there must exceed what is needed to be found, so that noise
+hides it in 5 of 100 logs."""
 NAMELESS = 0.2
 """Of its confidence what a cause keeps beside something without a name: so many of those that
 docs/diagnosis.md counts were right, or fewer."""
@@ -111,7 +114,7 @@ def causes_of(
         behind = [far for _, far in instead] + [max(evidence, 0.0)]
         beside = NORMAL * known.deviations
         half = np.where(known.leaning, np.nan, beside)
-        share = _share(behind) * (NAMELESS if unexplained else 1.0)
+        share = share_of(behind) * (NAMELESS if unexplained else 1.0)
         alone = search.evidence((index,))
         ties = ties_of(search, instead, search.apart(now.own, index))
         least = effect.least(now.bodies[0].machine.platform)
@@ -154,7 +157,7 @@ def ties_of(
     return tuple(found.values())
 
 
-def _share(behind: Sequence[float]) -> float:
+def share_of(behind: Sequence[float]) -> float:
     """Probability of an explanation beside rivals that are so much behind in evidence."""
     return float(1.0 / (1.0 + np.sum(np.exp(-0.5 * np.clip(behind, -1400.0, 1400.0)))))
 
@@ -162,7 +165,6 @@ def _share(behind: Sequence[float]) -> float:
 def tried_of(search: Search, own: tuple[int, ...], asked: Sequence[Candidate]) -> tuple[Tried, ...]:
     """Every cause that is not among the final ones."""
     first = len(own)
-    needed = float(np.exp(search.limit))
     best: dict[str, Tried] = {}
     for score in search.scores(own):
         if score.index < first:
@@ -173,7 +175,9 @@ def tried_of(search: Search, own: tuple[int, ...], asked: Sequence[Candidate]) -
         units = [k.unit for k in one.effect.parameters() for _ in range(k.size)]
         weighing = search.weighing
         seen = weighing.seen(score.index) * weighing.size_of(score.index)
-        least = np.sqrt(float(chi2.isf(needed, len(names)))) / np.maximum(seen, 1e-300)
+        # of what rings anywhere, as many frequencies could have seemed to by chance
+        needed = float(chi2.isf(np.exp(search.limit - one.looked), len(names)))
+        least = (np.sqrt(needed) + MOSTLY) / np.maximum(seen, 1e-300)
         most = np.maximum(np.abs(one.low), np.abs(one.high))
         tried = Tried(
             one.label,

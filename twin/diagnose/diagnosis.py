@@ -121,7 +121,7 @@ def diagnose(
     now = line.now
     causes = (
         *causes_of(now, line.search, line.rivals, unexplained=reasoned.unexplained),
-        *scatter_causes(now),
+        *scatter_causes(now, unexplained=reasoned.unexplained),
     )
     experiment = next_experiment(platform, now, causes, line.asked, say)
     tried = tried_of(line.search, now.own, line.asked)
@@ -247,13 +247,14 @@ def _silent(
 ) -> dict[str, str]:
     """Why causes that could be asked for have no place among the answers, by label."""
     told = {cause.effect.label for cause in causes} | {one.label for one in tried}
-    weighed = {one.label for one in line.asked}
-    return {
-        label: (
-            "not observable: a change of the base does the same"
-            if label in weighed
-            else "not possible in the size that these logs ask for"
-        )
-        for label in dict.fromkeys(one.label for one in candidates.asked)
-        if label not in told
+    weighing = line.search.weighing
+    felt: dict[str, bool] = {}
+    for index, trace in enumerate(weighing.traces):
+        felt[trace.label] = felt.get(trace.label, False) or weighing.felt(index)
+    why = {
+        True: "not observable: a change of the base does the same",
+        False: "not observable: what it acts on does not move in these logs",
+        None: "not possible in the size that these logs ask for",
     }
+    labels = dict.fromkeys(one.label for one in candidates.asked)
+    return {label: why[felt.get(label)] for label in labels if label not in told}

@@ -14,7 +14,7 @@ from twin.diagnose.candidates import Candidate, looked_among
 from twin.diagnose.determined import determined
 from twin.diagnose.law import Law
 from twin.diagnose.layout import Layout
-from twin.diagnose.moves import between, farthest, held, in_sigmas, largest, unseen, whole
+from twin.diagnose.moves import between, farthest, held, in_sigmas, largest, unseen, usual, whole
 from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import BiasEffect, Effect
@@ -370,9 +370,9 @@ def _fitted(
     hidden = unseen(effects, free, most)
     rests = [part for effect in effects for part in references_of(effect, bodies)]
     blurred = [
-        replace(part, spread=size)
-        for parts, away, size in zip(every, hidden, most, strict=True)
-        for part in compress(parts, away)
+        replace(part, spread=size * one)
+        for effect, parts, away, size in zip(effects, every, hidden, most, strict=True)
+        for part, one in compress(zip(parts, usual(effect).tolist(), strict=False), away)
     ]
     own = [part for parts, ones in zip(every, free, strict=True) for part in compress(parts, ones)]
     problem = Problem(bodies, base, [*rests, *blurred, *own, *(law.perturbation for law in laws)])

@@ -48,13 +48,14 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
 
 def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
     platform, found = diagnosis.platform, diagnosis.explained
-    logs = shutil.ignore_patterns("logs", "*.rrd")
-    shutil.copytree(platform.folder, folder, ignore=logs, dirs_exist_ok=True)
+    left_out = shutil.ignore_patterns("logs", "*.rrd")
+    shutil.copytree(platform.folder, folder, ignore=left_out, dirs_exist_ok=True)
     path = folder / "platform.toml"
     document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
     _flatten(document, platform)
     entries = found.base.entries(found.at.theta).tolist()
     logs = ", ".join(dict.fromkeys(Path(log.source).name for log in diagnosis.recordings))
+    _state_surroundings(document, diagnosis, logs)
     base = document["mass_properties"]
     half = _half_widths(found)
     for key, own in (("inertia", slice(0, 6)), ("center_of_mass_offset", slice(6, 9))):
@@ -74,6 +75,19 @@ def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
     give_inertial(extended.model_path, extended.base.body, compile_model(extended).model)
     give_joints(extended.model_path, found.base, found.at.theta)
     return extended
+
+
+def _state_surroundings(document: Any, diagnosis: Diagnosis, logs: str) -> None:
+    """Gravity and field as the logs state them: what was fitted goes with those. Logs in several
+    fields leave that of the platform."""
+    surroundings = [log.provenance.get("environment") or {} for log in diagnosis.recordings]
+    for key in ("gravity", "magnetic_field"):
+        stated = [one[key] for one in surroundings if key in one]
+        if not stated or any(one != stated[0] for one in stated):
+            continue
+        environment = document.setdefault("environment", tomlkit.table())
+        environment[key] = stated[0]
+        environment[key].comment(f"as stated by {logs}")
 
 
 def _introduce(readme: Path, diagnosis: Diagnosis, logs: str) -> None:

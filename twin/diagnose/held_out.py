@@ -56,7 +56,7 @@ def held_out(found: Explanation) -> HeldOut:
         for output in body.outputs
         if output.scatters
     )
-    half = NORMAL * float(np.sqrt(spread)) / max(samples, 1)
+    half = NORMAL * float(np.sqrt(spread)) / samples if samples else np.nan
     states = sum(start.width for start in compress(found.at.starts, cut))
     free = max(samples - states, 1)
     return HeldOut(

@@ -41,9 +41,18 @@ def held(effect: Effect, parts: Sequence[Perturbation]) -> tuple[Perturbation, .
 
 
 def largest(effect: Effect, free: NDArray[np.bool_]) -> float:
-    """Of its amplitudes, if a log shows any."""
+    """Of its amplitudes, in units of what each is usually like, if a log shows any."""
     size = amplitudes(effect)
-    return float(np.abs(effect.values[size]).max()) if (size & free).any() else 0.0
+    return float(np.abs(effect.values / usual(effect))[size].max()) if (size & free).any() else 0.0
+
+
+def usual(effect: Effect) -> Array:
+    """(p,) what each component is usually like; the same for all of a vector."""
+    scale = effect.scale()
+    ends = np.cumsum([0, *(known.size for known in effect.parameters())])
+    return np.concatenate(
+        [np.full(j - i, scale[i:j].max()) for i, j in zip(ends, ends[1:], strict=False)]
+    )
 
 
 def unseen(

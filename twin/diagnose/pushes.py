@@ -81,7 +81,9 @@ def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[Push, ...]
             return tuple(pushes)
         place, segment = worst
         log, _ = parts[place]
-        pushes = _merged([*pushes, Push(log, logs[log].source, *_span(apart, place, segment))])
+        start, stop = _span(apart, place, segment)
+        within = max(start, logs[log].start), min(stop, logs[log].stop)
+        pushes = _merged([*pushes, Push(log, logs[log].source, *within)])
         left_out = sum(push.stop - push.start for push in pushes)
         if len(pushes) > MOST or left_out > SHARE * sum(log.stop - log.start for log in logs):
             break

@@ -1,7 +1,7 @@
 """From one explanation to a better one: what to add, what to drop, until nothing pays."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -92,7 +92,8 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
             search = search_from(plain, every)
         simplest = _lawful(plain, search, every, say) or _simplest(plain, search, every, say)
         line = min(line or simplest, simplest, key=lambda one: one.score)
-    lines = lines_of(line.now) or slow_line_of(line.now)
+    # beside a law without a name what rings may be a term that it lacks
+    lines = () if line.now.laws else lines_of(line.now) or slow_line_of(line.now)
     if lines:
         say("what rings")
         every = (*every, *ringing(asked, lines, plain.bodies))
@@ -189,8 +190,8 @@ def _lawful(
     if len(search.best()) < 2 or not plain.follows:
         return None
     say("laws without a name")
-    causes = Line(plain, search, asked)
-    found = _with_laws(causes, lead=TIED + search.evidence(search.best()))
+    causes, promised = Line(plain, search, asked), search.evidence(search.best())
+    found = _with_laws(causes, lead=TIED + promised, promised=promised)
     return found if found is not causes and found.left.chance > DOUBTFUL else None
 
 
@@ -347,13 +348,16 @@ def guesses(
     return found
 
 
-def _with_laws(line: Line, than: Line | None = None, lead: float = TIED) -> Line:
+def _with_laws(
+    line: Line, than: Line | None = None, lead: float = TIED, promised: float = 0.0
+) -> Line:
     """With laws without a name, where they explain more than causes: in place of some or beside.
 
     Args:
         line: what they are weighed beside.
         than: what they must be better than, if not that.
         lead: by how much they must promise to be better; below zero, how much worse they may be.
+        promised: evidence that causes promise beyond what explains that.
     """
     now, laws = line.now, laws_of(line.now.bodies)
     than = than or line
@@ -373,7 +377,9 @@ def _with_laws(line: Line, than: Line | None = None, lead: float = TIED) -> Line
         return than
     # their columns were formed along a motion that lacked them
     there = followed(there, there.effects, there.laws) or there
-    lawful = Line(there, search_from(there, line.asked), line.asked, more)
+    lawful = Line(there, search_from(there, line.asked), line.asked)
+    beyond = than.score + than.nameless - promised - lawful.score
+    lawful = replace(lawful, nameless=max(beyond, 0.0))
     return lawful if lawful.score < than.score - min(lead, 0.0) else than
 
 

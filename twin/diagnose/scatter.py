@@ -6,14 +6,15 @@ the platform has of such effects already.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from twin.diagnose.cause import Cause
+from twin.diagnose.cause import NAMELESS, Cause, Tie, share_of
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.search import FALSE_ALARM, price
+from twin.diagnose.search import EVEN, FALSE_ALARM, price
 from twin.effects import Effect, ScatterEffect, catalogue, effects_of
 from twin.effects.effect import targets
 from twin.identify.prediction_error import NORMAL
@@ -22,12 +23,15 @@ from twin.predict.log.shaking import added_variance
 Array = NDArray[np.float64]
 
 
-def scatter_causes(now: Explanation, taken: Sequence[Effect] = ()) -> tuple[Cause, ...]:
+def scatter_causes(
+    now: Explanation, taken: Sequence[Effect] = (), *, unexplained: bool = False
+) -> tuple[Cause, ...]:
     """The best one beyond chance, if any, and those beside it; none where no motion follows.
 
     Args:
         now: the explanation that stands.
         taken: those that are found already.
+        unexplained: something is at work that has no name.
     """
     platform = now.bodies[0].machine.platform
     if not now.follows:
@@ -41,13 +45,20 @@ def scatter_causes(now: Explanation, taken: Sequence[Effect] = ()) -> tuple[Caus
     known = [one.label for one in (*effects_of(platform), *taken)]
     asked = [one for one in unit if not one.unfit(platform) and one.label not in known]
     found = [one for effect in asked if (one := _cause(now, effect, taken)) is not None]
-    best = max(found, key=lambda cause: cause.evidence, default=None)
-    if best is None or np.exp(-0.5 * best.alone) > FALSE_ALARM / len(asked):
+    found.sort(key=lambda cause: -cause.evidence)
+    if not found or np.exp(-0.5 * found[0].alone) > FALSE_ALARM / len(asked):
         return ()
-    return (best, *scatter_causes(now, (*taken, best.effect)))
+    first, *others = found
+    behind = {one.effect.label: first.evidence - one.evidence for one in others}
+    share = share_of([*behind.values(), first.evidence]) * (NAMELESS if unexplained else 1.0)
+    ties = tuple(Tie(label, far) for label, far in behind.items() if far < EVEN)
+    named = replace(first, confidence=share, ties=ties, alone=first.evidence)
+    rest = () if ties else scatter_causes(now, (*taken, first.effect), unexplained=unexplained)
+    return (named, *rest)
 
 
 def _cause(now: Explanation, effect: ScatterEffect, taken: Sequence[Effect]) -> Cause | None:
+    """Alone; its gain as it is stands for its evidence alone."""
     every = (*effects_of(now.bodies[0].machine.platform), *taken)
     others = [
         one for one in every if isinstance(one, ScatterEffect) and one.acts_on == effect.acts_on

@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 
 def sensor_laws(bodies: Sequence[Body]) -> Iterator[Law]:
     """Of every sensor that a prediction is held against; not of what follows from commands."""
-    for output in bodies[0].outputs:
+    outputs = {output.stream: output for body in reversed(bodies) for output in body.outputs}
+    for output in outputs.values():
         if output.told is not None or output.course is not None:
             continue
         units = units_of(output.stream, output.columns)

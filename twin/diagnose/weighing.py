@@ -86,6 +86,7 @@ class Weighing:
         whole = np.linalg.norm(columns, axis=0)
         reach = [np.maximum(np.abs(trace.low), np.abs(trace.high)) for trace in self.traces]
         felt = whole > SLIGHT / np.concatenate([np.zeros(0), *reach])
+        self._felt = felt
         self.size = np.where(felt, whole, 1.0)
         """(sum of k,) of each column before the base was projected out."""
         scaled = np.column_stack([base / _norms(base), columns / self.size, residual])
@@ -108,6 +109,10 @@ class Weighing:
     def shown(self, index: int) -> bool:
         """Whether any of a cause is left beside the base."""
         return bool(np.any(self.seen(index) > 0.0))
+
+    def felt(self, index: int) -> bool:
+        """Whether any of a cause does anything to these logs, within its bounds."""
+        return bool(self._felt[self._own[index]].any())
 
     def information(self, index: int) -> Array:
         """(k,) of a cause along each direction that a fit of it would set: squared length of what

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from twin.errors import UsageError
 from twin.model import Machine
-from twin.predict.drive.inputs import Inputs
+from twin.predict.drive.inputs import Inputs, field_world
 from twin.predict.drive.tanks import pressure
 from twin.predict.drive.unread import pushed
 from twin.predict.drive.wander import random_walk, wander
@@ -69,7 +69,9 @@ class Body:
     """
 
     def __init__(self, machine: Machine, recording: Recording, motion: Motion, grid: Grid) -> None:
-        self.machine = replace(machine, platform=replace(machine.platform, step=grid.step))
+        field = field_world(recording, machine.platform)
+        here = replace(machine.platform, step=grid.step, magnetic_field=field)
+        self.machine = replace(machine, platform=here)
         self.recording = recording
         self.motion = motion
         self.predicted: States | None = None

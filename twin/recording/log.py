@@ -16,8 +16,9 @@ from twin.recording.environment import read_field, read_gravity
 from twin.recording.formats import OpenFiles
 from twin.recording.recording import Recording, Series
 
-EPOCH = 1e6
-"""Times above this [s] count from 1970 or from power-on: the log's own start becomes 0."""
+SOON = 60.0
+"""A log that begins later than this [s], and than it is long, counts from 1970 or from power-on:
+its own start becomes 0. What drifts is taken to have been as stated at time 0."""
 
 
 def read_log(path: str | Path) -> Recording:
@@ -53,7 +54,8 @@ def read_log(path: str | Path) -> Recording:
         raise streams_table.fail("streams", "names no stream", "add [streams.gyro] or another")
     table.close()
     origin = min(series.time[0] for series in streams.values())
-    if abs(origin) > EPOCH:
+    late = abs(origin) > max(SOON, max(series.time[-1] for series in streams.values()) - origin)
+    if late:
         streams = {name: _shifted(series, origin) for name, series in streams.items()}
     provenance = {
         "kind": "log",
@@ -62,7 +64,7 @@ def read_log(path: str | Path) -> Recording:
         "environment": environment,
         "notes": {key: _plain(notes.raw(key)) for key in notes.keys},
         "streams": facts,
-        "time_origin": stated + (origin if abs(origin) > EPOCH else 0.0),
+        "time_origin": stated + (origin if late else 0.0),
     }
     return Recording(streams, provenance, tuple(repairs))
 

@@ -40,9 +40,10 @@ def experiment_sentence(found: Experiment) -> str:
     bar = f"where {found.needed:g} would do"
     if found.enough:
         return (
-            f"To tell them apart: {found.command}. With that log beside these, {nearest} as the "
-            f"nearest should be {split:.1f} behind in evidence and likelihood both, {bar}; the "
-            f"same logs made once more would leave {again:.1f}."
+            f"To tell them apart, make on the machine the run that this rehearses: "
+            f"{found.command}. With its log beside these, {nearest} as the nearest should be "
+            f"{split:.1f} behind in evidence, {bar}; the same logs made once more would leave "
+            f"{again:.1f}."
         )
     if again >= found.needed:
         return (

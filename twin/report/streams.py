@@ -15,7 +15,7 @@ def with_prediction(account: Account) -> Recording:
     body = account.problem.bodies[0]
     streams = dict(body.recording.streams)
     for output, left in zip(body.outputs, account.left[0], strict=True):
-        error = left * output.noise
+        error = left * output.sigma
         series = body.recording[output.stream]
         if output.stream == "attitude":
             predicted = rotation.multiply(output.value, rotation.from_rotation_vector(-error))

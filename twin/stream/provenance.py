@@ -32,6 +32,7 @@ def provenance(
         "control_rate": platform.control_rate,
         "step": platform.step,
         "gravity": platform.gravity,
+        "environment": {"magnetic_field": platform.magnetic_field.tolist()},
         "seed": seed,
         "command": list(sys.argv if command is None else command),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),

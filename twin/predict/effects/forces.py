@@ -252,7 +252,7 @@ def _alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
 def _couple(effect: CoupleEffect, body: Body) -> Array:
     """(m, nv) torque of a couple on the base."""
     machine, (here, plainly) = body.machine, plain_forces(body)
-    pull, times = effect.pull(able(machine.platform, effect)), middles(body)
+    pull, times = effect.pull(machine.platform), middles(body)
     force = pull(times) if callable(pull) else np.broadcast_to(pull, (len(times), 3))
     axis = hinge_axis(machine) if machine.platform.base.kind == "hinge" else None
     turned = here.position[:, machine.base_qpos]

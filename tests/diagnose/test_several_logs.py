@@ -1,0 +1,79 @@
+"""Logs that differ in what they hold are one body of evidence, in whatever order they are named."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.diagnose import diagnose, extend
+from twin.diagnose.plain import plain_of
+from twin.library import library
+from twin.platform import load_platform
+from twin.recording import Recording
+
+FIELD = np.array([2.2e-5, 0.0, -4.2e-5])
+
+
+def without(log: Recording, *names: str) -> Recording:
+    return replace(log, streams={k: s for k, s in log.items() if k not in names})
+
+
+def test_what_is_left_of_each_stream_is_its_own_in_any_order_of_the_logs(
+    flight_of: Callable[..., Recording], drawn_seed: int
+):
+    fly = "sads", "quaternion_pd", "multisine:8", 12.0
+    one, other = (flight_of(*fly, drawn_seed + i) for i in (0, 1))
+    logs = [without(one, "wheel_speed"), without(other, "gyro")]
+    left = [plain_of(order, load_platform("sads")).account.misfits for order in (logs, logs[::-1])]
+    forth, back = ({(m.stream, m.column): m.chi2 for m in one} for one in left)
+    assert set(forth) == set(back)
+    assert {stream for stream, _ in forth} >= {"gyro", "attitude", "wheel_speed"}
+    for place, chi2 in forth.items():
+        assert back[place] == pytest.approx(chi2, rel=1e-4)
+
+
+@pytest.fixture
+def in_a_field(tmp_path: Path) -> Callable[[np.ndarray], str]:
+    """A copy of `sads` in a field that the shipped one does not state."""
+
+    def write(field: np.ndarray) -> str:
+        folder = tmp_path / f"sads{len(list(tmp_path.iterdir()))}"
+        shutil.copytree(library("models") / "sads", folder)
+        path = folder / "platform.toml"
+        text, stated = path.read_text(), f"magnetic_field = {field.tolist()}"
+        path.write_text(text.replace("[environment]\n", f"[environment]\n{stated}\n"))
+        return str(folder)
+
+    return write
+
+
+@pytest.mark.slow
+def test_a_dipole_is_found_in_the_fields_that_the_logs_state_each_its_own(
+    flight_of: Callable[..., Recording], drawn_seed: int, tmp_path: Path, in_a_field
+):
+    rng = np.random.default_rng(drawn_seed)
+    moment = rng.uniform(20.0, 40.0, 3) * rng.choice([-1.0, 1.0], 3)
+    hidden = "residual_dipole=" + "/".join(map(str, moment))
+    logs = [
+        replace(
+            flight_of(
+                in_a_field(field), "quaternion_pd", "multisine:8", 20.0, drawn_seed + i, hidden
+            ),
+            provenance={
+                "source": f"log {i}",
+                "environment": {"magnetic_field": field.tolist()},
+            },
+        )
+        for i, field in enumerate((FIELD, -FIELD))
+    ]
+    found = diagnose(logs, load_platform("sads"))
+    (cause,) = found.causes
+    print(moment, cause.effect.values, cause.half_widths)
+    assert cause.effect.label == "residual_dipole"
+    assert np.all(np.abs(cause.effect.values - moment) < 2.0 * cause.half_widths)
+    alone = diagnose(logs[:1], load_platform("sads"))
+    extended = extend(alone, tmp_path / "extended")
+    np.testing.assert_array_equal(extended.magnetic_field, FIELD)
