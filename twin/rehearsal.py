@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from twin.clock import SimulatedClock
 from twin.errors import SafetyError, UsageError
 from twin.flight import Flight
-from twin.loop import fly
+from twin.loop import Ended, fly
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform
@@ -47,7 +47,12 @@ def identified_box(file: Path) -> tuple[Array, Array]:
 
 
 def worst_lean(flight: Flight, box: tuple[Array, Array]) -> tuple[float, Array]:
-    """The largest lean [rad] over the corners of a box of m r, and that corner (3,) [kg m]."""
+    """The largest lean [rad] over the corners of a box of m r, and that corner (3,) [kg m].
+
+    Raises:
+        SafetyError: a corner was not flown to its end.
+        KeyboardInterrupt: Ctrl-C ended it.
+    """
     corners = np.array(list(product(*zip(*box, strict=True))))
     platform = flight.platform
     lean = _Lean(platform, len(corners))
@@ -56,7 +61,7 @@ def worst_lean(flight: Flight, box: tuple[Array, Array]) -> tuple[float, Array]:
         runs=range(len(corners)),
         initial=InitialState(center_of_mass_offset=corners),
     ) as plant:
-        fly(
+        outcome = fly(
             plant,
             flight.estimator,
             flight.controller,
@@ -64,6 +69,16 @@ def worst_lean(flight: Flight, box: tuple[Array, Array]) -> tuple[float, Array]:
             SimulatedClock(),
             duration=flight.duration,
             observers=[lean],
+        )
+    if outcome.asked:
+        # the loop takes Ctrl-C for a good end, but whoever asks for a stop does not ask to fly
+        raise KeyboardInterrupt
+    if outcome.ended is not Ended.done:
+        why = "; ".join(dict.fromkeys(outcome.stopped.values())) or outcome.reason
+        raise SafetyError(
+            f"not flown: in simulation, at the corners of the 95 % set, it did not come to its "
+            f"end: {why}",
+            "take a smaller amplitude or a shorter time, or correct the law",
         )
     worst = int(np.argmax(lean.most))
     return float(lean.most[worst]), corners[worst]
@@ -80,7 +95,8 @@ def check_lean(flight: Flight, box: tuple[Array, Array]) -> str:
         A sentence with the largest lean.
 
     Raises:
-        SafetyError: it would be cut out.
+        SafetyError: it would be cut out, or was not flown to its end in simulation.
+        KeyboardInterrupt: Ctrl-C ended the simulation.
     """
     assert flight.bench is not None
     most, corner = worst_lean(flight, box)
@@ -90,7 +106,8 @@ def check_lean(flight: Flight, box: tuple[Array, Array]) -> str:
         f"in simulation, at the worst corner of the 95 % set, with the CM ({where}) um from the "
         f"CR, it leans by up to {np.degrees(most):.1f} of {np.degrees(cutout):.1f} deg"
     )
-    if most > cutout:
+    # turned round, so that a lean that is no number does not pass
+    if not most <= cutout:
         raise SafetyError(
             f"not flown: {told}", "take a smaller amplitude or a shorter time, or balance it first"
         )
