@@ -66,6 +66,28 @@ def test_the_operator_does_not_overrule_the_air():
         bench.guard.arm("arm", held=Held.captured)
     with pytest.raises(SafetyError, match="never go by the word alone"):
         bench.guard.captured()
+    bench.plant.shown["floating"] = np.zeros(1)
+    bench.read()
+    with pytest.raises(SafetyError, match="the air that it does not; turn the air on"):
+        bench.guard.arm("arm", held=Held.floating)
+
+
+def test_a_signal_of_the_air_that_fell_silent_is_believed_no_more():
+    bench = Bench()
+    bench.plant.shown["floating"] = np.zeros(1)
+    bench.read()
+    bench.guard.arm("arm", held=Held.captured)
+    assert not bench.guard.floating
+    bench.plant.silent = {"floating"}
+    bench.read(25)
+    assert bench.guard.phase is Phase.armed
+    assert bench.guard.floating, "nobody knows whether the air has come on meanwhile"
+    bench.guard.disarm()
+    for held in (None, Held.floating, Held.captured):
+        with pytest.raises(SafetyError, match="floating told of the air and .* silent for 1.25 s"):
+            bench.guard.arm("arm", held=held)
+    with pytest.raises(SafetyError, match="it may float"):
+        bench.guard.captured()
 
 
 def test_a_silent_sensor_keeps_it_from_being_armed():
@@ -155,10 +177,22 @@ def test_samples_that_are_not_valid_are_no_samples():
     assert bench.is_safe("gyro is stale")
 
 
-def test_lost_air_stops_it():
-    bench = Bench().armed()
+@pytest.mark.parametrize("held", [None, Held.floating])
+def test_lost_air_stops_it_whatever_word_it_was_armed_by(held: Held | None):
+    bench = Bench()
+    bench.guard.arm("arm", held=held)
     bench.plant.shown["floating"] = np.zeros(1)
     assert bench.is_safe("the air was lost: the table is coming down")
+
+
+def test_air_that_is_lost_while_its_signal_is_silent_stops_it_when_it_is_heard_again():
+    bench = Bench()
+    bench.guard.arm("arm", held=Held.floating)
+    bench.plant.silent = {"floating"}
+    bench.read(25)
+    assert bench.guard.phase is Phase.armed
+    bench.plant.silent, bench.plant.shown["floating"] = set(), np.zeros(1)
+    assert bench.is_safe("the air was lost")
 
 
 def test_lost_air_is_seen_by_its_pressure_where_only_that_is_measured():

@@ -72,7 +72,8 @@ class Guarded(Plant):
         self._word: Held | None = None
         self._applied: Command = {}
         self._watchdog: Watchdog | None = None
-        self._floated = False
+        self._carried = False
+        """As the signal of the air said last; the operator's word is no signal."""
 
     @property
     def limited(self) -> Counter[str]:
@@ -81,7 +82,7 @@ class Guarded(Plant):
 
     @property
     def floating(self) -> bool:
-        """As a signal or the operator says; where neither does, it may float."""
+        """As a signal or the operator says; where neither does, or it fell silent, it may float."""
         return self._floats(self._word)
 
     def arm(self, said: str, *, held: Held | None = None) -> None:
@@ -104,7 +105,7 @@ class Guarded(Plant):
         self._applied = self._rest()
         self.stopped = {}
         self.safe_reason = ""
-        self._floated = self.floating
+        self._carried = self._air is True
         self._end_watchdog()
         if np.isfinite(self.settings.watchdog):
             self._watchdog = Watchdog(self.settings.watchdog, self._quiet)
@@ -224,14 +225,24 @@ class Guarded(Plant):
         self.disarm()
         self._plant.close()
 
+    @property
+    def _air(self) -> bool | None:
+        return self.seen.floating(self.settings.air_pressure)
+
     def _floats(self, word: Held | None) -> bool:
-        signal = self.seen.floating(self.settings.air_pressure)
+        signal = self._air
         if signal is None:
-            return word is not Held.captured
+            return word is not Held.captured or bool(self.seen.silent_air)
         return signal or word is Held.floating
 
     def _check_held(self, held: Held | None) -> None:
-        signal = self.seen.floating(self.settings.air_pressure)
+        signal, silent = self._air, self.seen.silent_air
+        if silent:
+            raise SafetyError(
+                f"{silent} told of the air and has been silent for "
+                f"{_seconds(self.seen.age(silent))}, so that it may float",
+                "check the device that sends it, or take it out of [hardware] and go by the word",
+            )
         if signal is None and held is None:
             raise SafetyError(
                 "not armed: no signal says whether it floats",
@@ -241,6 +252,11 @@ class Guarded(Plant):
             raise SafetyError(
                 "the air says that it floats, the operator that it is captured",
                 "turn the air off or clamp the table; never go by the word alone",
+            )
+        if signal is False and held is Held.floating:
+            raise SafetyError(
+                "the operator says that it floats, the air that it does not",
+                "turn the air on, or look at the sensor of it; never go by the word alone",
             )
 
     def _danger(self) -> str:
@@ -254,11 +270,12 @@ class Guarded(Plant):
                 f"{stale} is stale: nothing valid for {_seconds(self.seen.age(stale))}, in "
                 f"{self.settings.stale_cycles} periods"
             )
-        if self._floated and not self.floating:
+        signal = self._air
+        if self._carried and signal is False:
             return "the air was lost: the table is coming down"
         if self.floating and self.seen.lost:
             return f"{self.seen.lost}; masses hold, wheels coast: capture it first"
-        self._floated = self.floating
+        self._carried = self._carried if signal is None else signal
         return ""
 
     def _tilted(self, lean: float) -> str:

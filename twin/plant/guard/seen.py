@@ -16,6 +16,13 @@ once a second: what they gain meanwhile is counted."""
 _LATE = 2.0
 """Periods of a stream after which its newest sample is no longer fresh."""
 
+_AIR = ("floating", "air_pressure")
+"""What says whether it floats; the first that was ever heard counts."""
+
+_AIR_SILENT = 1.0
+"""A signal of the air that is older [s] is no longer believed. How often a board sends it stands
+nowhere, and nobody needs it at the rate of a gyro."""
+
 _JUMP = 1e-4
 """[m]: a stage's reading may be off by this, over what its drive can move, and by its noise."""
 
@@ -104,20 +111,30 @@ class Seen:
         return max(leans) if leans else None
 
     def floating(self, pressure: float) -> bool | None:
-        """Whether it floats, as a signal says; None: there is no such signal.
+        """Whether it floats, as a signal says; None: there is none, or it has fallen silent.
 
         Args:
             pressure: above which the air carries it [Pa], where only `air_pressure` is measured.
         """
-        if "floating" in self.newest:
-            return bool(self.newest["floating"][1][0] > 0.5)
-        if "air_pressure" in self.newest:
-            return bool(self.newest["air_pressure"][1][0] > pressure)
-        return None
+        signal = self._air_signal
+        if signal is None or self.silent_air:
+            return None
+        return bool(self.newest[signal][1][0] > (0.5 if signal == "floating" else pressure))
+
+    @property
+    def silent_air(self) -> str:
+        """The signal of the air that was heard and is no more; empty: it is, or never was."""
+        signal = self._air_signal
+        allowed = max(_AIR_SILENT, _LATE * self._platform.tick)
+        return signal if signal is not None and self.age(signal) > allowed else ""
 
     def captured(self) -> None:
         """Positions were established anew with the machine held."""
         self.lost = ""
+
+    @property
+    def _air_signal(self) -> str | None:
+        return next((name for name in _AIR if name in self.newest), None)
 
     def _date_back(self, seconds: float) -> None:
         self.newest = {name: (time - seconds, value) for name, (time, value) in self.newest.items()}
