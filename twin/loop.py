@@ -22,7 +22,7 @@ from twin.errors import CommandError, UnknownName
 from twin.estimators.estimator import Estimator
 from twin.plant.plant import Plant
 from twin.reference import Reference
-from twin.signals import Target, Tick
+from twin.signals import Command, Estimate, Target, Tick
 
 
 class Ended(Enum):
@@ -98,6 +98,8 @@ def fly(
             except Exception as problem:
                 tell_mistake(controller, platform, problem)
                 raise
+            if estimate.awaited:
+                wanted = _where_seen(wanted, estimate, plant)
             clock.lap("control")
             try:
                 applied = plant.write(wanted)
@@ -134,6 +136,17 @@ def fly(
         ended = Ended.degraded
         reason = f"{len(plant.stopped)} of {n} runs were stopped"
     return Outcome(ended, reason, now, dict(plant.stopped), clock.timing, asked)
+
+
+def _where_seen(wanted: Command, estimate: Estimate, plant: Plant) -> Command:
+    """Stages that nobody has seen stay; laws take them to stand at 0, and would send them there."""
+    unseen, move = estimate.awaited.get("stage_position"), "command_stage_position"
+    if unseen is None or move not in wanted:
+        return wanted
+    # told to stay, and not left out where all are unseen: a run has the same bits in any company
+    held = plant.write({})[move]
+    stay = unseen & ~estimate.valid
+    return {**wanted, move: np.where(stay[:, None], held, wanted[move])}
 
 
 class _Ahead:

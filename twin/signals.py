@@ -85,6 +85,10 @@ STREAMS: dict[str, Stream] = {
 OF_MOTION = ("attitude", "inclinometer", "gyro", "joint_angle", "joint_rate")
 """Streams that show how the base moves."""
 
+POSITIONS = ("stage_position", "gimbal_angle")
+"""Measured parts from where laws begin: none begins before they were seen. Wheel speeds may come
+once a second, and nobody waits for the first: nothing would hold a floating body meanwhile."""
+
 DERIVED = ("command_", "wanted_", "truth_", "estimate_", "reference_", "loop_")
 """Streams that no sensor measured begin so: their scatter is no noise."""
 
@@ -154,11 +158,16 @@ class Estimate:
     gyro_bias: Array
     """(n, 3) [rad/s]."""
     valid: Mask
-    """(n,): False until the run has been seen at all."""
+    """(n,): False until the run's attitude, or joint angle, has been seen, and the positions of its
+    stages and gimbals as far as the machine measures them."""
     gimbal_angle: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """(n, gimbals) [rad]; empty where there is none."""
     covariance: Array | None = None
     """(n, 6, 6) of attitude error [rad, body] and gyro bias [rad/s], where there is one."""
+    oriented: Mask = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    """(n,): whether attitude or joint angle has been seen; for estimators."""
+    awaited: Mapping[str, Mask] = field(default_factory=dict[str, Mask])
+    """Measured positions -> (n,) runs of which no sample has come yet; empty once all have."""
 
     def at(self, time: float) -> "Estimate":
         """The same estimate, stamped `time`."""

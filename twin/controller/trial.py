@@ -90,6 +90,7 @@ def estimates(platform: Platform, n: int) -> list[Estimate]:
                 joint_rate=draw.normal(size=(n, hinges)),
                 gyro_bias=1e-3 * draw.normal(size=(n, 3)),
                 valid=np.full(n, tick > 0),
+                oriented=np.full(n, tick > 0),
             )
         )
     return flight

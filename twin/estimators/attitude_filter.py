@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import UsageError
-from twin.estimators.estimator import Estimator, blank, encoders, instead, newest, shared
+from twin.estimators.estimator import (
+    Estimator,
+    blank,
+    encoders,
+    instead,
+    newest,
+    seen,
+    shared,
+    still_awaited,
+)
 from twin.estimators.sample import variance_of
 from twin.platform import Platform
 from twin.rotation import (
@@ -106,9 +115,9 @@ class AttitudeFilter(Estimator):
         )
 
     def update(self, estimate: Estimate, reading: Reading) -> FilterEstimate:
-        """Valid from a run's first attitude sample."""
+        """Valid from a run's first attitude sample and positions; it filters from the former."""
         before, streams = cast(FilterEstimate, estimate), reading.streams
-        bias, valid, noise = before.gyro_bias, before.valid, before.noise
+        bias, oriented, noise = before.gyro_bias, before.oriented, before.noise
 
         gyro, times = _joined(before, streams.get("gyro"), reading.time)
         rates = gyro - bias
@@ -127,10 +136,10 @@ class AttitudeFilter(Estimator):
         if fixes is None:
             _diagonal(covariance)[:3] += gyro_noise
         else:
-            if not valid.all():
+            if not oriented.all():
                 first = normalized(newest(fixes, attitude))
-                attitude = np.where(valid[:, None], attitude, first)
-                valid = valid | fixes.valid.any(axis=1)
+                attitude = np.where(oriented[:, None], attitude, first)
+                oriented = oriented | fixes.valid.any(axis=1)
             fix = _mean(fixes, attitude, times, angles, rates, noise)
             since = noise.gyro[:, None] * (fix.after * squares).sum(axis=0)
             _diagonal(covariance)[:3] += gyro_noise - since
@@ -145,6 +154,7 @@ class AttitudeFilter(Estimator):
             now = multiply(attitude, from_rotation_vector((gyro[-1] - bias) * lead[:, None]))
         rate = gyro[-1] - before.gyro_bias
         np.divide(total, span[:, None], out=rate, where=span[:, None] > 0.0)
+        awaited = still_awaited(streams, before)
         return replace(
             before,
             time=reading.time,
@@ -152,7 +162,9 @@ class AttitudeFilter(Estimator):
             rate_body=rate + (before.gyro_bias - bias),
             **encoders(streams, before),
             gyro_bias=bias,
-            valid=valid,
+            valid=seen(oriented, awaited),
+            oriented=oriented,
+            awaited=awaited,
             covariance=covariance.transpose(2, 0, 1),
             gyro=gyro[-1],
             gyro_time=times[-1],
@@ -180,7 +192,7 @@ def _joined(before: FilterEstimate, gyro: Samples | None, now: float) -> tuple[A
     no attitude yet all stand at the newest: its state begins there.
     """
     m = 0 if gyro is None else gyro.time.shape[1]
-    n = len(before.valid)
+    n = len(before.oriented)
     rates, times = np.empty((1 + m, n, 3)), np.empty((1 + m, n))
     rates[0], times[0] = before.gyro, before.gyro_time
     if gyro is not None:
@@ -191,10 +203,10 @@ def _joined(before: FilterEstimate, gyro: Samples | None, now: float) -> tuple[A
             kept = np.maximum.accumulate(kept, axis=0)
             rates = np.take_along_axis(rates, kept[..., None], axis=0)
             times = np.take_along_axis(times, kept, axis=0)
-    if not before.valid.all():
+    if not before.oriented.all():
         start = np.where(np.isnan(times[-1]), now, times[-1])
-        times = np.where(before.valid, times, start)
-        rates = np.where(before.valid[:, None], rates, rates[-1])
+        times = np.where(before.oriented, times, start)
+        rates = np.where(before.oriented[:, None], rates, rates[-1])
     return rates, times
 
 

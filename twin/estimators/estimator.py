@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from twin.errors import UsageError
 from twin.platform import Platform
 from twin.rotation import IDENTITY
-from twin.signals import Command, Estimate, Reading, Samples
+from twin.signals import POSITIONS, Command, Estimate, Mask, Reading, Samples
 
 Array = NDArray[np.float64]
 
@@ -61,6 +61,10 @@ def blank(platform: Platform, n: int) -> Estimate:
         joint_rate=np.zeros((n, hinges)),
         gyro_bias=np.zeros((n, 3)),
         valid=np.zeros(n, dtype=np.bool_),
+        oriented=np.zeros(n, dtype=np.bool_),
+        awaited={
+            name: np.ones(n, dtype=np.bool_) for name in POSITIONS if name in platform.sensors
+        },
     )
 
 
@@ -92,6 +96,22 @@ def instead(platform: Platform) -> str:
         return "use the estimator 'inclinometer'"
     shown = "joint_angle" if platform.base.kind == "hinge" else "attitude"
     return f"no estimator knows how it stands: give it [sensors.{shown}]"
+
+
+def still_awaited(streams: Mapping[str, Samples], before: Estimate) -> Mapping[str, Mask]:
+    """What is awaited after these samples."""
+    left = {
+        name: missing & ~streams[name].valid.any(axis=1) if name in streams else missing
+        for name, missing in before.awaited.items()
+    }
+    return {name: missing for name, missing in left.items() if missing.any()}
+
+
+def seen(oriented: Mask, awaited: Mapping[str, Mask]) -> Mask:
+    """Runs (n,) that are oriented and wait for no position."""
+    for missing in awaited.values():
+        oriented = oriented & ~missing
+    return oriented
 
 
 def encoders(streams: Mapping[str, Samples], before: Estimate) -> dict[str, Any]:

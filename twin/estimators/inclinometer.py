@@ -7,7 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import UsageError
-from twin.estimators.estimator import Estimator, blank, encoders, instead, newest, shared
+from twin.estimators.estimator import (
+    Estimator,
+    blank,
+    encoders,
+    instead,
+    newest,
+    seen,
+    shared,
+    still_awaited,
+)
 from twin.platform import Platform
 from twin.rotation import conjugate, from_euler_zyx, multiply, to_rotation_vector
 from twin.signals import Estimate, Reading, Samples
@@ -49,29 +58,32 @@ class InclinometerDifferences(Estimator):
         )
 
     def update(self, estimate: Estimate, reading: Reading) -> TiltEstimate:
-        """Valid from a run's first sample; its rate is 0 until the second."""
+        """Valid from a run's first sample and positions; its rate is 0 until the second sample."""
         before, streams = cast(TiltEstimate, estimate), reading.streams
         attitude, rate, time = before.attitude, before.rate_body, before.tilt_time
         tilts = streams.get("inclinometer")
         if tilts is not None:
             new = np.asarray(tilts.valid.any(axis=1))
             time = newest(_stamps(tilts), time[:, None])[:, 0]
-            seen = np.sin(newest(tilts, np.zeros((len(new), 2))))
-            cosine = np.sqrt(1.0 - np.square(seen[:, 1]))
-            roll = np.arcsin(np.clip(seen[:, 0] / np.maximum(cosine, 1e-12), -1.0, 1.0))
-            found = from_euler_zyx(np.zeros_like(roll), np.arcsin(seen[:, 1]), roll)
+            sines = np.sin(newest(tilts, np.zeros((len(new), 2))))
+            cosine = np.sqrt(1.0 - np.square(sines[:, 1]))
+            roll = np.arcsin(np.clip(sines[:, 0] / np.maximum(cosine, 1e-12), -1.0, 1.0))
+            found = from_euler_zyx(np.zeros_like(roll), np.arcsin(sines[:, 1]), roll)
             attitude = np.where(new[:, None], found, attitude)
             turn = to_rotation_vector(multiply(conjugate(before.attitude), attitude))
             period = (time - before.tilt_time)[:, None]
             rate = rate.copy()
             np.divide(turn, period, out=rate, where=new[:, None] & (period > 0.0))
+        oriented, awaited = ~np.isnan(time), still_awaited(streams, before)
         return replace(
             before,
             time=reading.time,
             attitude=attitude,
             rate_body=rate,
             **encoders(streams, before),
-            valid=~np.isnan(time),
+            valid=seen(oriented, awaited),
+            oriented=oriented,
+            awaited=awaited,
             tilt_time=time,
         )
 

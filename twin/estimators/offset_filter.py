@@ -12,7 +12,9 @@ from twin.estimators.estimator import (
     blank,
     need_floating_body,
     newest,
+    seen,
     shared,
+    still_awaited,
 )
 from twin.estimators.gyrostat import Gyrostat, Motion, Parts, rate_of
 from twin.estimators.sample import variance_of
@@ -146,16 +148,18 @@ class OffsetFilter(Estimator):
         return replace(known, torque=applied.get("command_wheel_torque", known.torque))
 
     def update(self, estimate: Estimate, reading: Reading) -> GyrostatEstimate:
-        """Valid from a run's first attitude sample; until then it stands still."""
+        """Valid from a run's first attitude sample and positions; it stands still until then."""
         before, streams = cast(GyrostatEstimate, estimate), reading.streams
         stages = newest(streams.get("stage_position"), before.stage_position)
         gimbals = newest(streams.get("gimbal_angle"), before.gimbal_angle)
         wheels = newest(streams.get("wheel_speed"), before.wheel_speed)
         period = reading.time - before.time
-        path, swing = (before.stage_position, stages), (before.gimbal_angle, gimbals)
+        path = _path(before, "stage_position", stages, period)
+        swing = _path(before, "gimbal_angle", gimbals, period)
         parts, begin, end = (
             before.gyrostat.parts(path, swing, period, at) for at in (0.5, 0.0, 1.0)
         )
+        awaited, oriented = still_awaited(streams, before), before.oriented
         motion, spread, valid = before.motion, before.spread, before.valid
         if valid.any():
             moved = before.gyrostat.moved(motion, before.moment, parts, before.torque, period)
@@ -166,17 +170,18 @@ class OffsetFilter(Estimator):
         if fixes is not None and not valid.all():
             first = normalized(newest(fixes, motion.attitude))
             motion = motion._replace(attitude=np.where(valid[:, None], motion.attitude, first))
-            valid = valid | np.asarray(fixes.valid.any(axis=1))
+            oriented = oriented | np.asarray(fixes.valid.any(axis=1))
+        valid = seen(oriented, awaited)
         state = _State(motion, before.gyro_bias, before.moment, spread)
         torque = np.einsum("niw,nw->ni", end.axes, before.torque)
         if period > 0.0:
             swung = np.einsum("niw,nw->ni", end.axes - begin.axes, motion.spins)
             torque = torque + (swung + end.held - begin.held) / period
-        seen = _Seen(before.gyrostat, before.noise, end, before.torque, torque, reading.time, valid)
+        told = _Seen(before.gyrostat, before.noise, end, before.torque, torque, reading.time, valid)
         for correct, stream in (
-            (seen.by_attitude, fixes),
-            (seen.by_gyro, streams.get("gyro")),
-            (seen.by_wheels, streams.get("wheel_speed")),
+            (told.by_attitude, fixes),
+            (told.by_gyro, streams.get("gyro")),
+            (told.by_wheels, streams.get("wheel_speed")),
         ):
             if stream is not None and stream.value.shape[2]:
                 state = correct(state, stream)
@@ -192,8 +197,10 @@ class OffsetFilter(Estimator):
             gimbal_angle=gimbals,
             gyro_bias=state.bias,
             valid=valid,
+            oriented=oriented,
+            awaited=awaited,
             covariance=spread[:, own[:, None], own],
-            center_of_mass_offset=state.moment + seen.carried_moment(stages),
+            center_of_mass_offset=state.moment + told.carried_moment(stages),
             offset_covariance=spread[:, MOMENT, MOMENT],
             motion=motion,
             moment=state.moment,
@@ -214,6 +221,15 @@ class OffsetFilter(Estimator):
         added[SPINS] = self.wheel_noise**2
         spread[:, range(size), range(size)] += period * added
         return spread
+
+
+def _path(before: Estimate, stream: str, shown: Array, period: float) -> tuple[Array, Array]:
+    """Positions at both ends of a period [s]; one that is first seen now has not come from 0."""
+    held: Array = getattr(before, stream)
+    first = before.awaited.get(stream)
+    if first is not None and period > 0.0:
+        held = np.where(first[:, None], shown, held)
+    return held, shown
 
 
 class _State(NamedTuple):

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from twin.estimators.estimator import Estimator, blank, newest
+from twin.estimators.estimator import Estimator, blank, newest, seen, still_awaited
 from twin.platform import Platform
 from twin.signals import Estimate, Reading
 
@@ -19,12 +19,15 @@ class Passthrough(Estimator):
         return blank(platform, n)
 
     def update(self, estimate: Estimate, reading: Reading) -> Estimate:
-        """Valid from a run's first attitude, or joint angle on a hinge."""
+        """Valid from a run's first attitude, or joint angle on a hinge, and first positions."""
         streams, valid = reading.streams, estimate.valid
+        oriented, awaited = estimate.oriented, estimate.awaited
         if not valid.all():
             for name in ("attitude", "joint_angle"):
                 if name in streams:
-                    valid = valid | streams[name].valid.any(axis=1)
+                    oriented = oriented | streams[name].valid.any(axis=1)
+            awaited = still_awaited(streams, estimate)
+            valid = seen(oriented, awaited)
         return Estimate(
             time=reading.time,
             attitude=newest(streams.get("attitude"), estimate.attitude),
@@ -36,4 +39,6 @@ class Passthrough(Estimator):
             joint_rate=newest(streams.get("joint_rate"), estimate.joint_rate),
             gyro_bias=estimate.gyro_bias,
             valid=valid,
+            oriented=oriented,
+            awaited=awaited,
         )

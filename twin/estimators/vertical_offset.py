@@ -13,7 +13,9 @@ from twin.estimators.estimator import (
     encoders,
     need_floating_body,
     newest,
+    seen,
     shared,
+    still_awaited,
 )
 from twin.platform import Platform
 from twin.rotation import cross, skew, vertical_body
@@ -97,17 +99,17 @@ class VerticalOffsetFilter(Estimator):
         )
 
     def update(self, estimate: Estimate, reading: Reading) -> VerticalEstimate:
-        """Valid from a run's first attitude sample; gyro samples before it tell nothing."""
+        """Valid from a run's first attitude and positions; gyro before the former tells nothing."""
         before, streams = cast(VerticalEstimate, estimate), reading.streams
         state, covariance, time = before.state, before.state_covariance, before.gyro_time
-        attitude, valid = before.attitude, before.valid
+        attitude, oriented = before.attitude, before.oriented
         fixes, gyro = streams.get("attitude"), streams.get("gyro")
         if gyro is not None:
             for place in range(gyro.time.shape[1]):
                 stamp, shown = gyro.time[:, place], gyro.valid[:, place]
                 if fixes is not None:
-                    attitude, valid = _until(fixes, stamp, attitude, valid)
-                used = shown & valid
+                    attitude, oriented = _until(fixes, stamp, attitude, oriented)
+                used = shown & oriented
                 step = np.where(used & ~np.isnan(time), stamp - time, 0.0)
                 moved, spread = self._predicted(before, state, covariance, attitude, step)
                 moved, spread = self._corrected(moved, spread, gyro.value[:, place])
@@ -116,14 +118,17 @@ class VerticalOffsetFilter(Estimator):
                 time = np.where(used, stamp, time)
         attitude = newest(fixes, attitude)
         if fixes is not None:
-            valid = valid | fixes.valid.any(axis=1)
+            oriented = oriented | fixes.valid.any(axis=1)
+        awaited = still_awaited(streams, before)
         return replace(
             before,
             time=reading.time,
             attitude=attitude,
             rate_body=state[:, :3],
             **encoders(streams, before),
-            valid=valid,
+            valid=seen(oriented, awaited),
+            oriented=oriented,
+            awaited=awaited,
             center_of_mass_offset=before.mass * state[:, 3:] * _UP,
             offset_covariance=before.mass**2 * covariance[:, 3:, 3:] * _ALONG,
             state=state,

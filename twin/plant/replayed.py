@@ -1,5 +1,7 @@
 """A log played as if it were hardware: its samples arrive when they did, its commands stand."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from twin.errors import UsageError
@@ -7,7 +9,7 @@ from twin.plant.limits import Limits
 from twin.plant.plant import Plant
 from twin.platform import Platform, check_columns, in_order_of, other_machine
 from twin.recording import Recording
-from twin.signals import Command, Reading, Samples
+from twin.signals import POSITIONS, Command, Reading, Samples
 
 _EPS = 1e-9
 
@@ -42,6 +44,13 @@ class ReplayedPlant(Plant):
                 f"nothing to replay: the log has no sample of what {platform.name} measures "
                 f"({', '.join(platform.sensors)}), only {', '.join(recording) or 'no stream'}"
             )
+        # nobody waits for positions that the log does not tell
+        kept = {
+            name: sensor
+            for name, sensor in platform.sensors.items()
+            if name in self._measured or name not in POSITIONS
+        }
+        self.platform = replace(platform, sensors=kept)
         self._commands = {name: recording[name] for name in platform.commands if name in recording}
         check_columns(recording, platform, (*self._measured, *self._commands))
         self._limits = Limits(platform)
