@@ -35,11 +35,15 @@ class Scripted(Plant):
         self.safe: list[tuple[Command, bool]] = []
 
     def read(self, until: float) -> Reading:
-        stamp, valid = np.full((1, 1), until), np.ones((1, 1), dtype=np.bool_)
+        stamp = np.full((1, 1), until)
         return Reading(
             until,
             {
-                name: Samples(value.reshape(1, 1, -1).astype(float), stamp, valid)
+                name: Samples(
+                    value.reshape(1, 1, -1).astype(float),
+                    stamp,
+                    np.isfinite(value).all(keepdims=True).reshape(1, 1),
+                )
                 for name, value in self.shown.items()
                 if value.size and name not in self.silent
             },

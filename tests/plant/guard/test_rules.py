@@ -108,9 +108,13 @@ def test_a_wheel_near_its_limit_is_turned_no_faster_and_not_braked_either():
     assert bench.guard.limited["momentum"] == 1
 
 
-def test_a_torque_that_is_held_while_speeds_are_not_measured_fills_no_wheel():
+@pytest.mark.parametrize("shown", ["nothing", "what is not valid"])
+def test_a_torque_that_is_held_while_speeds_are_not_measured_fills_no_wheel(shown: str):
     bench = Bench().armed()
-    bench.plant.silent = {"wheel_speed"}
+    if shown == "nothing":
+        bench.plant.silent = {"wheel_speed"}
+    else:
+        bench.plant.shown["wheel_speed"] = np.full(3, np.nan)
     torques = [bench.tell(wheel_torque=[0.5, 0.0, 0.0])["command_wheel_torque"][0]]
     while torques[-1] > 0.0 and len(torques) < 1000:
         torques.append(bench.tell()["command_wheel_torque"][0])

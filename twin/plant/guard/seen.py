@@ -64,9 +64,9 @@ class Seen:
                     continue
                 if name == "stage_position":
                     self._check_jump(*new)
+                elif name == "wheel_speed":
+                    self._momentum = self._inertia * new[1]
                 self.newest[name] = new
-        if "wheel_speed" in reading.streams and "wheel_speed" in self.newest:
-            self._momentum = self._inertia * self.newest["wheel_speed"][1]
         self.now = reading.time
         for name in self._needed:
             self._stale[name] = 0 if self._is_fresh(name) else self._stale[name] + 1
