@@ -5,9 +5,12 @@ import re
 
 import pytest
 
+from tests.plant.devices.said import Said
 from tests.plant.devices.stages import STEP, drives, go, stage, there, valid
 from twin.emulate.faults import Fault
 from twin.errors import DeviceError
+from twin.plant.devices.mdrive.line import Mode
+from twin.plant.devices.mdrive.setup import CONFIGURED, HOMED, pending_error
 
 
 @pytest.mark.parametrize(
@@ -156,3 +159,56 @@ def test_a_power_cycle_between_sessions_asks_for_homing(plug, mdrive):
     session.configure()
     with pytest.raises(DeviceError, match="is not homed"):
         session.arm()
+
+
+@pytest.fixture
+def told(mdrive):
+    """A session whose stage is homed and at 0, and what it makes of those answers."""
+
+    def make(*answers, **settings):
+        session = mdrive(**settings)
+        session._line = line = Said(*answers)
+        session.stages[0].homed = True
+        session._serve(0)
+        return session, line
+
+    return make
+
+
+WELL, FAILING = (0, 0, 0, HOMED), (0, 0, 1, HOMED)
+"""P, MV, EF and the mark of a drive that stands at 0."""
+
+
+def test_an_error_code_that_is_lost_on_the_line_may_have_been_a_stall(told):
+    session, line = told(FAILING, None, WELL)
+    assert "had an error whose code was lost on the line" in session.unfit()
+    assert f"R1={CONFIGURED}" in line.told
+    assert "SL 0" in line.told
+    assert not valid(session.read())
+
+
+def test_a_question_for_an_error_that_the_drive_did_not_hear_is_asked_again(told):
+    session, _ = told(FAILING, None, FAILING, (86,))
+    assert "the motor has stalled (error 86)" in session.unfit()
+    session, line = told(FAILING, None, FAILING, (71,))
+    assert session.unfit() == ""
+    assert line.asked.count(("ER",)) == 2
+    assert valid(session.read())
+
+
+def test_an_error_that_waits_is_heard_before_settings_are_written(plug, mdrive):
+    # this VI is above the factory's VM: the first time, writing it is an error of its own
+    line = plug(drives())
+    line.inject(Fault("error", value=86))
+    session = mdrive(stage(speed=0.05, home_speed=0.05, initial_speed=0.04))
+    session.configure()
+    assert "the motor has stalled (error 86)" in session.unfit()
+
+
+def test_a_code_that_is_lost_at_set_up_costs_the_home_and_is_said():
+    who, again = "stages: drive 1", Said((1,), None, (1,), (1,), (86,))
+    assert pending_error(who, again, "1", "R1", Mode()) == 86, "the drive had not heard it"
+    line = Said((1,), None, (0,))
+    with pytest.raises(DeviceError, match="code was lost on the line.*configure it anew and home"):
+        pending_error(who, line, "1", "R1", Mode())
+    assert line.told == [f"R1={CONFIGURED}"]

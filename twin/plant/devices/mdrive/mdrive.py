@@ -116,14 +116,15 @@ class MDrive(Device):
         for k, drive in enumerate(self.settings.drives):
             if self.stages[k].lost:
                 self._forget_home(k)
-            mode, position, homed, error = set_up(
+            mode, position, homed, errors = set_up(
                 self.name, self._line, drive, self.settings.mark, wanted
             )
             self._modes[k] = mode
             stage = self.stages[k] = Tracker(drive)
             stage.rest(position)
             stage.homed = homed
-            stage.complain(error)
+            for error in errors:
+                stage.complain(error)
             self._collect_notes(stage)
         self.identity = ", ".join(
             f"drive {stage.settings.address} of {stage.settings.part}"
@@ -298,8 +299,12 @@ class MDrive(Device):
         if not self.settings.checksum and apart > self._apart(stage, moving or stage.moving):
             return f"{stage.name}: two readings disagree, {position} and {answer[-1]}"
         if failing:
-            code = self._line.ask(stage.settings.address, ["ER"], mode)
-            stage.complain(code[0] if code else 0)
+            # reading clears it: asked again, a drive whose answer was lost would say 0
+            code = self._line.ask(stage.settings.address, ["ER"], mode, tries=1)
+            if unsure := stage.hear_error(code[0] if code else None):
+                return unsure
+        elif stage.unread:
+            return stage.lose_error()
         with self._lock:
             return stage.lost or stage.look(Look(position, bool(moving), self._line.heard))
 

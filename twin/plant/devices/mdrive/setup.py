@@ -9,6 +9,8 @@ from twin.plant.devices.mdrive.tables import error_named
 
 CONFIGURED, HOMED = 31001, 31002
 """What the mark register holds: set up, or set up and homed, since the drive got its power."""
+_LOOKS = 3
+"""How often a drive is asked for its error where the question itself is lost."""
 _SLOW = 1.0
 """How long a drive may take to come to rest [s], beyond its ramp."""
 
@@ -28,11 +30,11 @@ def recognise(line: Line, address: str) -> Mode | None:
 
 def set_up(
     name: str, line: Line, drive: DriveSettings, mark: str, wanted: Mode
-) -> tuple[Mode, int, bool, int]:
+) -> tuple[Mode, int, bool, tuple[int, ...]]:
     """Write the settings and read them back.
 
     Returns:
-        How it talks from now on, P, whether it is still homed, and the error that was pending.
+        How it talks from now on, P, whether it is still homed, and the errors that were pending.
 
     Raises:
         DeviceError: no answer, or another value than the one written.
@@ -49,6 +51,8 @@ def set_up(
     wait_for_rest(who, line, drive, mode)
     _expect(who, line, drive.address, mode, {"MS": drive.microsteps})
     found = _ask(who, line, drive.address, mode, [mark])[0]
+    # now: a write that fails puts its own code in the place of a stall's
+    before = pending_error(who, line, drive.address, mark, mode)
     for _ in range(2):
         # twice: VI and VM may be written in one order only, which depends on what they were
         for register, value in drive.registers().items():
@@ -61,12 +65,33 @@ def set_up(
         answer = _ask(who, line, drive.address, mode, [f"S{number}"])
         if answer[:2] != source:
             raise _otherwise(who, f"S{number}", answer, source)
+    after = pending_error(who, line, drive.address, mark, mode)
+    # two of the writes may have failed on purpose
+    errors = tuple(code for code in (before, after) if code not in (0, 22, 23, 35))
     homed = found == HOMED
     line.tell(drive.address, f"{mark}={HOMED if homed else CONFIGURED}", mode)
     _expect(who, line, drive.address, mode, {mark: HOMED if homed else CONFIGURED})
-    position, pending = _ask(who, line, drive.address, mode, ["P", "ER"])
-    # two of the writes may have failed on purpose
-    return mode, position, homed, 0 if pending in (22, 23, 35) else pending
+    position = _ask(who, line, drive.address, mode, ["P"])[0]
+    return mode, position, homed, errors
+
+
+def pending_error(who: str, line: Line, address: str, mark: str, mode: Mode) -> int:
+    """The error code that waits in a drive; 0: none.
+
+    Raises:
+        DeviceError: no answer, or the code was read, which clears it, and lost on the line.
+    """
+    for _ in range(_LOOKS):
+        if not _ask(who, line, address, mode, ["EF"])[0]:
+            return 0
+        answer = line.ask(address, ["ER"], mode, tries=1)
+        if answer is not None:
+            return answer[0]
+        if not _ask(who, line, address, mode, ["EF"])[0]:
+            break
+    line.tell(address, f"{mark}={CONFIGURED}", mode)
+    problem = "had an error whose code was lost on the line, perhaps a stall"
+    raise DeviceError(who, problem, "capture the table, configure it anew and home it")
 
 
 def seek_home(name: str, line: Line, drive: DriveSettings, mark: str, mode: Mode) -> int:
@@ -85,7 +110,7 @@ def seek_home(name: str, line: Line, drive: DriveSettings, mark: str, mode: Mode
         _ask(who, line, address, mode, ["ER"])
         line.tell(address, f"HM {drive.home_method}", mode)
         wait_for_rest(who, line, drive, mode, _longest_search(drive))
-        code = _ask(who, line, address, mode, ["ER"])[0]
+        code = pending_error(who, line, address, mark, mode)
         if code:
             raise DeviceError(who, f"found no home: {error_named(code).sentence}", "look at it")
         home = drive.steps(drive.home_position)

@@ -45,6 +45,8 @@ class Tracker:
         self.stopping = False
         self.lost = ""
         """Why the position cannot be trusted; empty: it can, once homed."""
+        self.unread = False
+        """It has an error, and no answer came to the question which."""
         self.notes: list[str] = []
         self._start = self._target = 0
         self._given = 0.0
@@ -61,7 +63,7 @@ class Tracker:
     @property
     def doubted(self) -> bool:
         """The last look could not be believed, or the position is lost."""
-        return bool(self._doubts or self.lost)
+        return bool(self._doubts or self.unread or self.lost)
 
     @property
     def name(self) -> str:
@@ -71,7 +73,7 @@ class Tracker:
     def rest(self, position: int) -> None:
         """It stands there, and is believed."""
         self.position = self._start = self._target = position
-        self.moving = self.stopping = False
+        self.moving = self.stopping = self.unread = False
         self._pending, self._orders, self._doubts, self._blocked = None, 0, 0, 0
 
     def allow(self, wanted: int) -> int:
@@ -151,6 +153,28 @@ class Tracker:
         """An order away from a limit switch was given: the switch blocks no more."""
         if self._blocked * (self._target - self._start) < 0:
             self._blocked = 0
+
+    def hear_error(self, code: int | None) -> str:
+        """Take an error code that was asked for; why the position cannot be believed, or nothing.
+
+        Args:
+            code: None: no answer came.
+        """
+        self.unread = code is None
+        if code is None:
+            return f"{self.name}: has an error, and which was not to be heard"
+        self.complain(code)
+        return self.lost
+
+    def lose_error(self) -> str:
+        """The code was read, which clears it, and the answer was lost: it may have been any."""
+        self.unread = False
+        self.lost = (
+            f"{self.name}: had an error whose code was lost on the line, perhaps a stall; capture "
+            "the table and home it again"
+        )
+        self.notes.append(self.lost)
+        return self.lost
 
     def complain(self, code: int) -> None:
         """Take an error code of the drive."""
