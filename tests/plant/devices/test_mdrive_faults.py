@@ -212,3 +212,18 @@ def test_a_code_that_is_lost_at_set_up_costs_the_home_and_is_said():
     with pytest.raises(DeviceError, match="code was lost on the line.*configure it anew and home"):
         pending_error(who, line, "1", "R1", Mode())
     assert line.told == [f"R1={CONFIGURED}"]
+
+
+@pytest.mark.parametrize("checksum", [True, False])
+def test_one_wrong_mark_is_doubted_and_two_in_a_row_cost_the_home(told, checksum):
+    rest = () if checksum else (0,)  # the position, once more
+    well, wrong = (0, 0, 0, HOMED, *rest), (0, 0, 0, HOMED ^ 4, *rest)
+    session, line = told(wrong, well, wrong, well, checksum=checksum)
+    assert session.unfit() == ""
+    assert valid(session.read())
+    session._serve(0)
+    assert session.unfit() == "", "not in a row"
+    assert line.told == []
+    session, line = told(wrong, wrong, checksum=checksum)
+    assert f"has started anew (R1 is {HOMED ^ 4})" in session.unfit()
+    assert not valid(session.read())

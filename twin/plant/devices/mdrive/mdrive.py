@@ -289,11 +289,11 @@ class MDrive(Device):
         if stage.lost:
             return stage.lost
         if answer[3] != (HOMED if stage.homed else CONFIGURED):
-            stage.lost = (
+            return stage.doubt(
+                f"{stage.name}: {mark} is {answer[3]}, as if it had started anew",
                 f"{stage.name}: has started anew ({mark} is {answer[3]}), its position is lost; "
-                "capture the table, configure and home it again"
+                "capture the table, configure and home it again",
             )
-            return stage.lost
         position, moving, failing = answer[:3]
         apart = abs(answer[-1] - position)
         if not self.settings.checksum and apart > self._apart(stage, moving or stage.moving):

@@ -119,13 +119,11 @@ class Tracker:
         """Take what the drive says; why it cannot be believed, or nothing."""
         low, high = sorted((self._start, self._target))
         if not low - _SLACK <= look.position <= high + _SLACK:
-            self._doubts += 1
-            if self._doubts > 1:
-                self.lost = (
-                    f"{self.name}: its counter leapt from {self.position} to {look.position} "
-                    f"microsteps outside of {low} to {high}; capture the table and home it again"
-                )
-            return self.lost or f"{self.name}: counter at {look.position}, not in {low} to {high}"
+            return self.doubt(
+                f"{self.name}: counter at {look.position}, not in {low} to {high}",
+                f"{self.name}: its counter leapt from {self.position} to {look.position} "
+                f"microsteps outside of {low} to {high}; capture the table and home it again",
+            )
         self._doubts = 0
         self.position, self.moving = look.position, look.moving
         if look.moving:
@@ -148,6 +146,13 @@ class Tracker:
             self._start = self._target
         self.stopping = False
         return ""
+
+    def doubt(self, reason: str, loss: str) -> str:
+        """A look that cannot be; two in a row mean a loss, for one may be a wrong bit."""
+        self._doubts += 1
+        if self._doubts > 1:
+            self.lost = loss
+        return self.lost or reason
 
     def moved_off(self) -> None:
         """An order away from a limit switch was given: the switch blocks no more."""
