@@ -102,12 +102,14 @@ class Tracker:
             return None
         if self._pending is not None:
             (target, wanted), self._pending = self._pending, None
-            if now - wanted > _FRESH or target == self._target == self.position:
-                return None
-            self._start, self._target, self._orders = self.position, target, 0
-        elif self.position == self._target or now - self._given < _PATIENCE:
+            # a loop wants the same in every tick: that is no new order, and must not renew the old
+            if target != self._target:
+                if now - wanted > _FRESH:
+                    return None
+                return self._give(target, now)
+        if self.position == self._target or now - self._given < _PATIENCE:
             return None
-        elif self._orders >= _ORDERS:
+        if self._orders >= _ORDERS:
             self.notes.append(f"{self.name}: does not move, {_ORDERS} orders were in vain")
             self.rest(self.position)
             return None
@@ -193,6 +195,11 @@ class Tracker:
         elif error.effect is Effect.limit:
             self._blocked = 1 if code == 83 else -1
             self._pending = None
+
+    def _give(self, target: int, now: float) -> int:
+        self._start, self._target = self.position, target
+        self._given, self._orders = now, 1
+        return target
 
     def _longest(self) -> float:
         settings = self.settings
