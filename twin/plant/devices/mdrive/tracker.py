@@ -78,15 +78,14 @@ class Tracker:
 
     def allow(self, wanted: int) -> int:
         """The nearest target [microsteps] that travel, reach and limit switches let it have."""
-        settings = self.settings
-        low = max(settings.steps(settings.travel[0]), self._target - settings.reach)
-        high = min(settings.steps(settings.travel[1]), self._target + settings.reach)
+        settings, here = self.settings, self._target
+        low, high = (settings.steps(end) for end in settings.travel)
+        allowed = max(min(wanted, high), low)
+        # after the travel: a stage beyond it, above or below, is let back and not made to leap
+        allowed = max(min(allowed, here + settings.reach), here - settings.reach)
         if self._blocked > 0:
-            high = min(high, self._target)
-        elif self._blocked < 0:
-            low = max(low, self._target)
-        # a stage beyond its travel is let back, not made to leap
-        return max(min(wanted, max(high, self._target - settings.reach)), low)
+            return min(allowed, here)
+        return max(allowed, here) if self._blocked < 0 else allowed
 
     def want(self, target: int, now: float) -> None:
         """Go there as soon as it stands; what was wanted before is forgotten."""
