@@ -31,7 +31,7 @@ WATCHED = 1.0
 """So long it is read before it is armed [s]."""
 
 _ARMING = 0.2
-"""Between arming and the first tick [s]; the far end waits longer for its first set-point."""
+"""Between arming and the first tick [s], which a slow line may take to arm every device."""
 
 
 class LockstepClock(Clock):
@@ -121,10 +121,11 @@ class Bench(Plant):
             SafetyError: why it is not armed.
             DeviceError: a device refuses.
         """
-        tick = self.platform.tick
-        self.watch(-int(np.ceil(_ARMING / tick)))
+        ticks = int(np.ceil(_ARMING / self.platform.tick))
+        self.watch(-ticks)
         if self._held is not None:
             self.guard.arm(YES, held=self._held)
+            self._rest(ticks)
         return self._clock(self.hardware.zero)
 
     @property
@@ -140,6 +141,16 @@ class Bench(Plant):
     def begin_anew(self) -> Clock:
         """Count time from 0 again, armed as it is; the clock whose first tick is the next one."""
         return self._clock(self._host.now() + self.platform.tick)
+
+    def _rest(self, ticks: int) -> None:
+        """Renew what keeps it at rest until tick 0: a board may wait less for its first set-point.
+
+        Nothing is read: the law's first reading holds what has come meanwhile.
+        """
+        tick, zero, host = self.platform.tick, self.hardware.zero, self._host
+        for number in range(-ticks, 0):
+            host.sleep(zero + number * tick - host.now())
+            self.write({})
 
     def _clock(self, zero: float) -> Clock:
         """Whose tick 0 is due at `zero` by the host's clock [s]."""

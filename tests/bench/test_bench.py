@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +14,12 @@ from twin.bench import Bench, open_bench
 from twin.cli.main import main
 from twin.controller.load import load_controller
 from twin.emulate.faults import Fault
-from twin.emulate.platform import EmulatedPlatform
+from twin.emulate.microcontroller import EmulatedMicrocontroller
+from twin.emulate.platform import Devices, EmulatedPlatform
 from twin.errors import DeviceError, PlatformError, SafetyError, UnknownName, UsageError
 from twin.estimators.named import load_estimator
 from twin.loop import Ended, Outcome, fly
+from twin.plant.devices.link import Schema
 from twin.plant.guard.guarded import Held
 from twin.plant.hardware_setup import read_hardware
 from twin.plant.initial import InitialState
@@ -122,6 +124,27 @@ def test_a_mass_goes_where_it_is_told_over_the_line(on_bench):
     np.testing.assert_allclose(applied["command_stage_position"], goal, atol=1e-9)
     _, positions = samples_of(readings, "stage_position")
     np.testing.assert_allclose(positions[-1], goal[0], atol=0.5e-5 + 2e-6)
+
+
+class Impatient(Devices):
+    """Boards that take no set-point for longer than 0.1 s, nor wait longer for the first."""
+
+    def _made(self, name, machine):
+        settings = self.settings[name]
+        return EmulatedMicrocontroller(
+            Schema(settings.channels), {}, machine=machine.share(name), longest_valid_ms=100
+        )
+
+
+def test_a_board_that_waits_a_tenth_of_a_second_for_its_first_set_point_is_flown(cubesat):
+    setup = read_hardware(cubesat)
+    feather = replace(setup.devices["feather"], valid_for=0.1)
+    setup = replace(setup, devices={"feather": feather})
+    emulation = EmulatedPlatform(cubesat, setup, seed=3, lockstep=True)
+    emulation._devices = Impatient(**vars(emulation._devices))
+    with Bench(cubesat, setup, held=Held.captured, emulation=emulation) as bench:
+        outcome = flown(bench, Kept(), 1.0)
+    assert outcome.ended is Ended.done, outcome.reason
 
 
 @pytest.mark.parametrize("held", [Held.floating, None], ids=["armed", "dry run"])
