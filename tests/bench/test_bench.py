@@ -274,3 +274,17 @@ def test_emulate_prints_a_port_that_a_run_can_open_and_ends_with_ctrl_c():
     assert one.returncode == 0
     assert "Traceback" not in errors
     assert not Path(port).exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ("run cubesat --plant pty --arm captured --attitude 5 0 0", "is locked level"),
+        ("emulate cubesat --attitude 60 0 0", "stop"),
+    ],
+)
+def test_a_start_that_an_emulated_machine_cannot_have_is_one_sentence(words, sentence, capfd):
+    assert main(words.split()) == 2
+    told = capfd.readouterr().err
+    assert sentence in told
+    assert "Traceback" not in told

@@ -12,7 +12,7 @@ from twin.emulate.line import EmulatedLine
 from twin.emulate.mti import EmulatedMti
 from twin.emulate.pacing import PacedQueue
 from twin.emulate.solar2 import EmulatedSolar2
-from twin.errors import UnknownName
+from twin.errors import DeviceError, UnknownName, UsageError
 
 EMULATE = Path(line_module.__file__).parent
 MESSAGE = bytes(range(100))
@@ -131,6 +131,38 @@ def test_raw_bytes_of_both_directions_are_logged(tmp_path):
     for mark, data in (("<", b"get-x&y"), (">", reply)):
         logged = b"".join(bytes.fromhex(each[1:]) for each in lines if each[0] == mark)
         assert logged == data
+
+
+def refused():
+    raise UsageError("no such machine")
+
+
+def ended():
+    raise SystemExit(3)
+
+
+def test_what_an_emulation_refuses_is_told_where_it_was_asked_for(tmp_path, capfd):
+    with (
+        pytest.raises(UsageError, match="^no such machine$"),
+        EmulatedLine(refused, tmp_path / "port"),
+    ):
+        pass
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_an_emulation_that_ends_or_does_not_come_up_is_a_device_that_is_not_there(
+    tmp_path, monkeypatch
+):
+    with (
+        pytest.raises(DeviceError, match="port: ended before its ports were there"),
+        EmulatedLine(ended, tmp_path / "port"),
+    ):
+        pass
+    monkeypatch.setattr(line_module, "_START", 0.0)
+    line = EmulatedLine(EmulatedMti, tmp_path / "port")
+    with pytest.raises(DeviceError, match="port: did not start within 0 s"), line:
+        pass
+    assert not line.alive
 
 
 def exhaust(port):

@@ -14,6 +14,7 @@ from typing import Self
 from twin.emulate.emulated import EmulatedDevice
 from twin.emulate.faults import Fault
 from twin.emulate.server import BEAT, Server
+from twin.errors import DeviceError, TwinError
 
 _START = 60.0
 """Longest wait for the process [s]: it may have a machine to compile."""
@@ -56,11 +57,22 @@ class EmulatedLines:
         )
 
     def __enter__(self) -> Self:
+        """Start it, and wait until its ports are there.
+
+        Raises:
+            TwinError: what its devices refuse, as they would in this process.
+            DeviceError: it ended at once, or took too long.
+        """
         self._process.start()
-        if not self._pipe.poll(_START):
-            names = ", ".join(map(str, self.links.values()))
-            raise TimeoutError(f"the emulation at {names} did not start within {_START:g} s")
-        self._pipe.recv()
+        said = self._not_there(f"did not start within {_START:g} s")
+        if self._pipe.poll(_START):
+            try:
+                said = self._pipe.recv()
+            except EOFError:
+                said = self._not_there("ended before its ports were there")
+        if isinstance(said, TwinError):
+            self.kill()
+            raise said
         return self
 
     def __exit__(
@@ -74,6 +86,11 @@ class EmulatedLines:
             self._process.join(5.0)
         if self._process.is_alive():
             self._process.kill()
+
+    def _not_there(self, problem: str) -> DeviceError:
+        names = ", ".join(map(str, self.links.values()))
+        remedy = "what it printed says why; else look whether this computer is busy"
+        return DeviceError(f"the emulation at {names}", problem, remedy)
 
     @property
     def alive(self) -> bool:
@@ -154,7 +171,13 @@ def _serve(
     """Be the devices until told to stop, or until whoever started this is gone."""
     # Ctrl-C is meant for the loop, which still has to bring the devices to rest.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    made, first, start = devices(), next(iter(links)), time.monotonic()
+    first = next(iter(links))
+    try:
+        made = devices()
+    except TwinError as mistake:
+        pipe.send(mistake)
+        return
+    start = time.monotonic()
     servers: dict[str, Server] = {}
     for name, link in links.items():
         own = tuple(fault for fault in faults if (fault.device or first) == name)
