@@ -160,6 +160,10 @@ DEEDS: dict[str, tuple[Callable[[NearEnd], bytes], str]] = {
     "goes": (lambda near: b"", "is gone"),
     "stops": (lambda near: near.safe_stop(0.0), "asked for a stop"),
     "disarms": (lambda near: near.disarm(0.0), "asked for a stop"),
+    "arms for too long": (
+        lambda near: near.arm(9000, 0.0),
+        "armed with a time-to-live that is not",
+    ),
     "greets": (lambda near: near.greet(0.0), "greeted anew"),
 }
 
@@ -232,6 +236,13 @@ def test_nobody_who_comes_is_told_where_he_was_waited_for(monkeypatch: pytest.Mo
     monkeypatch.setattr(remote, "COMES", 0.1)
     with pytest.raises(ControllerError, match=r"tcp://127\.0\.0\.1:\d+ has not come"):
         remote.RemoteLaw(load_platform("sads"), "tcp://127.0.0.1:0", lockstep=True, tell=str)
+
+
+def test_a_law_that_arms_for_longer_than_is_taken_is_told_so(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(remote, "COMES", 2.0)
+    fly = Program(valid_for_ms=9000).fly
+    with pytest.raises(ControllerError, match="armed with a time-to-live .* 1 to 500 ms"):
+        remote.RemoteLaw(load_platform("sads"), "tcp://127.0.0.1:0", lockstep=True, tell=fly)
 
 
 def test_a_law_made_for_other_channels_is_refused():

@@ -37,6 +37,7 @@ ANSWERS = 10.0
 QUIET = 0.02
 """Set-points that come together follow each other closer than this [s]."""
 
+_BAD_ARMING = f"armed with a time-to-live that is not within 1 to {LONGEST_VALID_MS} ms"
 _HALF = 2**15
 _FULL = 2**16
 
@@ -146,10 +147,12 @@ class RemoteLaw(Controller[str]):
         return self._refused() if self._far.state is State.armed else self._why_safe()
 
     def _refused(self) -> str:
-        """What is wrong with a set-point that it sent, or nothing."""
+        """What is wrong with a set-point or an ARM that it sent, or nothing."""
         event = self._far.last_event
         if event is None or event.code != "VALUE":
             return ""
+        if event.value == ALL_CHANNELS:
+            return f"{self._name} {_BAD_ARMING}"
         stream = self.schema.channels[round(event.value)].stream
         return (
             f"{self._name} set a {stream} that no board takes: a number that is not finite, or a "
@@ -187,8 +190,9 @@ class RemoteLaw(Controller[str]):
                 if not self._hear(0, end - time.monotonic()):
                     break
                 event = self._far.last_event
-                if event is not None and event.code == "SCHEMA":
-                    problem = "speaks of other channels"
+                if event is not None and event.code in ("SCHEMA", "VALUE"):
+                    other = "speaks of other channels"
+                    problem = other if event.code == "SCHEMA" else _BAD_ARMING
                     break
         except OSError:
             problem = "went before it had greeted and armed"
