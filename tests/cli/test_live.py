@@ -52,10 +52,12 @@ def test_state_tilt_masses_lateness_and_lines_are_shown_and_nothing_where_nobody
     assert nobody.getvalue() == ""
 
 
-def test_the_space_bar_stops_a_run_safely_and_gives_the_terminal_back():
+@pytest.mark.parametrize("keys", [b" ", b"x y"], ids=["alone", "among other keys"])
+def test_the_space_bar_stops_a_run_safely_and_gives_the_terminal_back(keys: bytes):
     words = ["run", "cubesat", "--plant", "pty", "--lockstep", "--arm", "floating"]
     ours, theirs = pty.openpty()
     words += ["--duration", "100000"]
+    deaf = time.monotonic() + 60.0
     with subprocess.Popen(
         [sys.executable, "-m", "twin", *words], stdin=theirs, stdout=subprocess.PIPE, stderr=theirs
     ) as run:
@@ -64,13 +66,15 @@ def test_the_space_bar_stops_a_run_safely_and_gives_the_terminal_back():
             seen = b""
             while b"armed, floating: " not in seen:
                 seen += os.read(ours, 4096)
-            os.write(ours, b" ")
-            while run.poll() is None:
+            os.write(ours, keys)
+            while run.poll() is None and time.monotonic() < deaf:
                 # what it still says must not fill the terminal
                 os.read(ours, 4096)
         except OSError:
             pass  # it has ended, and its end of the terminal with it
         finally:
+            if time.monotonic() >= deaf:
+                run.kill()
             run.wait(timeout=60.0)
             os.close(ours)
         assert run.stdout is not None

@@ -5,6 +5,7 @@ felt. It is silent where nobody looks: when stderr is no terminal.
 """
 
 import _thread
+import os
 import signal
 import sys
 import threading
@@ -21,7 +22,7 @@ from twin.signals import Tick
 if TYPE_CHECKING:
     from twin.platform import Platform
 
-KEY = " "
+KEY = b" "
 """Stops safely, as Ctrl-C does. It is no emergency stop."""
 
 _PERIOD = 0.5
@@ -120,8 +121,13 @@ class LiveView:
 
         def hear() -> None:
             while not self._ending.is_set():
-                if select.select([terminal], [], [], _PERIOD)[0] and sys.stdin.read(1) == KEY:
+                if not select.select([terminal], [], [], _PERIOD)[0]:
+                    continue
+                # past Python's buffer, where a key behind another one would wait unseen
+                pressed = os.read(terminal, 64)
+                if KEY in pressed:
                     _thread.interrupt_main(signal.SIGINT)
+                if KEY in pressed or not pressed:
                     return
 
         threading.Thread(target=hear, name="stop key", daemon=True).start()
