@@ -128,7 +128,7 @@ def _calibration(path: Path, platform: Platform) -> dict[str, tuple[float | Arra
     for stream in streams.keys:
         one = streams.table(stream)
         width = len(platform.columns(stream))
-        found[stream] = one.numbers("bias", width, 0.0), one.numbers("scale", width, 1.0)
+        found[stream] = one.numbers("bias", width, 0.0), _scale(one, width, 1.0)
         one.close()
     file.close()
     return found
@@ -175,9 +175,7 @@ def _route(
         raise one.fail("body_from_device", "is no unit quaternion", "scale it to length 1")
     if turn is not None and stream != "attitude" and len(columns) != 3:
         raise one.fail("body_from_device", f"cannot turn {stream}", "give `scale` or `parts`")
-    scale = one.numbers("scale", len(parts), np.ones(len(parts)))
-    if (scale == 0.0).any():
-        raise one.fail("scale", "is zero", "give what the value should be over what it is")
+    scale = _scale(one, len(parts), np.ones(len(parts)))
     bias = one.numbers("bias", len(parts), np.zeros(len(parts)))
     if correction is not None:
         for_these = [np.broadcast_to(c, len(columns))[list(numbers)] for c in correction]
@@ -185,6 +183,13 @@ def _route(
     source = one.text("source", stream)
     one.close()
     return Route(stream, device, source, numbers, turn, scale, bias)
+
+
+def _scale(one: Table, width: int, usual: float | Array) -> float | Array:
+    scale = one.numbers("scale", width, usual)
+    if np.any(scale == 0.0):
+        raise one.fail("scale", "is zero", "give what the value should be over what it is")
+    return scale
 
 
 def _every_column(table: Table, key: str, routes: tuple[Route, ...], platform: Platform) -> None:

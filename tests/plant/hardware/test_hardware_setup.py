@@ -157,6 +157,12 @@ def test_the_calibration_of_another_machine_is_refused(tmp_path: Path):
         read(tmp_path, calibration='platform = "sads"')
 
 
+@pytest.mark.parametrize("scale", ["0.0", "[1.0, 0.0, 1.0]"])
+def test_a_calibration_that_makes_nothing_of_a_reading_is_refused(tmp_path: Path, scale: str):
+    with pytest.raises(PlatformError, match=r"bench.toml:7: streams.stage_position.scale is zero"):
+        read(tmp_path, calibration=CALIBRATION.replace("scale = 1.01", f"scale = {scale}"))
+
+
 def test_a_platform_file_may_hold_its_hardware_itself():
     with pytest.raises(PlatformError, match="platform.toml.*no \\[hardware\\]"):
         read_hardware(load_platform("sads"))
