@@ -164,3 +164,9 @@ def test_unplugging_is_a_reason_and_connecting_anew_works(running, wait_for, rea
 def test_a_rate_that_the_line_cannot_carry_is_refused(solar):
     with pytest.raises(UsageError, match="tilt: 100 Hz; in mode binary at 38400 baud it gives 0.1"):
         solar(rate=100.0)
+
+
+def test_a_stream_slower_than_the_unit_can_be_told_is_refused(solar):
+    with pytest.raises(UsageError, match="tilt: 0.1 Hz; in mode stream .* it gives 0.10001 to 20"):
+        solar(mode="stream", start_stream=True, rate=0.1)
+    solar(mode="stream", rate=0.1)

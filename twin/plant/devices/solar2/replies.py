@@ -14,6 +14,8 @@ START = b"setcasc"
 STOP = b"stpcasc"
 BINARY_REPLY = 8
 TEXT_REPLY = 18
+SHORTEST_INTERVAL, LONGEST_INTERVAL = 50, 9999
+"""Of the stream [ms]."""
 _TO_RADIANS = math.pi / 180.0
 _PAIR = struct.Struct(">ii")
 _NUMBER = re.compile(rb"[ +-]?[ ]*\d+\.\d+")
@@ -29,8 +31,11 @@ def interval(milliseconds: int) -> bytes:
     Raises:
         ValueError: not 50 to 9999 ms.
     """
-    if not 50 <= milliseconds <= 9999:
-        raise ValueError(f"an interval of {milliseconds} ms; the unit has 50 to 9999 ms")
+    if not SHORTEST_INTERVAL <= milliseconds <= LONGEST_INTERVAL:
+        raise ValueError(
+            f"an interval of {milliseconds} ms; the unit has {SHORTEST_INTERVAL} to "
+            f"{LONGEST_INTERVAL} ms"
+        )
     return b"str%04d" % milliseconds
 
 

@@ -13,7 +13,9 @@ from twin.plant.devices.port import Port
 from twin.plant.devices.sensor import Sensor
 from twin.plant.devices.solar2.replies import (
     BINARY_REPLY,
+    LONGEST_INTERVAL,
     READ,
+    SHORTEST_INTERVAL,
     START,
     STOP,
     TEXT_REPLY,
@@ -68,11 +70,13 @@ class Solar2Settings(DeviceSettings):
         """
         size = BINARY_REPLY if self.mode == "binary" else TEXT_REPLY
         each = 10 * (size + len(READ)) * (1 + self.read_twice) / self.baud + 0.01
-        fastest = 20.0 if self.mode == "stream" else 1.0 / each
-        if not 0.1 <= self.rate <= fastest:
+        streams = self.mode == "stream"
+        slowest = 1e3 / LONGEST_INTERVAL if streams and self.start_stream else 0.1
+        fastest = 1e3 / SHORTEST_INTERVAL if streams else 1.0 / each
+        if not slowest <= self.rate <= fastest:
             raise UsageError(
                 f"{self.name}: {self.rate:g} Hz; in mode {self.mode} at {self.baud} baud it gives "
-                f"0.1 to {fastest:.0f} Hz"
+                f"{slowest:.5g} to {fastest:.0f} Hz"
             )
 
     def session(self) -> "Solar2":
