@@ -239,6 +239,16 @@ def test_a_loop_that_hangs_is_stopped_by_the_watchdog(monkeypatch):
     assert not rest["command_wheel_torque"].any()
 
 
+def test_a_watchdog_that_ends_as_it_is_fed_does_no_harm(monkeypatch):
+    bench = Bench(settings=replace(SETTINGS, watchdog=60.0)).armed()
+    watchdog = bench.guard._watchdog
+    seen = iter([watchdog])
+    ends = property(lambda guard: next(seen, None), lambda guard, dog: None)
+    monkeypatch.setattr(Guarded, "_watchdog", ends, raising=False)
+    assert bench.tell(wheel_torque=[0.1, 0.0, 0.0])["command_wheel_torque"][0] == 0.1
+    watchdog.stop()
+
+
 def test_closing_it_armed_leaves_it_safe():
     bench = Bench().armed()
     bench.tell(wheel_torque=[0.1, 0.0, 0.0])

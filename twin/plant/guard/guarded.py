@@ -205,8 +205,10 @@ class Guarded(Plant):
                 self.stop(f"{name} {what} is {value[0, column]}: the law has failed")
         if self.phase is not Phase.armed:
             return self._applied or self._rest()
-        if self._watchdog is not None:
-            self._watchdog.feed()
+        # once: it ends itself, in its own thread, when it barks
+        watchdog = self._watchdog
+        if watchdog is not None:
+            watchdog.feed()
         # what is held is weighed again too: a torque that was allowed once fills a wheel in time
         wanted = self._applied | command
         applied = self._plant.write(self._rules.limited(wanted, self.seen, floating=self.floating))
@@ -303,9 +305,9 @@ class Guarded(Plant):
         return rest
 
     def _end_watchdog(self) -> None:
-        if self._watchdog is not None:
-            self._watchdog.stop()
-            self._watchdog = None
+        watchdog, self._watchdog = self._watchdog, None
+        if watchdog is not None:
+            watchdog.stop()
 
 
 def _seconds(age: float) -> str:
