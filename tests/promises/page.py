@@ -56,6 +56,8 @@ GRADES_IN_WORDS = ", ".join(
     f"{name}: gyro {gyro:g} rad/s, attitude {attitude:g} rad"
     for name, (gyro, attitude) in GRADES.items()
 )
+LISTED = 6
+"""Ties that a line names."""
 UNSEEN_WHY = {
     "wheel_imbalance": "no log holds the angles of wheels, so it has no signature",
     "stage_vibration": "it adds noise and changes no expected value",
@@ -202,7 +204,7 @@ def _missed(rows: list[Row]) -> list[Row]:
 def _miss(row: Row) -> str:
     """What was said instead, and why that is less than could have been known."""
     said = [
-        f"{c['label']} at {c['confidence']:.2f} (tied: {', '.join(c['ties']) or 'none'})"
+        f"{c['label']} at {c['confidence']:.2f} (tied: {_some(list(c['ties']))})"
         for c in row["causes"]
     ]
     laws = f", laws {', '.join(row['equation'])}" if row["equation"] else ""
@@ -212,6 +214,13 @@ def _miss(row: Row) -> str:
         f"- {row['kind']} {row['evidence']}, {row['seed']} ({where}): {hidden} was "
         f"{row['verdict']}: {'; '.join(said) or 'no cause'}{laws}. {_reason(row)}"
     )
+
+
+def _some(labels: Sequence[str]) -> str:
+    """The nearest, and how many more."""
+    more = len(labels) - LISTED
+    listed = ", ".join(labels[:LISTED]) or "none"
+    return f"{listed} and {more} more" if more > 0 else listed
 
 
 def _reason(row: Row) -> str:

@@ -29,6 +29,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from case import KINDS, Case, run  # noqa: E402
 from page import page, rows_of  # noqa: E402
 
+from twin.whole_file import write_whole  # noqa: E402
+
 PAGE = Path(__file__).parents[2] / "docs" / "diagnosis.md"
 ROWS = PAGE.with_suffix(".jsonl")
 CASES_EACH = 20
@@ -58,8 +60,8 @@ def main() -> int:
                 done += 1
                 print(f"{done}/{len(todo)} {case.name}: {told(row)}", flush=True)
     rows = rows_of(options.rows)
-    options.rows.write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
-    PAGE.write_text(page(rows), encoding="utf-8")
+    write_whole(options.rows, "".join(json.dumps(row) + "\n" for row in rows))
+    write_whole(PAGE, page(rows))
     print(PAGE.read_text(encoding="utf-8"))
     return 0
 
