@@ -4,12 +4,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import numpy as np
-
 from twin.diagnose.candidates import Candidate, ringing
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.law import Law
-from twin.diagnose.laws import laws_of
+from twin.diagnose.laws import RARE, laws_of, unlikely
 from twin.diagnose.lines import lines_of, slow_line_of
 from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.search import TIED, Search
@@ -40,9 +38,7 @@ UNMISTAKABLE = 2000.0
 passes for noise is too little for another one to have gained nearly as much."""
 ASTRAY = 0.1
 """A fit that is less likely by more than this a sample than the one it began from has lost it."""
-NAMELESS = 6.0
-"""-2 log of how probable a law without a name is beforehand, beside all those of the catalogue."""
-SHADOW = NAMELESS + TIED
+SHADOW = RARE + TIED
 """What a cause beside such laws must bring, or it is taken for a part of them: what has no name may
 well have several terms, and is nameless once."""
 
@@ -72,7 +68,7 @@ class Line:
         own = self.now.own
         price = self.search.weighing.weigh(own).gain - self.search.evidence(own)
         if self.now.laws:
-            price += len(self.now.laws) * _unlikely(laws_of(self.now.bodies))
+            price += len(self.now.laws) * unlikely(laws_of(self.now.bodies))
         return self.now.cost + price
 
 
@@ -361,10 +357,8 @@ def _with_laws(
     """
     now, laws = line.now, laws_of(line.now.bodies)
     than = than or line
-    unlikely = _unlikely(laws)
-    weighing = now.weigh(
-        [(law.perturbation,) for law in laws], [law.trace(unlikely) for law in laws]
-    )
+    price = unlikely(laws)
+    weighing = now.weigh([(law.perturbation,) for law in laws], [law.trace(price) for law in laws])
     search = Search(weighing, range(len(weighing.traces)))
     best = search.best()
     found = [laws[index - len(now.own)] for index in best if index >= len(now.own)]
@@ -381,11 +375,6 @@ def _with_laws(
     beyond = than.score + than.nameless - promised - lawful.score
     lawful = replace(lawful, nameless=max(beyond, 0.0))
     return lawful if lawful.score < than.score - min(lead, 0.0) else than
-
-
-def _unlikely(laws: Sequence[Law]) -> float:
-    """-2 log of how probable each of them is beforehand."""
-    return NAMELESS + 2.0 * float(np.log(len(laws)))
 
 
 def _needed_only(now: Explanation, limit: float) -> Explanation:
