@@ -142,7 +142,7 @@ def test_every_stream_that_a_simulation_measures_is_on_the_page():
 def test_every_key_of_hardware_and_of_its_guard_is_on_the_page():
     ways = (*TYPES, "table")
     known = literals(hardware_setup, ways, "read_hardware") - {"hardware"}
-    known |= literals(hardware_setup, ways, "_route")
+    known |= literals(hardware_setup, ways, "_route") | literals(hardware_setup, ways, "_scale")
     known |= {field.name for field in fields(GuardSettings)}
     assert {row[0] for row in ROW.findall(HARDWARE)} == known
 

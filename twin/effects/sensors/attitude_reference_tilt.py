@@ -51,4 +51,6 @@ class AttitudeReferenceTilt(SeriesEffect):
 
     @property
     def _turn(self) -> Array:
-        return from_rotation_vector(np.array([self.about_x, self.about_y, 0.0]))
+        # numbers, or arrays with the runs of a batch in front
+        x, y = np.atleast_1d(self.about_x, self.about_y)
+        return from_rotation_vector(np.concatenate([x, y, np.zeros_like(x)], axis=-1))
