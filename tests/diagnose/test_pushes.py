@@ -118,4 +118,4 @@ def test_the_verdict_is_on_the_rest_and_the_push_is_told(sads, draw):
     assert shove.start < push.stop
     said = "\n".join(diagnosed(found))
     assert "once something happened that no cause explains" in said
-    assert f"from {push.start:.4g} to {push.stop:.4g} s" in said
+    assert f"from {push.start:.2f} to {push.stop:.2f} s" in said
