@@ -88,6 +88,13 @@ class Lost(Explanation):
     cost = 1e12
 
 
+def test_what_was_not_asked_is_said_with_its_reason_but_for_parts_that_the_machine_lacks(found):
+    said = "\n".join(diagnosed(found))
+    assert "stage_backlash:s1" in said.split("not observable: what it acts on does not move")[0]
+    assert "residual_dipole: not possible here: its environment has no magnetic field" in said
+    assert "the platform has no" not in said
+
+
 def test_the_document_keeps_its_contract(found):
     document = json.loads(json.dumps(diagnosis_document(found, None), default=float))
     assert document["verdict"] in ("healthy", "explained", "ambiguous", "unexplained")

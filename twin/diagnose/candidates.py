@@ -184,5 +184,6 @@ def _refused(effect: Effect, platform: Platform) -> str:
             first = np.where(amplitudes(effect), SMALL * effect.scale(), effect.values)
             compile_model(with_effects(finer, (effect.with_values(first),)))
     except TwinError as problem:
-        return str(problem)
+        said = str(problem)
+        return said.partition(f" cannot have {effect.label}: ")[2] or said
     return ""
