@@ -13,7 +13,7 @@ from twin.conventions.hypothesis import Hypothesis
 from twin.conventions.joint import joint_findings
 from twin.conventions.time_base import time_unit_changes
 from twin.conventions.turning import NEAR, far_lags, turning_of
-from twin.platform import Platform
+from twin.platform import Platform, field_world
 from twin.recording import Recording
 from twin.recording.pauses import longest_of
 from twin.signals import OF_MOTION
@@ -43,9 +43,11 @@ def check_conventions(
     recording = _scaled(recording.without_truth())
     plain = time_unit_changes(recording, platform)
     recording = longest_of(apply_all(recording, plain))
+    gravity = platform.gravity if platform else STANDARD_GRAVITY
+    field = float(np.linalg.norm(field_world(recording, platform)))
     for unit in (
-        _accelerometer_unit(recording, platform),
-        _magnetometer_unit(recording, platform),
+        _unit_by_length(recording, "accelerometer", gravity),
+        _unit_by_length(recording, "magnetometer", field),
         _inclinometer_unit(recording),
         _gyro_unit(recording),
     ):
@@ -99,22 +101,10 @@ def corrected(recording: Recording, findings: list[ConventionFinding]) -> Record
     return apply_all(recording, sure)
 
 
-def _accelerometer_unit(recording: Recording, platform: Platform | None) -> list[Correction]:
-    length = median_length(recording, "accelerometer")
-    gravity = platform.gravity if platform else STANDARD_GRAVITY
-    change = unit_change(recording, "accelerometer", gravity / length) if length else None
-    return [] if change is None else [change]
-
-
-def _magnetometer_unit(recording: Recording, platform: Platform | None) -> list[Correction]:
-    """By the strength of the field that the log or the platform states."""
-    environment = recording.provenance.get("environment") or {}
-    unknown = np.zeros(3) if platform is None else platform.magnetic_field
-    field = float(np.linalg.norm(environment.get("magnetic_field", unknown)))
-    length = median_length(recording, "magnetometer")
-    if not field or not length:
-        return []
-    change = unit_change(recording, "magnetometer", field / length)
+def _unit_by_length(recording: Recording, stream: str, length: float) -> list[Correction]:
+    """The unit in which a vector is as long as it must be [SI]; none where that is unknown (0)."""
+    shown = median_length(recording, stream)
+    change = unit_change(recording, stream, length / shown) if shown and length else None
     return [] if change is None else [change]
 
 

@@ -4,11 +4,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from twin.errors import UnknownName, UsageError
 from twin.library import find_model
 from twin.platform.load import load_platform
 from twin.platform.parts import Platform
 from twin.recording import Recording
+
+Array = NDArray[np.float64]
 
 
 def platform_of(recording: Recording) -> Platform:
@@ -57,6 +62,13 @@ def in_gravity_of(recordings: Sequence[Recording], platform: Platform) -> Platfo
             "[environment] in their log.toml"
         )
     return replace(platform, gravity=next(iter(stated))) if stated else platform
+
+
+def field_world(recording: Recording, platform: Platform | None) -> Array:
+    """(3,) the field that a log states, or else the platform [T]; 0 where neither does."""
+    unknown = np.zeros(3) if platform is None else platform.magnetic_field
+    surroundings = recording.provenance.get("environment") or {}
+    return np.asarray(surroundings.get("magnetic_field", unknown), dtype=np.float64)
 
 
 def other_machine(recording: Recording, platform: Platform) -> str:

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from twin.errors import UsageError
 from twin.model import Machine
-from twin.predict.drive.inputs import Inputs, field_world
+from twin.platform import field_world
+from twin.predict.drive.inputs import Inputs
 from twin.predict.drive.tanks import pressure
 from twin.predict.drive.unread import pushed
 from twin.predict.drive.wander import random_walk, wander

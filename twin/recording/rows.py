@@ -53,8 +53,8 @@ def mended(
         where: how the sentences call the stream.
 
     Raises:
-        LogError: a number is missing or not finite, the clock was set back, or one time stands on
-            two different rows.
+        LogError: a number is missing or not finite, a column has none, the clock was set back or
+            is none, or one time stands on two different rows.
     """
     rows = Rows(time, value, np.arange(len(time)), file.repairs)
     return _once(_in_order(_filled(rows, file, names, clock, where), file, where), file, where)

@@ -1,10 +1,8 @@
 """What drives a prediction: held commands and measured joints, as forces on the physics grid."""
 
-from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, cast
 
 import mujoco
 import numpy as np
@@ -18,7 +16,7 @@ from twin.errors import UsageError
 from twin.model import Machine
 from twin.plant.gas import thruster_arms
 from twin.plant.limits import Limits
-from twin.platform import Platform, Sensor
+from twin.platform import Platform, Sensor, field_world
 from twin.predict.drive.faults import less_drive_faults
 from twin.predict.drive.profiles import Course, profile
 from twin.predict.drive.told import as_told
@@ -358,13 +356,6 @@ class Inputs:
             )
         self.used = (*self.used, name)
         return series
-
-
-def field_world(recording: Recording, platform: Platform) -> Array:
-    """(3,) the field that a log states, or the platform [T]."""
-    environment = cast(Mapping[str, Any], recording.provenance.get("environment") or {})
-    stated = environment.get("magnetic_field", platform.magnetic_field)
-    return np.asarray(stated, dtype=np.float64)
 
 
 def _refuse_what_is_not_predicted(platform: Platform) -> None:
