@@ -69,14 +69,14 @@ def test_causes_of_more_kinds_than_are_likely_at_once_explain_nothing(found):
 
 
 def test_a_fit_that_has_lost_the_motion_names_nothing(found, monkeypatch):
-    fitted = reasoning._fitted
+    instead = Explanation.instead
 
     def lost(*args):
-        there = fitted(*args)
+        there = instead(*args)
         parts = {one.name: getattr(there, one.name) for one in fields(Explanation)}
         return Lost(**parts)
 
-    monkeypatch.setattr(reasoning, "_fitted", lost)
+    monkeypatch.setattr(Explanation, "instead", lost)
     line = reasoning.reason(found.plain, found.asked, lambda _: None)
     assert line.now.effects == ()
     assert line.left.chance < 1e-4

@@ -8,6 +8,7 @@ import pytest
 from tests.effects.motion import Kicks
 from twin.contrast import moved
 from twin.effects import parse_effects
+from twin.errors import TwinError
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
@@ -90,3 +91,13 @@ def test_a_panel_that_is_heavy_beside_its_bus_rings_as_both_do_together(sads):
     ringing = Problem([followed], plain.base, perturbations_of(panel, sads), held=True)
     known = ringing.innovations(replace(start, strengths=strengths_of(panel)))
     assert known.chi2 < 1.1 * known.samples
+
+
+def test_a_machine_so_unstable_that_no_number_holds_its_motion_is_refused(sads: Platform):
+    log = kicked(sads).without_truth()
+    body = body_of(compile_model(sads), log, motion_of(log, sads))
+    problem = Problem([body], base_parameters(body.machine))
+    heavy = problem.base.as_stated.copy()
+    heavy[problem.base.names.index("mr_z")] = 3e5
+    with pytest.raises(TwinError, match="runs away from the log"):
+        fit(problem, problem.start(heavy, [np.zeros(0)]))

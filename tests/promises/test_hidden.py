@@ -74,6 +74,15 @@ def is_named_and_sized(effect, seed: int) -> None:
 
 
 @pytest.mark.slow
+def test_a_nozzle_that_points_far_from_where_it_should_is_named():
+    """Its linear column says another direction, from which a fit ends at another nozzle."""
+    bench = hidden.graded(Bench(controller=SHAKEN, reference="multisine:2"), "coarse", long=False)
+    effect = effect_named("thruster_misalignment").typical("f4z")
+    effect = replace(effect, rotation=(-1.42, 0.27, 0.0))
+    assert named(diagnosed(bench, [effect], 1203)) == [{effect.label}]
+
+
+@pytest.mark.slow
 def test_a_torque_on_a_body_whose_inertia_nothing_tells_is_named_though_its_size_is_open():
     bench = Bench("whorl2", "free_float", grade="fine", attitude=(45.0, 0.0, 0.0))
     effect = hidden.drawn(bench, "structural_sag", 200.0, np.random.default_rng(SEED))

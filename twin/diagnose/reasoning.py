@@ -6,16 +6,15 @@ from functools import cached_property
 
 from twin.diagnose.candidates import Candidate, ringing
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.law import Law
+from twin.diagnose.fitting import astray, fitted, followed, guesses
 from twin.diagnose.laws import RARE, laws_of, unlikely
 from twin.diagnose.lines import lines_of, slow_line_of
 from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.search import TIED, Search
-from twin.diagnose.weighing import Weighing
 from twin.effects import Effect, able, with_effects
 from twin.errors import TwinError
 from twin.model import compile_model
-from twin.predict.effects.columns import amplitudes, of_drive, strengths_of, with_strengths
+from twin.predict.effects.columns import of_drive
 
 Say = Callable[[str], None]
 
@@ -36,8 +35,6 @@ NEARLY = 0.7
 UNMISTAKABLE = 2000.0
 """Gain of a cause that leaves nothing, from where on no other's shape is tried in its place: what
 passes for noise is too little for another one to have gained nearly as much."""
-ASTRAY = 0.1
-"""A fit that is less likely by more than this a sample than the one it began from has lost it."""
 SHADOW = RARE + TIED
 """What a cause beside such laws must bring, or it is taken for a part of them: what has no name may
 well have several terms, and is nameless once."""
@@ -123,7 +120,7 @@ def likeliest(plain: Explanation, asked: Sequence[Candidate]) -> Iterator[Explan
     search = search_from(plain, asked)
     alone = sorted(search.asked, key=lambda index: -search.weighing.weigh((index,)).gain)[:LED]
     for chosen in (search.best(), *((index,) for index in alone)):
-        found = _fitted(plain, guesses(plain, asked, search.weighing, chosen))
+        found = fitted(plain, guesses(plain, asked, search.weighing, chosen))
         if found is not None:
             yield found
 
@@ -144,7 +141,7 @@ def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: 
     best = plain
     for label, guess in tries.items():
         say(f"fitting {label} alone")
-        there = _fitted(lead, (guess,))
+        there = fitted(lead, (guess,))
         # NaN is no better
         best = there if there is not None and there.cost < best.cost else best
     if best is plain:
@@ -246,11 +243,11 @@ def _searched(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
         seen.append(labels)
         guessed = guesses(now, asked, search.weighing, chosen)
         say("fitting " + ", ".join(sorted(labels)))
-        tried = _fitted(now, guessed)
-        fitted = guessed if tried is None else tried.effects
-        if tried is None or not all(_possible_alone(now, effect) for effect in fitted):
-            asked = _possible(now, asked, fitted)
-        elif _astray(now, tried):
+        tried = fitted(now, guessed)
+        meant = guessed if tried is None else tried.effects
+        if tried is None or not all(_possible_alone(now, effect) for effect in meant):
+            asked = _possible(now, asked, meant)
+        elif astray(now, tried):
             break
         else:
             now = tried
@@ -259,11 +256,6 @@ def _searched(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
         line = Line(now, search, asked)
         best = line if not now.follows or line.score < best.score else best
     return best
-
-
-def _astray(now: Explanation, tried: Explanation) -> bool:
-    """Whether a fit has lost the motion that it should follow."""
-    return now.follows and not tried.cost < now.cost + ASTRAY * now.samples
 
 
 def _strong(search: Search, chosen: tuple[int, ...], own: int) -> tuple[int, ...]:
@@ -282,24 +274,6 @@ def _strong(search: Search, chosen: tuple[int, ...], own: int) -> tuple[int, ...
     }
     most = max(worth.values(), default=0.0)
     return tuple(i for i in chosen if i < own or worth[i] >= WEAK * most)
-
-
-def _fitted(
-    now: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
-) -> Explanation | None:
-    """Other effects and laws in place of its own; None where no machine can have them."""
-    try:
-        return now.instead(effects, laws)
-    except TwinError:
-        return None
-
-
-def followed(
-    now: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
-) -> Explanation | None:
-    """Likewise; None too where the fit loses the motion."""
-    found = _fitted(now, effects, laws)
-    return None if found is None or _astray(now, found) else found
 
 
 def _possible(
@@ -326,22 +300,6 @@ def search_from(now: Explanation, asked: Sequence[Candidate]) -> Search:
     """Among an explanation's own parts and all that can be asked."""
     weighing = now.weighing(asked)
     return Search(weighing, range(len(weighing.traces)))
-
-
-def guesses(
-    now: Explanation, asked: Sequence[Candidate], weighing: Weighing, chosen: tuple[int, ...]
-) -> list[Effect]:
-    """The chosen effects, new ones with their linearised strengths."""
-    found: list[Effect] = []
-    for index, own in zip(chosen, weighing.weigh(chosen).strengths, strict=True):
-        if index < len(now.effects):
-            found.append(now.effects[index])
-            continue
-        effect = asked[index - len(now.effects)].effect
-        strengths = strengths_of(effect)
-        strengths[amplitudes(effect)] = own
-        found.append(with_strengths(effect, strengths))
-    return found
 
 
 def _with_laws(

@@ -7,7 +7,8 @@ may be the better explanation.
 
 from dataclasses import replace
 
-from twin.diagnose.reasoning import Line, followed, guesses, search_from
+from twin.diagnose.fitting import followed, guesses
+from twin.diagnose.reasoning import Line, search_from
 
 NEAR = 12.0
 """Evidence by which a rival may be behind to be worth a fit."""

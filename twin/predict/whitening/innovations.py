@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import TwinError
 from twin.predict.body import Body, Exact
 from twin.predict.effects.added import Added, formed, with_formed
 from twin.predict.effects.perturbation import Perturbation
@@ -192,9 +193,18 @@ class Problem:
         """Predict and linearise.
 
         Raises:
-            TwinError: no rigid body has such a base.
+            TwinError: no rigid body has such a base, or no number holds where its motion leads.
         """
-        return self.whiten(at, self.exact(at), intensity)
+        there = self.whiten(at, self.exact(at), intensity)
+        with np.errstate(over="ignore"):
+            beyond = not np.isfinite(np.linalg.norm(there.columns, axis=0)).all()
+        if beyond or not np.isfinite(there.chi2):
+            raise TwinError(
+                "the motion of a machine with such parameters cannot be followed: it is so unstable"
+                " that it runs away from the log within a moment; look at what the platform states,"
+                " and cut the log into shorter ones"
+            )
+        return there
 
     def exact(self, at: Unknowns) -> tuple[Exact, ...]:
         """Predict and linearise each log, as if the motion were exact.
