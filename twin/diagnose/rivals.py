@@ -10,8 +10,9 @@ from dataclasses import replace
 from twin.diagnose.fitting import followed, guesses
 from twin.diagnose.reasoning import Line, search_from
 
-NEAR = 12.0
-"""Evidence by which a rival may be behind to be worth a fit."""
+NEAR, NEARLY = 12.0, 0.05
+"""Evidence by which a rival may be behind to be worth a fit; and its share of the cause's own,
+where that is more: columns may err by as much."""
 MOST = 3
 """Rivals that are fitted, the nearest."""
 
@@ -22,8 +23,9 @@ def against_rivals(line: Line) -> Line:
     if len(now.effects) != 1 or now.laws or not now.follows:
         return line
     nearest: dict[str, int] = {}
+    near = max(NEAR, NEARLY * (line.search.evidence(now.own) - line.search.evidence(())))
     for other, behind in line.search.instead(now.own, 0):
-        if behind < NEAR and len(nearest) < MOST:
+        if behind < near and len(nearest) < MOST:
             nearest.setdefault(line.search.weighing.traces[other].label, other)
     fitted = {now.effects[0].label: line}
     for label, other in nearest.items():
