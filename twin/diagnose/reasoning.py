@@ -129,7 +129,8 @@ def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: 
     """Searched from the likeliest single cause, where a model without any loses the motion.
 
     Columns along another motion say little; and what leads it to the logs, a disturbance, hides
-    much of the causes. So those that promise most by either are fitted, each alone.
+    much of the causes. So those that promise most by either are fitted, each alone, up to one
+    that leaves nothing: what stands in for it is its rival afterwards.
     """
     lead = plain.disturbed()
     near = search_from(lead, asked)
@@ -144,6 +145,8 @@ def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: 
         there = fitted(lead, (guess,))
         # NaN is no better
         best = there if there is not None and there.cost < best.cost else best
+        if best is there and remainder(best).chance > DOUBTFUL:
+            break
     if best is plain:
         return None
     line = Line(best, search_from(best, asked), asked)
