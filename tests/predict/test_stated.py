@@ -14,7 +14,7 @@ STATED = {
     "a law of the motion": "bearing_coulomb_friction=0.004",
     "a torque with the body's axes": "bearing_swirl_torque=0.05",
     "a push with the room's axes": "room_draft=0.1/0.0/0.3/0.2/0.1/0.0/0.05/0.5",
-    "a change of MuJoCo's model": "bearing_viscous_friction=0.1",
+    "a change of MuJoCo's model": "bearing_viscous_friction=0.2",
     "a spring at rest where a run starts": "harness_stiffness=0.1",
     "a part that rings": "flexible_appendage=1.5/0.01/0.4/0.36/0.48/0.8",
     "a fault of a command": "wheel_torque_gain:w2=0.1",
@@ -22,7 +22,7 @@ STATED = {
     "a clock that drifts": "clock_drift:attitude=0.03",
     "a fault of a sensor": "gyro_scale_factor=0.2/-0.2/0.2",
     "a sensor that is turned": "attitude_misalignment=0.05/-0.04/0.06",
-    "a reference that is not level": "attitude_reference_tilt=0.05/-0.04",
+    "a reference that is not level": "attitude_reference_tilt=0.1/-0.08",
     "a fault of what measures a state": "clock_lag:wheel_speed=0.2",
 }
 
@@ -43,7 +43,7 @@ def test_a_log_leaves_no_more_than_noise_under_a_platform_that_states_its_fault(
     first, *rest = numbers.split("/")
     stated = f"{label}={'/'.join([str(share * float(first)), *rest])}"
     reference = "multisine:5@1" if "appendage" in label else "multisine:8"
-    log = flight_of("sads", "quaternion_pd", reference, 30.0, drawn_seed, stated)
+    log = flight_of("sads", "quaternion_pd", reference, 20.0, drawn_seed, stated)
     with_it, without = left(log, stated), left(log, "")
     print(stated, with_it, without)
     band = with_it.high - 1.0
