@@ -31,6 +31,6 @@ def test_a_large_turn_begins_about_each_axis_but_the_parts_own(drawn_seed: int):
 
 def test_what_is_fitted_already_and_what_turns_little_begins_where_it_is():
     far, near = nozzle(np.array([1.0, 1.0, 1.0])), nozzle(np.array([0.1, 0.1, 0.1]))
-    (lag,) = parse_effects("gyro_bias=9/9/9")
+    (bias,) = parse_effects("gyro_bias=9/9/9")
     assert list(starts([far], [far], SADS)) == [(far,)]
-    assert list(starts([near, lag], (), SADS)) == [(near, lag)]
+    assert list(starts([near, bias], (), SADS)) == [(near, bias)]

@@ -139,18 +139,20 @@ def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: 
         for score in one.scores()[:LED]:
             (guess,) = guesses(now, asked, one.weighing, (score.index,))
             tries.setdefault(guess.label, guess)
-    best = plain
+    best, settled = plain, False
     for label, guess in tries.items():
         say(f"fitting {label} alone")
         there = fitted(lead, (guess,))
         # NaN is no better
-        best = there if there is not None and there.cost < best.cost else best
-        if best is there and remainder(best).chance > DOUBTFUL:
+        if there is None or not there.cost < best.cost:
+            continue
+        best, settled = there, remainder(there).chance > DOUBTFUL
+        if settled:
             break
     if best is plain:
         return None
     line = Line(best, search_from(best, asked), asked)
-    return line if line.left.chance > DOUBTFUL else _searched(best, line.search, asked, say)
+    return line if settled else _searched(best, line.search, asked, say)
 
 
 def _sole(

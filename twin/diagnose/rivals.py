@@ -10,7 +10,7 @@ from dataclasses import replace
 from twin.diagnose.fitting import followed, guesses
 from twin.diagnose.reasoning import Line, search_from
 
-NEAR, NEARLY = 12.0, 0.05
+NEAR, NEAR_SHARE = 12.0, 0.05
 """Evidence by which a rival may be behind to be worth a fit; and its share of the cause's own,
 where that is more: columns may err by as much."""
 MOST = 3
@@ -23,7 +23,7 @@ def against_rivals(line: Line) -> Line:
     if len(now.effects) != 1 or now.laws or not now.follows:
         return line
     nearest: dict[str, int] = {}
-    near = max(NEAR, NEARLY * (line.search.evidence(now.own) - line.search.evidence(())))
+    near = max(NEAR, NEAR_SHARE * line.search.evidence(now.own))
     for other, behind in line.search.instead(now.own, 0):
         if behind < near and len(nearest) < MOST:
             nearest.setdefault(line.search.weighing.traces[other].label, other)
