@@ -49,7 +49,7 @@ class Balanced:
     """g |m r|, true, at the end [N m]."""
     stated: tuple[float, float, float] | None
     """Value, low, high of it [N m]; None without a statement."""
-    covered: tuple[bool, bool, bool] | None
+    covered: tuple[bool, ...] | None
     """Whether the true m r is in its intervals."""
 
 

@@ -3,6 +3,8 @@
 Basilisk's hub is free and feels no gravity, so it computes neither the pivot nor the CM's torque.
 """
 
+# pyright: reportMissingImports=false
+
 from collections.abc import Callable
 
 import numpy as np

@@ -24,7 +24,7 @@ from twin.emulate.mti import EmulatedMti
 from twin.emulate.solar2 import EmulatedSolar2
 from twin.errors import DeviceError
 from twin.plant.devices.device import Device, DeviceSettings, Sample
-from twin.plant.devices.mdrive.mdrive import MDriveSettings
+from twin.plant.devices.mdrive.mdrive import MDrive, MDriveSettings
 from twin.plant.devices.mdrive.settings import DriveSettings
 from twin.plant.devices.mdrive.setup import HOMED
 from twin.plant.devices.port import Port
@@ -118,7 +118,7 @@ def session(name: str, seed: int) -> dict[str, Any]:
             device.arm()
             for fault in faults:
                 line.inject(fault)
-            samples, fallen = _flown(device, move=name == "stages")
+            samples, fallen = _flown(device)
             device.close()
         reasons = [one.replace(str(port), "its port") for one in fallen if one]
     false = [one for one in samples if one.valid and subject.wrong(one)]
@@ -146,18 +146,18 @@ def session(name: str, seed: int) -> dict[str, Any]:
     }
 
 
-def _flown(device: Device, *, move: bool) -> tuple[list[Sample], list[str]]:
+def _flown(device: Device) -> tuple[list[Sample], list[str]]:
     """What the session gives, and the sentences with which it fell."""
     samples: list[Sample] = []
     fallen: list[str] = []
     end = time.monotonic() + SPAN
     while time.monotonic() < end:
         try:
-            if device.fault or (move and not device.armed):
+            if device.fault or (isinstance(device, MDrive) and not device.armed):
                 fallen.append(device.fault)
                 device.configure()
                 device.arm()
-            if move:
+            if isinstance(device, MDrive):
                 device.write({COMMAND: np.array([FAR if len(samples) % 80 < 40 else 0.0])})
         except DeviceError as error:
             fallen.append(str(error))

@@ -148,7 +148,7 @@ class Here(EmulatedPlatform):
         self._folder.cleanup()
 
     @property
-    def line(self) -> _Lines:
+    def line(self) -> _Lines:  # pyright: ignore[reportIncompatibleMethodOverride]
         return self._lines
 
 
@@ -238,7 +238,7 @@ def _again(bench: Bench) -> list[str]:
     for _ in range(2):
         try:
             bench.hardware.close()
-            bench._host.sleep(2.0)
+            bench._host.sleep(2.0)  # pyright: ignore[reportPrivateUsage]
             bench.hardware.connect()
             bench.begin()
             came.append("armed")

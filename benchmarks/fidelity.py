@@ -11,6 +11,7 @@ import tempfile
 from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 REPOSITORY = Path(__file__).parents[1]
@@ -63,18 +64,18 @@ def main() -> int:
     return int(bool(failed or loose or twice))
 
 
-def claims_of(case: ElementTree.Element) -> list[dict]:
+def claims_of(case: ElementTree.Element) -> list[dict[str, Any]]:
     """What a test of a JUnit file claims, and in which module it stands."""
     found = [one.attrib["value"] for one in case.iter("property") if one.get("name") == "claim"]
     return [{**json.loads(value), "module": case.attrib["classname"]} for value in found]
 
 
-def is_loose(claim: dict) -> bool:
+def is_loose(claim: dict[str, Any]) -> bool:
     """Whether a tolerance says less than it could."""
     return claim["tolerance"] > max(LOOSE * claim["deviation"], ROUND_OFF)
 
 
-def page(claims: list[dict]) -> str:
+def page(claims: list[dict[str, Any]]) -> str:
     """The tables, with the versions that they were measured with."""
     lines = [HEAD]
     for heading in CHAPTERS:
@@ -85,12 +86,12 @@ def page(claims: list[dict]) -> str:
     return "\n".join([*lines, f"Measured with {versions}.", ""])
 
 
-def chapter_of(claim: dict) -> str:
+def chapter_of(claim: dict[str, Any]) -> str:
     """The heading that it stands under."""
     return [name for name, start in CHAPTERS.items() if claim["module"].startswith(start)][-1]
 
 
-def row(claim: dict) -> str:
+def row(claim: dict[str, Any]) -> str:
     """Of a table."""
     numbers = f"{claim['deviation']:.1e} | {claim['tolerance']:.0e}"
     return f"| {claim['what']} | {numbers} | {claim['unit']} |"

@@ -6,6 +6,8 @@ flip, bytes vanish, come twice or are put in, and pieces are cut out. They come 
 length. What passes all checks and was never sent is counted beside what the check lets pass.
 """
 
+# pyright: reportPrivateUsage=false
+
 import random
 import struct
 import time
@@ -80,7 +82,7 @@ class OurLink(Fuzzed):
 
     def frame(self, number: int) -> Frame:
         """A sample that bears its number twice."""
-        value = np.float32([[number % 9973, number % 9967, 1.0]]).astype(float)
+        value = np.array([[number % 9973, number % 9967, 1.0]], np.float32).astype(float)
         rows = SampleRows(0, (number % 2**32,), value)
         return Frame(MessageType.samples, rows.packed(SCHEMA), number & 0xFFFF, number % 2**32)
 

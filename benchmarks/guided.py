@@ -29,9 +29,12 @@ NAMES = "OurLink", "Xbus", "MDriveReplies", "Solar2Text"
 
 def search(name: str, corpus: str) -> None:
     """Search one parser in this process, print what came and leave; libFuzzer never returns."""
-    import atheris
+    import atheris  # pyright: ignore[reportMissingModuleSource]
 
-    with atheris.instrument_imports(include=["twin.plant.devices"]):
+    parsers = atheris.instrument_imports(  # pyright: ignore[reportAttributeAccessIssue]
+        include=["twin.plant.devices"]
+    )
+    with parsers:
         from benchmarks import fuzz
 
     kind: type[fuzz.Fuzzed] = getattr(fuzz, name)

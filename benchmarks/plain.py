@@ -59,7 +59,7 @@ class Laboratory:
         steps = round(platform.tick / step)
         gyro_every, fix_every = round(1.0 / (gyro.rate * step)), round(1.0 / (fix.rate * step))
         ticks = round(self.duration / platform.tick) + 1
-        target = Multisine().at(np.arange(ticks) * platform.tick)
+        target = Multisine().at(platform.tick * np.arange(ticks, dtype=float))
         rate, attitude = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
         squares, counted, tilt_max = 0.0, 0, 0.0
         for tick in range(ticks):

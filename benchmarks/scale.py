@@ -22,7 +22,7 @@ from twin.campaign.folder import Folder
 from twin.campaign.forecast import forecast
 from twin.campaign.parcel import packed
 from twin.campaign.read import read_spec
-from twin.campaign.rows import write_atomically
+from twin.campaign.rows import write_rows
 from twin.campaign.sampling import Sampling
 from twin.campaign.spec import Spec
 from twin.campaign.worker import rows_of_shard
@@ -139,9 +139,7 @@ def _shard(spec: Spec, folder: Path) -> Shard:
     for number in range(FILES):
         metrics.shard(number).touch()
     many = replace(spec, runs=FILES * spec.shard)
-    written = [
-        seconds(partial(write_atomically, rows, metrics.shard(FILES))) for _ in range(ROUNDS)
-    ]
+    written = [seconds(partial(write_rows, rows, metrics.shard(FILES))) for _ in range(ROUNDS)]
     last = metrics.shard(FILES)
     ends = partial(pq.read_table, last, columns=["ended"])
     return Shard(
@@ -209,7 +207,7 @@ def _reported(spec: Spec, shard: Shard, folder: Path) -> tuple[float, float]:
         rows = shard.rows.slice(0, len(runs)).set_column(
             0, shard.rows.schema.field(0), pa.array(runs, pa.int64())
         )
-        write_atomically(rows, imitated.shard(number))
+        write_rows(rows, imitated.shard(number))
     command = [sys.executable, "-c", REPORT, str(imitated.path)]
     told: list[str] = []
 
