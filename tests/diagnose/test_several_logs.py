@@ -13,6 +13,7 @@ from twin.diagnose.plain import plain_of
 from twin.library import library
 from twin.platform import load_platform
 from twin.recording import Recording
+from twin.report.diagnosed import diagnosed
 
 FIELD = np.array([2.2e-5, 0.0, -4.2e-5])
 
@@ -74,6 +75,8 @@ def test_a_dipole_is_found_in_the_fields_that_the_logs_state_each_its_own(
     print(moment, cause.effect.values, cause.half_widths)
     assert cause.effect.label == "residual_dipole"
     assert np.all(np.abs(cause.effect.values - moment) < 2.0 * cause.half_widths)
+    assert "Free runs of the first stretch of log, before" in " ".join(diagnosed(found))
     alone = diagnose(logs[:1], load_platform("sads"))
+    assert "Free runs, before" in " ".join(diagnosed(alone))
     extended = extend(alone, tmp_path / "extended")
     np.testing.assert_array_equal(extended.magnetic_field, FIELD)

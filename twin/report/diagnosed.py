@@ -198,11 +198,12 @@ def _left(left: Remainder) -> list[str]:
 def _gain(found: Diagnosis) -> str:
     gain = found.held_out
     named = bool(found.causes) or found.equation is not None
+    runs = _free_runs(found.free_runs, first_of(found))
     if named and np.isnan(gain.log_likelihood):
         return (
             "The log is too short for a part of it to be held out of the fit: what was named is "
             "tested on no other time; record another run for --validate."
-            f"{_free_runs(found.free_runs)}"
+            f"{runs}"
         )
     if not found.explained.follows and not found.causes:
         return "With no cause to add, nothing is gained on time that took no part in the fit."
@@ -210,7 +211,7 @@ def _gain(found: Diagnosis) -> str:
         return (
             f"On segments that took no part in the fit the logs become likelier by "
             f"{gain.log_likelihood:.0f} nats, each segment counted by its own scatter."
-            f"{_free_runs(found.free_runs)}"
+            f"{runs}"
         )
     if found.equation is None and not found.explained.effects:
         band = f"; a true model stays within {gain.low:.3f} to {gain.high:.3f}"
@@ -221,18 +222,23 @@ def _gain(found: Diagnosis) -> str:
         f"On time that took no part in the fit the logs become likelier by "
         f"{gain.log_likelihood:.0f} nats; chi-square {gain.before:.4f} to {gain.after:.4f} a "
         f"sample, where a true model stays within {gain.low:.3f} to {gain.high:.3f}."
-        f"{_free_runs(found.free_runs)}"
+        f"{runs}"
     )
 
 
-def _free_runs(found: Mapping[float, FreeRun | None]) -> str:
+def first_of(found: Diagnosis) -> str:
+    """What free runs and curves are of, where there are several logs or one that has gaps."""
+    return " of the first stretch of log" if len(found.explained.bodies) > 1 else ""
+
+
+def _free_runs(found: Mapping[float, FreeRun | None], of: str = "") -> str:
     runs = [
         f"{horizon:g} s: {np.degrees(run.errors[0]):.2g} to {np.degrees(run.errors[1]):.2g} deg "
         f"(perfect {np.degrees(run.errors[2]):.2g})"
         for horizon, run in found.items()
         if run is not None and run.errors[1] < MEANINGFUL
     ]
-    return f" Free runs, before and after: {'; '.join(runs)}." if runs else ""
+    return f" Free runs{of}, before and after: {'; '.join(runs)}." if runs else ""
 
 
 def _base(found: Diagnosis) -> list[str]:

@@ -14,6 +14,7 @@ from twin.report.diagnosed import (
     could_show,
     diagnosed,
     equation_sentence,
+    first_of,
     push_sentence,
     validated,
     verdict_sentence,
@@ -47,6 +48,7 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
         told.append(experiment_sentence(found.next_experiment))
     sizes = could_show(found)
     rest = [said for said in diagnosed(found) if said not in (*told, *sizes)]
+    first = first_of(found)
     parts = [
         f"<h1>{escape(title)}</h1>",
         f"<p class='under'>{escape(found.platform.title)} · {length:.3g} s · "
@@ -56,8 +58,8 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
         "<h2>Before and after</h2>",
         framed(
             before_after_figure(found),
-            "Mean squared innovation of each stream in units of its noise, over blocks of time: "
-            "the machine with its base refitted, without the causes and with them.",
+            f"Mean squared innovation of each stream{first}, in units of its noise, over blocks of "
+            "time: the machine with its base refitted, without the causes and with them.",
         ),
         _gain_table(found),
     ]
@@ -85,6 +87,7 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
 
 def _gain_table(found: Diagnosis) -> str:
     gain = found.held_out
+    first = first_of(found)
     rows = [
         [
             "chi-square a sample, held-out blocks",
@@ -99,7 +102,9 @@ def _gain_table(found: Diagnosis) -> str:
     for horizon, run in found.free_runs.items():
         if run is not None and run.errors[1] < MEANINGFUL:
             before, after, perfect = (f"{np.degrees(error):.3g} deg" for error in run.errors)
-            rows.append([f"free run of {horizon:g} s, typical error", before, after, perfect])
+            rows.append(
+                [f"free run of {horizon:g} s{first}, typical error", before, after, perfect]
+            )
     return table(["", "before", "after", "a true model"], rows)
 
 
