@@ -83,6 +83,14 @@ def test_a_nozzle_that_points_far_from_where_it_should_is_named():
 
 
 @pytest.mark.slow
+def test_a_weak_friction_is_named_though_a_law_without_a_name_promises_more():
+    """Where nothing rubs yet, its column errs more than that of an angle that drifts."""
+    bench = hidden.graded(Bench("tas2", SHAKEN), "fine", long=False)
+    effect = replace(effect_named("gimbal_friction").typical("g2"), torque=6.138e-6)
+    assert named(diagnosed(bench, [effect], 1267)) == [{effect.label}]
+
+
+@pytest.mark.slow
 def test_a_torque_on_a_body_whose_inertia_nothing_tells_is_named_though_its_size_is_open():
     bench = Bench("whorl2", "free_float", grade="fine", attitude=(45.0, 0.0, 0.0))
     effect = hidden.drawn(bench, "structural_sag", 200.0, np.random.default_rng(SEED))

@@ -183,14 +183,17 @@ def _lawful(
     plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say
 ) -> Line | None:
     """A few laws without a name, where they promise more than several causes do and then leave
-    nothing: fitting causes that only stand in for a law takes long, and each that it finds is
-    false."""
+    nothing, neither to chance nor to a cause: fitting causes that only stand in for a law takes
+    long, and each that it finds is false."""
     if len(search.best()) < 2 or not plain.follows:
         return None
     say("laws without a name")
     causes, promised = Line(plain, search, asked), search.evidence(search.best())
     found = _with_laws(causes, lead=TIED + promised, promised=promised)
-    return found if found is not causes and found.left.chance > DOUBTFUL else None
+    if found is causes or found.left.chance < DOUBTFUL:
+        return None
+    beside = found.search.evidence(found.search.best()) - found.search.evidence(found.now.own)
+    return found if beside < SHADOW else None
 
 
 def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line:
