@@ -17,7 +17,7 @@ from baselines import named_by_others, oracle_gain
 from benches import GRADES, LIBRARY, Bench, yardstick
 from hidden import OutOfReach, any_of, bench_for, check_shown, graded, hide, kinds
 from outside import LAWS, law_for
-from scoring import behind, facts, siblings
+from scoring import behind, facts, siblings, stand_ins
 
 from twin.diagnose import Diagnosis, diagnose
 from twin.diagnose import candidates as asking
@@ -105,6 +105,9 @@ def _run(case: Case, row: dict[str, Any]) -> dict[str, Any]:
         row["siblings"] = alike
     if case.kind == "left_out" and any(_name(one) != _name(effects[0].label) for one in alike):
         raise OutOfReach(f"{effects[0].label} has siblings: {', '.join(alike)}")
+    if case.kind == "pair" and (one := stand_ins(yardstick(bench), effects)):
+        names = " and ".join(effect.label for effect in effects)
+        raise OutOfReach(f"{names} together are no more than {one[0]} alone could be")
     hidden = hide(bench, effects, case.seed + 1000)
     if case.kind == "single":
         check_shown(hidden, case.evidence)

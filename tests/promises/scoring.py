@@ -7,7 +7,7 @@ import numpy as np
 from benches import Yardstick, machine
 
 from twin.diagnose import Diagnosis
-from twin.diagnose.search import TIED, price
+from twin.diagnose.search import TIED, Search, price
 from twin.diagnose.weighing import Weighing
 from twin.effects import Effect
 from twin.effects.body.liquid_slosh import LiquidSlosh
@@ -67,6 +67,22 @@ def _evidence(weighing: Weighing, index: int) -> float:
 def siblings(behind: dict[str, float]) -> list[str]:
     """Those that no method could tell from the truth in this log."""
     return sorted(label for label, far in behind.items() if far < TIED)
+
+
+def stand_ins(measure: Yardstick, truths: Sequence[Effect]) -> list[str]:
+    """Causes that alone could be all of these, were there no noise at all, by their labels."""
+    own = tuple(measure.labels.index(truth.label) for truth in truths)
+    does = [
+        measure.weighing.signature(index, truth.values[amplitudes(truth)])
+        for index, truth in zip(own, truths, strict=True)
+    ]
+    search = Search(measure.weighing.showing(np.sum(does, axis=0)), ())
+    whole = search.evidence(own)
+    return [
+        label
+        for index, label in enumerate(measure.labels)
+        if whole - search.evidence((index,)) < TIED
+    ]
 
 
 def single(truth: str, members: list[str], alike: Sequence[str]) -> float:

@@ -237,6 +237,16 @@ def test_a_torque_whose_direction_a_dipole_shares_is_its_sibling():
     assert "residual_dipole" in scoring.siblings(scoring.behind(yardstick(SHORT), effect))
 
 
+def test_two_causes_that_one_of_them_could_be_alone_are_no_pair():
+    rng = np.random.default_rng(SEED)
+    swirl, dipole, scale = (
+        hidden.drawn(SHORT, label, 60.0, rng)
+        for label in ("bearing_swirl_torque", "residual_dipole", "gyro_scale_factor")
+    )
+    assert "residual_dipole" in scoring.stand_ins(yardstick(SHORT), [swirl, dipole])
+    assert not scoring.stand_ins(yardstick(SHORT), [swirl, scale])
+
+
 @pytest.mark.slow
 def test_an_effect_that_is_not_asked_for_gets_no_sure_wrong_name():
     row = case.run(case.Case("left_out", 6000, 3))
