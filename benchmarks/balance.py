@@ -50,7 +50,7 @@ class Balanced:
     stated: tuple[float, float, float] | None
     """Value, low, high of it [N m]; None without a statement."""
     covered: tuple[bool, ...] | None
-    """Whether the true m r is in its intervals."""
+    """Whether x, y, z of the true m r are in their intervals."""
 
 
 def balanced(name: str, runs: Sequence[int], workers: int) -> list[Balanced]:

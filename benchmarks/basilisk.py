@@ -3,6 +3,7 @@
 Basilisk's hub is free and feels no gravity, so it computes neither the pivot nor the CM's torque.
 """
 
+# Basilisk comes with an extra
 # pyright: reportMissingImports=false
 
 from collections.abc import Callable

@@ -6,6 +6,7 @@ flip, bytes vanish, come twice or are put in, and pieces are cut out. They come 
 length. What passes all checks and was never sent is counted beside what the check lets pass.
 """
 
+# how much a parser keeps is nobody else's affair
 # pyright: reportPrivateUsage=false
 
 import random

@@ -7,6 +7,9 @@ little, and must hear the next good message once the line was quiet: without tha
 finds false frames that pass a weak check and end behind the good one. What fails is printed.
 """
 
+# atheris is installed by hand, and its types are not
+# pyright: reportMissingModuleSource=false, reportAttributeAccessIssue=false
+
 import json
 import os
 import subprocess
@@ -29,12 +32,9 @@ NAMES = "OurLink", "Xbus", "MDriveReplies", "Solar2Text"
 
 def search(name: str, corpus: str) -> None:
     """Search one parser in this process, print what came and leave; libFuzzer never returns."""
-    import atheris  # pyright: ignore[reportMissingModuleSource]
+    import atheris
 
-    parsers = atheris.instrument_imports(  # pyright: ignore[reportAttributeAccessIssue]
-        include=["twin.plant.devices"]
-    )
-    with parsers:
+    with atheris.instrument_imports(include=["twin.plant.devices"]):
         from benchmarks import fuzz
 
     kind: type[fuzz.Fuzzed] = getattr(fuzz, name)
