@@ -190,7 +190,7 @@ def _lawful(
     say("laws without a name")
     causes, promised = Line(plain, search, asked), search.evidence(search.best())
     found = _with_laws(causes, lead=TIED + promised, promised=promised)
-    if found is causes or found.left.chance < DOUBTFUL:
+    if found is causes or not found.left.chance > DOUBTFUL:
         return None
     beside = found.search.evidence(found.search.best()) - found.search.evidence(found.now.own)
     return found if beside < SHADOW else None

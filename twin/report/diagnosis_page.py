@@ -49,6 +49,7 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
     sizes = could_show(found)
     rest = [said for said in diagnosed(found) if said not in (*told, *sizes)]
     first = first_of(found)
+    curves = f"{first} that has it" if first else ""
     parts = [
         f"<h1>{escape(title)}</h1>",
         f"<p class='under'>{escape(found.platform.title)} · {length:.3g} s · "
@@ -58,8 +59,8 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
         "<h2>Before and after</h2>",
         framed(
             before_after_figure(found),
-            f"Mean squared innovation of each stream{first}, in units of its noise, over blocks of "
-            "time: the machine with its base refitted, without the causes and with them.",
+            f"Mean squared innovation of each stream{curves}, in units of its noise, over blocks "
+            "of time: the machine with its base refitted, without the causes and with them.",
         ),
         _gain_table(found),
     ]
