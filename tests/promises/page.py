@@ -50,7 +50,8 @@ behind in evidence, or in likelihood alone. In any other tie it counts half. Sha
 - *gain*: those of them with at least 80 % of the held-out gain of the true effect's own fit
 - *in band*: those whose held-out chi-square is what a true model leaves
 
-Two effects that one cause alone could be, by the same measure, are no pair and no case.
+Two effects of which one cause alone would be less than 6 behind in evidence, without noise, are no
+pair and no case.
 
 The other methods are given the cases where they name what nobody could tell from the truth.
 """

@@ -70,7 +70,8 @@ def siblings(behind: dict[str, float]) -> list[str]:
 
 
 def stand_ins(measure: Yardstick, truths: Sequence[Effect]) -> list[str]:
-    """Causes that alone could be all of these, were there no noise at all, by their labels."""
+    """Causes, by label, that alone would be next to nothing behind these together in evidence, were
+    there no noise at all. What has a frequency is taken at its usual one."""
     own = tuple(measure.labels.index(truth.label) for truth in truths)
     does = [
         measure.weighing.signature(index, truth.values[amplitudes(truth)])

@@ -117,7 +117,7 @@ def test_filter_of_three_offsets_claims_no_less_than_the_bound_and_reaches_it():
     ids=lambda part: part.ids[0],
 )
 def test_part_computes_all_that_it_promises(part):
-    """Those of Fig. 10 take minutes: `twin reproduce 001`."""
+    """Two of Fig. 10 take minutes: `twin reproduce 001`."""
     found = part.compute(lambda doing: None)
     assert set(found.rows) == set(part.ids)
     assert all(svg.lstrip().startswith("<svg") for svg in found.figures.values())
