@@ -85,6 +85,14 @@ def test_with_a_play_that_is_not_there_it_is_where_it_was_counted(machine, truth
     assert off(inputs(machine, truth).with_stages(wrong), truth) < 5.0 * DIGIT
 
 
+def test_what_accelerates_a_mass_adds_up_to_its_rate(machine, truth):
+    found, step = inputs(machine, truth), machine.platform.step
+    rate = found.joint_states(truth.time)[1][:, machine.stage_dof]
+    kick = found.joint_states(truth.time[:-1] + 0.5 * step)[2][:, machine.stage_dof]
+    assert np.abs(rate).max() > 0.0
+    assert np.cumsum(step * kick, axis=0) == pytest.approx(rate[1:] - rate[0], abs=1e-12)
+
+
 def moved(machine: Machine, seed: int) -> tuple[Inputs, Series]:
     """A mass that is sent there and back, half a millimetre and later than it was told, and where
     it was: read now and then, the readings' stamps as they come."""

@@ -91,6 +91,16 @@ def test_a_weak_friction_is_named_though_a_law_without_a_name_promises_more():
 
 
 @pytest.mark.slow
+def test_of_a_mass_that_stops_short_nothing_is_left_for_a_law_without_a_name():
+    """By how hard the steps of its drive push, an accelerometer tells its half from its whole."""
+    bench = hidden.graded(Bench("tas2", SHAKEN), "middle", long=False)
+    effect = replace(effect_named("stage_scale").typical("s3"), error=-0.26)
+    found = diagnosed(bench, [effect], 1)
+    assert found.verdict == "explained"
+    assert named(found) == [{effect.label}]
+
+
+@pytest.mark.slow
 def test_a_torque_on_a_body_whose_inertia_nothing_tells_is_named_though_its_size_is_open():
     bench = Bench("whorl2", "free_float", grade="fine", attitude=(45.0, 0.0, 0.0))
     effect = hidden.drawn(bench, "structural_sag", 200.0, np.random.default_rng(SEED))

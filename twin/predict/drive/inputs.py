@@ -206,7 +206,10 @@ class Inputs:
         return held_mean(self._thrust, edges)
 
     def joint_states(self, times: Array) -> tuple[Array, Array, Array]:
-        """qpos (m, nq), qvel and qacc (m, nv) of the joints that are not the base, as measured."""
+        """qpos (m, nq), qvel and qacc (m, nv) of the joints that are not the base, as measured.
+
+        Of a stage the acceleration is its mean over a physics step about each time, in which a
+        drive holds one."""
         machine = self.machine
         position = np.tile(machine.model.qpos0, (len(times), 1))
         velocity, acceleration = np.zeros((2, len(times), machine.model.nv))
@@ -218,6 +221,9 @@ class Inputs:
             place, rate = self._stage
             position[:, machine.stage_qpos] = place.interpolated_at(times)
             velocity[:, machine.stage_dof] = rate.interpolated_at(times)
+            step = machine.platform.step
+            begin, end = (rate.interpolated_at(times + part * step) for part in (-0.5, 0.5))
+            acceleration[:, machine.stage_dof] = (end - begin) / step
         if self._gimbal is not None:
             angle, turning = self._gimbal
             position[:, machine.gimbal_qpos] = angle.interpolated_at(times)
