@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 from benches import KEPT, Bench, Yardstick, machine, tree, yardstick
 from hidden import OutOfReach
+from scoring import shapes_at
 
 from twin import rotation
 from twin.effects import BodyEffect, Domain, Effect, State, parameter
@@ -133,8 +134,7 @@ def _explained(measure: Yardstick, law: Effect) -> tuple[float, float, str]:
         shape
         for effect in measure.effects
         for hertz in LINES
-        for shape in effect.at_frequency(hertz, platform.gravity)
-        if not shape.unfit(platform)
+        for shape in shapes_at(effect, hertz, platform)
     ]
     weighing, every = measure.beside(*shapes, law)
     last = len(every) - 1

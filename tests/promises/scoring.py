@@ -11,6 +11,8 @@ from twin.diagnose.search import TIED, Search, price
 from twin.diagnose.weighing import Weighing
 from twin.effects import Effect
 from twin.effects.body.liquid_slosh import LiquidSlosh
+from twin.effects.errors import EffectError
+from twin.platform import Platform
 from twin.predict.effects.columns import amplitudes
 
 SURE = 0.9
@@ -30,13 +32,19 @@ def behind(measure: Yardstick, truth: Effect) -> dict[str, float]:
         own = measure.labels.index(truth.label)
         return _behind(measure.weighing, own, truth)
     shapes = [
-        shape
-        for effect in measure.effects
-        for shape in effect.at_frequency(frequency, platform.gravity)
-        if not shape.unfit(platform)
+        shape for effect in measure.effects for shape in shapes_at(effect, frequency, platform)
     ]
     weighing, every = measure.beside(*shapes, truth)
     return _behind(weighing, len(every) - 1, truth)
+
+
+def shapes_at(effect: Effect, hertz: float, platform: Platform) -> tuple[Effect, ...]:
+    """In which it rings or pushes at a frequency, if it can, on a machine that can have them."""
+    try:
+        shapes = effect.at_frequency(hertz, platform.gravity)
+    except EffectError:
+        return ()
+    return tuple(shape for shape in shapes if not shape.unfit(platform))
 
 
 def _frequency(effect: Effect, gravity: float) -> float | None:

@@ -19,6 +19,13 @@ from twin.platform import Platform
 
 _STEPS = 20
 """Of a period, that RK4 needs to follow it."""
+_BROAD = 0.05
+"""Damping ratio with which it is sought: what rings longer is out of step with what rings but a
+hundredth faster, and a line is not known so well."""
+
+_ARM = 0.4
+"""And how far from the CR [m]: nearer to it, a turn of the body hardly makes it ring, and what it
+does besides is what another base does."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +59,7 @@ class LiquidSlosh(BodyEffect):
         0.05,
         source="ASSUMED: a tank 10 cm wide",
         low=1e-3,
-        high=10.0,
+        high=2.0,
         amplitude=False,
     )
     damping_ratio: float = parameter(
@@ -75,11 +82,16 @@ class LiquidSlosh(BodyEffect):
     )
 
     def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
-        """A pendulum of that frequency, hung beside the CR, below and above it."""
-        length = float(np.clip(gravity / (2.0 * np.pi * hertz) ** 2, 1e-3, 10.0))
-        arm = float(np.linalg.norm(self.pivot))
-        places = [(arm, 0.0, 0.0), (0.0, arm, 0.0), (0.0, 0.0, -arm), (0.0, 0.0, arm)]
-        return tuple(replace(self, length=length, pivot=place) for place in places)
+        """A pendulum of that frequency, hung beside the CR, below and above it.
+
+        Raises:
+            EffectError: none is so slow or fast.
+        """
+        length = gravity / (2.0 * np.pi * hertz) ** 2
+        places = [(_ARM, 0.0, 0.0), (0.0, _ARM, 0.0), (0.0, 0.0, -_ARM), (0.0, 0.0, _ARM)]
+        return tuple(
+            replace(self, length=length, damping_ratio=_BROAD, pivot=place) for place in places
+        )
 
     def unfit(self, platform: Platform) -> str:
         missing = super().unfit(platform) or needs_ball(platform)
