@@ -93,7 +93,7 @@ def _mended(platform: Platform, model: mujoco.MjModel) -> str:
 
 def _digits(*numbers: float) -> str:
     # more than the check asks for, and few enough to hide how a sum was rounded
-    return " ".join(f"{number:.14g}" for number in numbers)
+    return " ".join(f"{number:.12g}" for number in numbers)
 
 
 def _wheel(model: mujoco.MjModel, name: str, inertia: float) -> list[Finding]:
