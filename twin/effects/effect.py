@@ -236,6 +236,9 @@ class Effect(abc.ABC):
         Args:
             hertz: a line in the spectrum of what a model leaves.
             gravity: where the machine stands [m/s^2].
+
+        Raises:
+            EffectError: a frequency beyond the effect's bounds.
         """
         del hertz, gravity
         return ()

@@ -22,10 +22,9 @@ _STEPS = 20
 _BROAD = 0.05
 """Damping ratio with which it is sought: what rings longer is out of step with what rings but a
 hundredth faster, and a line is not known so well."""
-
 _ARM = 0.4
-"""And how far from the CR [m]: nearer to it, a turn of the body hardly makes it ring, and what it
-does besides is what another base does."""
+"""Distance from the CR at which its pivot is sought [m]: nearer to it, a turn of the body hardly
+makes it ring, and what it does besides is what another base does."""
 
 
 @dataclass(frozen=True)
@@ -82,11 +81,7 @@ class LiquidSlosh(BodyEffect):
     )
 
     def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
-        """A pendulum of that frequency, hung beside the CR, below and above it.
-
-        Raises:
-            EffectError: none is so slow or fast.
-        """
+        """A pendulum of that frequency, hung beside the CR, below and above it."""
         length = gravity / (2.0 * np.pi * hertz) ** 2
         places = [(_ARM, 0.0, 0.0), (0.0, _ARM, 0.0), (0.0, 0.0, -_ARM), (0.0, 0.0, _ARM)]
         return tuple(

@@ -208,8 +208,9 @@ class Inputs:
     def joint_states(self, times: Array) -> tuple[Array, Array, Array]:
         """qpos (m, nq), qvel and qacc (m, nv) of the joints that are not the base, as measured.
 
-        Of a stage the acceleration is its mean over a physics step about each time, in which a
-        drive holds one."""
+        Of a stage the acceleration is its mean over a physics step about each time: a drive
+        holds one in each.
+        """
         machine = self.machine
         position = np.tile(machine.model.qpos0, (len(times), 1))
         velocity, acceleration = np.zeros((2, len(times), machine.model.nv))
