@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from twin.compare import compare
 from twin.effects import parse_effects, with_effects
 from twin.identify import Misfit, identify
 from twin.platform import load_platform
@@ -25,6 +26,9 @@ STATED = {
     "a reference that is not level": "attitude_reference_tilt=0.1/-0.08",
     "a fault of what measures a state": "clock_lag:wheel_speed=0.2",
 }
+
+CHANCE = 2.0
+"""Times the evidence that noise has in a log out of a hundred: in one of a million."""
 
 
 def left(log: Recording, stated: str) -> Misfit:
@@ -50,3 +54,14 @@ def test_a_log_leaves_no_more_than_noise_under_a_platform_that_states_its_fault(
     assert with_it.chi2_per_sample < 1.0 + 1.7 * band, "3.3 standard deviations"
     gained = without.chi2_per_sample - with_it.chi2_per_sample
     assert gained > 2.0 * band, "or it tells nothing"
+
+
+def test_a_stiff_spring_that_rests_where_a_log_began_rests_not_where_its_first_sample_was_read(
+    flight_of: Callable[..., Recording], drawn_seed: int
+):
+    stiffness = float(np.random.default_rng(drawn_seed).uniform(0.4, 0.8))
+    stated = f"harness_stiffness={stiffness}"
+    log = flight_of("sads", "quaternion_pd", "multisine:8", 40.0, drawn_seed, stated)
+    found = compare(log, with_effects(load_platform("sads"), parse_effects(stated))).refitted
+    assert found is not None
+    assert all(score.evidence < CHANCE * score.needed for score in found.scores)

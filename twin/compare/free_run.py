@@ -116,7 +116,7 @@ def _positions(
     """Of each set of starts, (r, count + 1, .)."""
     problem = account.problem
     model: mujoco.MjModel = problem.base.model(account.theta)
-    push = problem.push(0, account.strengths)
+    push = problem.push(0, account.at)
     rows = np.tile(chosen, len(starts))
     path = body.rollouts.onward(model, rows, States.joined(starts), count, push)
     return np.split(path, len(starts))

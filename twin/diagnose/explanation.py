@@ -243,9 +243,9 @@ class Explanation:
         """
         if not self.own:
             return self.now.exact
-        strengths, push = self.at.strengths, self.problem.push
+        push = self.problem.push
         return tuple(
-            body.without(self.base, one, push(log, strengths, stated=False))
+            body.without(self.base, one, push(log, self.at, stated=False))
             for log, (body, one) in enumerate(zip(self.bodies, self.now.exact, strict=True))
         )
 

@@ -217,9 +217,8 @@ def _biases(comparison: Comparison) -> list[str]:
     account, body = comparison.best.explained, comparison.body
     limit = float(norm.isf(FALSE_ALARM / max(2 * len(body.bias_scale), 1)))
     said: list[str] = []
-    for name, value, scale in zip(
-        body.bias_names, account.at.biases[0], body.bias_scale, strict=True
-    ):
+    sensors = account.at.biases[0][: len(body.bias_names)]
+    for name, value, scale in zip(body.bias_names, sensors, body.bias_scale, strict=True):
         if abs(value) > limit * scale:
             said.append(
                 f"The constant error of {name} is {printed(abs(value), _unit(body, name))}, "

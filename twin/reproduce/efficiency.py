@@ -18,7 +18,7 @@ from twin.predict.body import body_of
 from twin.predict.log.motion import motion_of
 from twin.predict.parameters.base import ENTRIES, NAMES, base_parameters
 from twin.predict.path.states import States
-from twin.predict.whitening.innovations import Problem, Unknowns
+from twin.predict.whitening.innovations import Problem
 from twin.recording import Recording
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
 from twin.reproduce.part import Ours
@@ -73,13 +73,12 @@ def cramer_rao(
     )
     attitude, rate, wheel_speed = true
     none = np.zeros((len(rate), 0))
-    at = Unknowns(
-        base.as_stated,
-        (np.zeros(len(body.bias_scale)),),
-        (States(rotation.normalized(attitude), rate, wheel_speed, none),),
-        strengths=np.zeros(0),
+    problem = Problem([body], base)
+    at = replace(
+        problem.start(base.as_stated, [np.zeros(len(body.bias_scale))]),
+        starts=(States(rotation.normalized(attitude), rate, wheel_speed, none),),
     )
-    covariance = Problem([body], base).innovations(at, intensity).covariance
+    covariance = problem.innovations(at, intensity).covariance
     return np.asarray(np.sqrt(np.diag(covariance)[:9]), dtype=np.float64)
 
 

@@ -32,7 +32,7 @@ def retraced(problem: Problem, now: Innovations, log: int) -> Body:
     if body.inputs.wheels_undriven or (gimbals and body.inputs.gimbals_undriven):
         return body
     path = _path(problem, now, log)
-    pushes = None if now.intensity > 0.0 else problem.pushes(log, now.at.strengths)
+    pushes = None if now.intensity > 0.0 else problem.pushes(log, now.at)
     followed = body.following(path, pushes)
     followed.start = path[0, :, 0]
     return followed
@@ -43,7 +43,7 @@ def _path(problem: Problem, now: Innovations, log: int) -> States:
     body, exact = problem.bodies[log], now.exact[log]
     none = np.zeros(exact.linear.shared.shape[-1])
     start = now.at.starts[log].moved(now.chains[log].states(none))
-    push = problem.push(log, now.at.strengths)
+    push = problem.push(log, now.at)
     if now.intensity > 0.0:
         base, k = body.machine.base_dof, exact.path.rate.shape[-1]
         # It is a torque on the machine as stated, and the path is that of the machine as fitted.

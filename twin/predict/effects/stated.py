@@ -19,6 +19,7 @@ from twin.predict.effects.columns import perturbations_of, strengths_of
 from twin.predict.effects.forces import pushed_along
 from twin.predict.effects.machine import depends_on_start
 from twin.predict.effects.perturbation import Perturbation
+from twin.predict.effects.reference import references_of
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,7 @@ OF_DRIVES = ("command_stage_position", "command_gimbal_rate")
 Stated = tuple[tuple[Perturbation, ...], Array]
 
 _stated: WeakKeyDictionary[Body, Stated] = WeakKeyDictionary()
+_rests: WeakKeyDictionary[Body, tuple[Perturbation, ...]] = WeakKeyDictionary()
 
 
 def stated_of(body: Body) -> Stated:
@@ -38,6 +40,14 @@ def stated_of(body: Body) -> Stated:
         parts = tuple(one for found, _ in every for one in found)
         _stated[body] = parts, np.array([size for _, sizes in every for size in sizes])
     return _stated[body]
+
+
+def rests_of(body: Body) -> tuple[Perturbation, ...]:
+    """Where the springs of what is stated rest, if that is where the log began: about each axis."""
+    if body not in _rests:
+        found = [part for one in body.machine.effects for part in references_of(one, [body])]
+        _rests[body] = tuple(replace(one, force=_once(one.force)) for one in found if one.force)
+    return _rests[body]
 
 
 def _parts(effect: Effect, platform: Platform) -> tuple[list[Perturbation], list[float]]:

@@ -1,8 +1,9 @@
 """Logs and unknowns in, whitened innovations and their columns out; the states are gone.
 
 Shared by all logs: the base, and the strengths of what was added to the model. A log's own: its
-sensors' constant errors, held by the spread that platform.toml states of them, and its states, of
-which nothing is known beforehand.
+sensors' constant errors, held by the spread that platform.toml states of them, where a stated
+spring rests that pulls the machine back to where it began, and its states, of which nothing is
+known beforehand.
 """
 
 from collections.abc import Sequence
@@ -16,6 +17,7 @@ from twin.errors import TwinError
 from twin.predict.body import Body, Exact
 from twin.predict.effects.added import Added, formed, with_formed
 from twin.predict.effects.perturbation import Perturbation
+from twin.predict.effects.stated import rests_of
 from twin.predict.parameters.base import BaseParameters
 from twin.predict.path.push import Push
 from twin.predict.path.states import States
@@ -64,7 +66,7 @@ class Unknowns:
     theta: Array
     """(p,) base parameters."""
     biases: tuple[Array, ...]
-    """(b,) of each log."""
+    """(b,) of each log: of its sensors, then turns of springs that rest where it began."""
     starts: tuple[States, ...]
     """(segments, .) of each log."""
     strengths: Array
@@ -179,15 +181,23 @@ class Problem:
         self.perturbations = tuple(perturbations)
         self.held = held
         self.strengths_held = strengths_held
-        self._added = [Added.to(body, self.perturbations) for body in self.bodies]
+        self._rests = [rests_of(body) for body in self.bodies]
+        self._added = [
+            Added.to(body, (*rests, *self.perturbations))
+            for body, rests in zip(self.bodies, self._rests, strict=True)
+        ]
 
     def start(
         self, theta: Array, biases: Sequence[Array], strengths: Array | None = None
     ) -> Unknowns:
-        """With the states as smoothed, and strengths of 0 unless given."""
+        """With the states as smoothed, and strengths of 0 unless given; likewise springs' turns."""
         if strengths is None:
             strengths = np.zeros(len(self.perturbations))
-        return Unknowns(theta, tuple(biases), tuple(body.start for body in self.bodies), strengths)
+        own = tuple(
+            np.pad(bias, (0, len(self._own_scale(log)) - len(bias)))
+            for log, bias in enumerate(biases)
+        )
+        return Unknowns(theta, own, tuple(body.start for body in self.bodies), strengths)
 
     def innovations(self, at: Unknowns, intensity: float = 0.0) -> Innovations:
         """Predict and linearise.
@@ -213,25 +223,39 @@ class Problem:
             TwinError: no rigid body has such a base.
         """
         exact: list[Exact] = []
-        for body, added, bias, start in zip(
-            self.bodies, self._added, at.biases, at.starts, strict=True
+        for log, (body, added, start) in enumerate(
+            zip(self.bodies, self._added, at.starts, strict=True)
         ):
-            one = body.linearise(self.base, at.theta, bias, start, added.push(at.strengths))
+            biases, strengths = self._parted(log, at)
+            one = body.linearise(self.base, at.theta, biases, start, added.push(strengths))
             if added.any:
-                faulty = added.rows(one.path, at.strengths) - body.rows(one.path)[0]
+                faulty = added.rows(one.path, strengths) - body.rows(one.path)[0]
                 residual = one.linear.residual + faulty
                 one = replace(one, linear=replace(one.linear, residual=residual))
-            exact.append(_with(one, added, at.strengths))
+            exact.append(_with(one, added, strengths))
         return tuple(exact)
 
-    def push(self, log: int, strengths: Array, *, stated: bool = True) -> Push:
+    def push(self, log: int, at: Unknowns, *, stated: bool = True) -> Push:
         """What the perturbations add to the forces on a log's machine, with the effects that its
         platform states or without."""
+        _, strengths = self._parted(log, at)
+        if not stated:
+            strengths[: len(self._rests[log])] = 0.0
         return self._added[log].push(strengths, stated=stated)
 
-    def pushes(self, log: int, strengths: Array) -> dict[str, Array]:
+    def pushes(self, log: int, at: Unknowns) -> dict[str, Array]:
         """The same, of each perturbation by its name."""
-        return self._added[log].pushes(strengths)
+        return self._added[log].pushes(self._parted(log, at)[1])
+
+    def _parted(self, log: int, at: Unknowns) -> tuple[Array, Array]:
+        """(b,) of its sensors, and the strengths of all that is added to it."""
+        biases, turns = np.split(at.biases[log], [len(self.bodies[log].bias_scale)])
+        return biases, np.concatenate([turns, at.strengths])
+
+    def _own_scale(self, log: int) -> Array:
+        """(b,) 1 sigma of a log's own unknowns."""
+        spreads = [rest.spread for rest in self._rests[log]]
+        return np.concatenate([self.bodies[log].bias_scale, spreads])
 
     def with_perturbations(
         self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]
@@ -283,8 +307,8 @@ class Problem:
     def _logarithm(self, at: Unknowns, intensity: float) -> float:
         """Log-determinant of the covariance at some unknowns."""
         total = 0.0
-        for body, added, start in zip(self.bodies, self._added, at.starts, strict=True):
-            exact = body.along(self.base, at.theta, start, added.push(at.strengths))
+        for log, (body, start) in enumerate(zip(self.bodies, at.starts, strict=True)):
+            exact = body.along(self.base, at.theta, start, self.push(log, at))
             linear, own = _disturbed(exact, intensity)
             total += own + chain(linear).logarithm
         return total
@@ -342,8 +366,8 @@ class Problem:
             blocks.append(known)
             cluster.append(np.full(len(rows), -1))
         first, before = p, 0
-        for body, link, bias in zip(self.bodies, links, at.biases, strict=True):
-            rows = np.concatenate([link.rows, _prior(bias, body.bias_scale, p, added)])
+        for log, (body, link, bias) in enumerate(zip(self.bodies, links, at.biases, strict=True)):
+            rows = np.concatenate([link.rows, _prior(bias, self._own_scale(log), p, added)])
             own = np.zeros((len(rows), 1 + width))
             own[:, : 1 + p] = rows[:, : 1 + p]
             own[:, 1 + first : 1 + first + len(bias)] = rows[:, 1 + p : 1 + p + len(bias)]
@@ -378,6 +402,6 @@ def _disturbed(one: Exact, intensity: float) -> tuple[Linearised, float]:
 
 
 def _prior(bias: Array, scale: Array, p: int, added: int) -> Array:
-    """Rows (b, 1 + p + b + added) that hold biases at 0 by what is stated of them."""
+    """Rows (b, 1 + p + b + added) that hold a log's own unknowns at 0 by what is known of them."""
     none = np.zeros((len(bias), p)), np.zeros((len(bias), added))
     return np.column_stack([bias / scale, none[0], np.diag(1.0 / scale), none[1]])
