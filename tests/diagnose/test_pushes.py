@@ -15,6 +15,7 @@ from twin.estimators import load_estimator
 from twin.loop import fly
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
+from twin.predict.path.segments import LONGEST
 from twin.recording import Recording
 from twin.reference import Multisine
 from twin.report.diagnosed import diagnosed
@@ -72,17 +73,19 @@ def flown(platform: Platform, draw: np.random.Generator, *effects: Effect) -> Re
     return memory.recording().without_truth()
 
 
-def a_shove(draw: np.random.Generator) -> Shove:
-    """Of 0.1 to 1 N m s, somewhere."""
+def a_shove(draw: np.random.Generator, middle: float | None = None) -> Shove:
+    """Of 0.1 to 1 N m s, somewhere, or about some time."""
     lasts = float(draw.uniform(0.1, 0.6))
     way = draw.standard_normal(3)
     size = float(np.exp(draw.uniform(np.log(0.1), np.log(1.0)))) / lasts
     torque = tuple((size * way / np.linalg.norm(way)).tolist())
-    return Shove(start=float(draw.uniform(6.0, LENGTH - 7.0)), lasts=lasts, torque_body=torque)
+    start = float(draw.uniform(6.0, LENGTH - 7.0)) if middle is None else middle - 0.5 * lasts
+    return Shove(start=start, lasts=lasts, torque_body=torque)
 
 
-def test_the_moment_of_a_push_is_found(sads, draw):
-    shove = a_shove(draw)
+@pytest.mark.parametrize("middle", [None, 2.0 * LONGEST], ids=["anywhere", "between segments"])
+def test_the_moment_of_a_push_is_found(sads, draw, middle):
+    shove = a_shove(draw, middle)
     print(shove)
     (push,) = pushes_of([flown(sads, draw, shove)], sads)
     assert push.start < shove.start + shove.lasts

@@ -12,9 +12,9 @@ from twin.diagnose.explanation import Explanation
 from twin.diagnose.grounds import check_logs, check_seen
 from twin.diagnose.held_out import HeldOut, held_out
 from twin.diagnose.plain import plain_of
-from twin.diagnose.pushes import Push, but_for, pushed, pushes_of
+from twin.diagnose.pushes import Push, but_for, pushed, pushed_look, pushes_of
 from twin.diagnose.reading import read_rightly
-from twin.diagnose.reasoning import Line, likeliest, reason
+from twin.diagnose.reasoning import ROUGH, Line, likeliest, onward, reason
 from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.rivals import against_rivals
 from twin.diagnose.scatter import scatter_causes
@@ -36,9 +36,6 @@ CROWD = 3
 six explained an inclinometer's misalignment that had been left out."""
 STRAYS = 2.0
 """Half widths of the band in which a true model's chi-square stays 95 times in 100."""
-ROUGH = 1.5
-"""Chi-square a sample beyond which no cause has made the motion follow the model. The logs are then
-predicted in segments apart, and what they say counts for less."""
 
 
 @dataclass(frozen=True)
@@ -168,8 +165,10 @@ def _reasoned(plain: Explanation, logs: Sequence[Recording], say: Say) -> _Reaso
     line = reason(plain, candidates.asked, say)
     if line.left.chi2 > ROUGH:
         say("the base, by segments")
-        plain = plain_of(logs, plain.base.machine.platform, follows=False)
-        line = reason(plain, candidates.asked, say)
+        apart = plain_of(logs, plain.base.machine.platform, follows=False)
+        line = reason(apart, candidates.asked, say)
+        settled = onward(plain, line, say)
+        plain, line = (apart, line) if settled is None else (plain, settled)
     line = against_rivals(line)
     return _Reasoned(plain, candidates, line, held_out(line.now))
 
@@ -206,8 +205,8 @@ def _pushes(logs: Sequence[Recording], platform: Platform, say: Say) -> tuple[Pu
     pushes = pushes_of(logs, platform)
     if not pushes or not but_for(pushes, logs):
         return ()
-    apart = plain_of(logs, platform, follows=False)
-    causes = likeliest(apart, candidates_of(apart.bodies).asked)
+    apart = pushed_look(logs, platform)
+    causes = () if apart is None else likeliest(apart, candidates_of(apart.bodies).asked)
     return () if any(not pushed(one) for one in causes) else pushes
 
 

@@ -3,10 +3,11 @@ nothing of the machine; what it does to a fit looks like causes that are none.
 
 The logs are predicted in segments, each from a start of its own and by its own scatter, so that a
 push spoils the segment that it falls into and no other. There it lies where one motion of the
-machine fits what was read before, another one what was read after, and none both.
+machine fits what was read before, another one what was read after, and none both. One that falls
+between two segments spoils neither: so logs are looked at once more, cut half a segment later.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,25 +70,30 @@ def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[Push, ...]
     """
     pushes: list[Push] = []
     for _ in range(TRIES):
-        parts = _parts(pushes, logs)
         try:
-            apart = plain_of([part for _, part in parts], platform, follows=False)
+            seen = list(_looks(_parts(pushes, logs), platform))
         except TwinError:  # too little is left
             break
-        if _usual(apart) > LOST:
+        if any(_usual(apart) > LOST for _, apart in seen):
             break
+        of_logs, apart = max(seen, key=lambda look: _worst(look[1]).excess)
         worst = _worst(apart)
-        if worst is None:
+        if worst.excess <= 1.0:
             return tuple(pushes)
-        place, segment = worst
-        log, _ = parts[place]
-        start, stop = _span(apart, place, segment)
+        log = of_logs[worst.place]
+        start, stop = _span(apart, worst)
         within = max(start, logs[log].start), min(stop, logs[log].stop)
         pushes = _merged([*pushes, Push(log, logs[log].source, *within)])
         left_out = sum(push.stop - push.start for push in pushes)
         if len(pushes) > MOST or left_out > SHARE * sum(log.stop - log.start for log in logs):
             break
     return ()
+
+
+def pushed_look(logs: Sequence[Recording], platform: Platform) -> Explanation | None:
+    """The first look at whole logs that shows a push."""
+    looks = _looks(list(enumerate(logs)), platform)
+    return next((apart for _, apart in looks if pushed(apart)), None)
 
 
 def but_for(pushes: Sequence[Push], logs: Sequence[Recording]) -> list[Recording]:
@@ -110,20 +116,47 @@ def _parts(pushes: Sequence[Push], logs: Sequence[Recording]) -> list[tuple[int,
     return found
 
 
+def _looks(
+    parts: Sequence[tuple[int, Recording]], platform: Platform
+) -> Iterator[tuple[list[int], Explanation]]:
+    """Parts of logs predicted in segments apart, and which logs they are of: from their starts, and
+    from the middle of their first segments on."""
+    apart = plain_of([part for _, part in parts], platform, follows=False)
+    yield [log for log, _ in parts], apart
+    later = [
+        (log, part, part.start + 0.5 * body.grid.length)
+        for (log, part), body in zip(parts, apart.bodies, strict=True)
+    ]
+    later = [one for one in later if one[1].stop - one[2] >= SHORTEST]
+    if later:
+        cut = [part_of(part, start, part.stop) for _, part, start in later]
+        yield [log for log, _, _ in later], plain_of(cut, platform, follows=False)
+
+
 def pushed(apart: Explanation) -> bool:
     """Whether a segment does not follow the model as the others do."""
-    return _worst(apart) is not None
+    return _worst(apart).excess > 1.0
 
 
-def _worst(apart: Explanation) -> tuple[int, int] | None:
-    """The log and the segment of it that follow the model least, if that is more than noise."""
+@dataclass(frozen=True)
+class _Worst:
+    """The segment that follows the model least."""
+
+    place: int
+    """Of its log among those that are explained."""
+    segment: int
+    excess: float
+    """Its scatter over that which noise and the usual one allow."""
+
+
+def _worst(apart: Explanation) -> _Worst:
     assert isinstance(apart.now, Apart)
-    scatter = _scatter(apart)
     places = [(log, s) for log, body in enumerate(apart.bodies) for s in range(body.grid.segments)]
     few = 2.0 / np.maximum(apart.now.counts, 1.0)
     limit = _usual(apart) * np.maximum(SPOILED, 1.0 + SIGMAS * np.sqrt(few))
-    worst = int(np.argmax(scatter / limit))
-    return places[worst] if scatter[worst] > limit[worst] else None
+    excess = _scatter(apart) / limit
+    worst = int(np.argmax(excess))
+    return _Worst(*places[worst], float(excess[worst]))
 
 
 def _usual(apart: Explanation) -> float:
@@ -136,12 +169,12 @@ def _scatter(apart: Explanation) -> Array:
     return 1.0 / apart.now.weights
 
 
-def _span(apart: Explanation, log: int, segment: int) -> tuple[float, float]:
+def _span(apart: Explanation, at: _Worst) -> tuple[float, float]:
     """Which time of a segment, left out, leaves least to a motion before and another one after."""
-    body = apart.bodies[log]
-    begin = float(body.grid.starts[segment])
+    body = apart.bodies[at.place]
+    begin = float(body.grid.starts[at.segment])
     end = begin + body.grid.length
-    time, rows = _rows_of(apart, log, segment)
+    time, rows = _rows_of(apart, at.place, at.segment)
     squares = np.cumsum(np.einsum("ni,nj->nij", rows, rows), axis=0)
     squares = np.concatenate([np.zeros_like(squares[:1]), squares])
     lasts, starts = np.meshgrid(LASTS, np.arange(begin - 0.5 * LASTS[-1], end, STEP))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from twin.diagnose.candidates import Candidate, ringing
-from twin.diagnose.explanation import Explanation
+from twin.diagnose.explanation import Explanation, explain
 from twin.diagnose.fitting import astray, fitted, followed, guesses
 from twin.diagnose.laws import RARE, laws_of, unlikely
 from twin.diagnose.lines import lines_of, slow_line_of
@@ -22,6 +22,9 @@ ROUNDS = 6
 """Searches, each where the fit of the one before stands."""
 WEAK = 0.03
 """Share of another's evidence that may be no more than the error of its linearised column."""
+ROUGH = 1.5
+"""Chi-square a sample beyond which no cause has made the motion follow the model. The logs are then
+predicted in segments apart, and what they say counts for less."""
 DOUBTFUL = 0.01
 """Chance below which laws without a name are tried; and always where there is a cause: of an error
 of a sensor that stands in for another one, what is left may look like noise."""
@@ -113,6 +116,28 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     if _needed_only(found.now, found.search.limit) is not found.now:
         return fewer
     return min(fewer, found, key=lambda one: one.score)
+
+
+def onward(plain: Explanation, apart: Line, say: Say) -> Line | None:
+    """On from causes that segments apart have shown, where the motion follows the model with them
+    and with the base that they leave; else None.
+
+    Args:
+        plain: the model without causes, whose motion follows it.
+        apart: where a line of reasoning over segments ended.
+        say: told what is being done.
+    """
+    now = apart.now
+    if not now.own:
+        return None
+    try:
+        there = explain(plain.bodies, plain.base, now.effects, now.at, now.laws)
+    except TwinError:
+        return None
+    if not there.converged or remainder(there).chi2 > ROUGH:
+        return None
+    line = _searched(there, search_from(there, apart.asked), apart.asked, say)
+    return replace(line, nameless=apart.nameless)
 
 
 def likeliest(plain: Explanation, asked: Sequence[Candidate]) -> Iterator[Explanation]:
