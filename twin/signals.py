@@ -89,7 +89,12 @@ POSITIONS = ("stage_position", "gimbal_angle")
 """Measured parts from where laws begin: none begins before they were seen. Wheel speeds may come
 once a second, and nobody waits for the first: nothing would hold a floating body meanwhile."""
 
-DERIVED = ("command_", "wanted_", "truth_", "estimate_", "reference_", "loop_")
+PREDICTED, RESIDUAL = "predicted_", "residual_"
+"""Before the name of a stream: what a model makes of it, and what that leaves."""
+DERIVED = (
+    *("command_", "wanted_", "truth_", "estimate_", "reference_", "loop_"),
+    *(PREDICTED, RESIDUAL),
+)
 """Streams that no sensor measured begin so: their scatter is no noise."""
 
 

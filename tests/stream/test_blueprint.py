@@ -13,6 +13,7 @@ from twin.platform import load_platform
 from twin.recording import Recording, Series
 from twin.rotation import from_rotation_vector
 from twin.stream.blueprint import blueprint
+from twin.stream.rows import Header
 from twin.stream.runfile import write_recording
 
 DRIVERS = [*Path("/usr/share/vulkan/icd.d").glob("*.json"), *Path("/etc/vulkan").rglob("*.json")]
@@ -37,6 +38,20 @@ def test_a_pendulum_shows_its_joint_and_no_wheels():
         "joint rate",
         "joint torque",
     ]
+
+
+def test_what_is_predicted_and_left_stands_beside_what_was_measured_before_the_flight():
+    predicted = {"gyro": Header(("x", "y", "z"), "rad/s"), "attitude": Header(tuple("wxyz"), "1")}
+    _, shown = blueprint(load_platform("sads"), predicted=predicted).root_container.contents
+    compared, flight = shown.contents
+    assert shown.active_tab == 0
+    assert [view.name for view in compared.contents] == [
+        "gyro, measured and predicted [rad/s]",
+        "gyro, what is left [rad/s]",
+        "attitude, measured and predicted [1]",
+        "attitude, what is left [rad]",
+    ]
+    assert [view.name for view in flight.contents] == views("sads")
 
 
 @pytest.mark.skipif(not DRIVERS, reason="no Vulkan driver (apt-get install mesa-vulkan-drivers)")

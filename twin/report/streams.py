@@ -5,6 +5,7 @@ from dataclasses import replace
 from twin import rotation
 from twin.compare.account import Account
 from twin.recording import Recording, Series
+from twin.signals import PREDICTED, RESIDUAL
 
 
 def with_prediction(account: Account) -> Recording:
@@ -22,8 +23,8 @@ def with_prediction(account: Account) -> Recording:
         else:
             predicted = output.value - error
         unit = "rad" if output.stream == "attitude" else series.unit
-        streams[f"predicted_{output.stream}"] = Series(
+        streams[f"{PREDICTED}{output.stream}"] = Series(
             output.time, predicted, series.columns, series.unit
         )
-        streams[f"residual_{output.stream}"] = Series(output.time, error, output.columns, unit)
+        streams[f"{RESIDUAL}{output.stream}"] = Series(output.time, error, output.columns, unit)
     return replace(body.recording, streams=streams)

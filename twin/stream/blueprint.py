@@ -1,18 +1,36 @@
 """What a person sees on opening a recording: the machine beside its plots."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 
 from twin.platform import Platform
 from twin.platform.mjcf import load_mjcf
-from twin.recording.rrd import entity
+from twin.recording.rrd import PALETTE, entity
 from twin.recording.schema import TIMELINE
+from twin.signals import PREDICTED, RESIDUAL
 from twin.stream import plots
+from twin.stream.rows import Header
 from twin.stream.scene import WORLD
 
+PALE = 0.4
+"""How much of its colour a predicted curve keeps, beside the measured one."""
 
-def blueprint(platform: Platform, *, remarks: bool = False) -> rrb.Blueprint:
-    """The layout for a platform: only plots of what it has; `remarks`: below it what is said."""
+
+def blueprint(
+    platform: Platform, *, remarks: bool = False, predicted: Mapping[str, Header] | None = None
+) -> rrb.Blueprint:
+    """The layout for a platform: only plots of what it has.
+
+    Args:
+        platform: what is seen.
+        remarks: whether there is a place for what is said, below the machine.
+        predicted: streams that are there as measured, predicted and left; each is shown so, in
+            front of the flight's plots.
+    """
     views: list[tuple[str, str]]
     if platform.base.kind == "hinge":
         views = [
@@ -35,29 +53,58 @@ def blueprint(platform: Platform, *, remarks: bool = False) -> rrb.Blueprint:
         if platform.stages:
             views.append(("stage position [mm]", plots.STAGE_POSITION))
         views.append(("gravity torque [mN m]", plots.GRAVITY_TORQUE))
-    endless = rrb.TimeRangeBoundary.infinite()
-    graphs = [
-        rrb.TimeSeriesView(
-            origin=path,
-            name=title,
-            plot_legend=rrb.Corner2D.LeftTop,
-            axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=endless, end=endless)),
-        )
-        for title, path in views
-    ]
-    columns = 1 if len(graphs) <= 3 else 2
+    graphs = [_graph(title, path) for title, path in views]
+    flight = rrb.Grid(*graphs, grid_columns=1 if len(graphs) <= 3 else 2, name="the flight")
+    shown: rrb.Grid | rrb.Tabs = flight
+    if predicted:
+        pairs = [view for stream, header in predicted.items() for view in _pair(stream, header)]
+        compared = rrb.Grid(*pairs, grid_columns=2, name="measured, predicted, left")
+        shown = rrb.Tabs(compared, flight, active_tab=0)
     scene: rrb.Spatial3DView | rrb.Vertical = _machine(platform)
     if remarks:
         words = rrb.TextLogColumns(text_log_columns=["body"])
         said = rrb.TextLogView(origin=plots.SAID, name="what was said", columns=words)
         scene = rrb.Vertical(scene, said, row_shares=[3, 1])
     return rrb.Blueprint(
-        rrb.Horizontal(scene, rrb.Grid(*graphs, grid_columns=columns), column_shares=[2, 3]),
+        rrb.Horizontal(scene, shown, column_shares=[2, 3]),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="collapsed"),
         auto_views=False,
     )
+
+
+def _graph(title: str, path: str, **options: Any) -> rrb.TimeSeriesView:
+    """Over all time."""
+    endless = rrb.TimeRangeBoundary.infinite()
+    return rrb.TimeSeriesView(
+        origin=path,
+        name=title,
+        plot_legend=rrb.Corner2D.LeftTop,
+        axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=endless, end=endless)),
+        **options,
+    )
+
+
+def _pair(stream: str, header: Header) -> tuple[rrb.TimeSeriesView, rrb.TimeSeriesView]:
+    """A stream as measured and as predicted; and what is left."""
+    there = entity(f"{PREDICTED}{stream}")
+    style = rr.SeriesLines(
+        names=[f"{column} predicted" for column in header.columns],
+        colors=[
+            tuple(int(255 - PALE * (255 - part)) for part in PALETTE[i % len(PALETTE)])
+            for i in range(len(header.columns))
+        ],
+    )
+    both = _graph(
+        f"{stream}, measured and predicted [{header.unit}]",
+        "/",
+        contents=[f"/{entity(stream)}", f"/{there}"],
+        overrides={there: style},
+    )
+    # an attitude differs by a rotation vector
+    unit = "rad" if stream == "attitude" else header.unit
+    return both, _graph(f"{stream}, what is left [{unit}]", entity(f"{RESIDUAL}{stream}"))
 
 
 def _machine(platform: Platform) -> rrb.Spatial3DView:

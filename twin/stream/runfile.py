@@ -11,6 +11,7 @@ from twin.platform import Platform
 from twin.recording.recording import Recording
 from twin.recording.rrd import RrdFile, scalars
 from twin.recording.schema import SCHEMA
+from twin.signals import PREDICTED
 from twin.stream.blueprint import blueprint
 from twin.stream.plots import SAID, Plots
 from twin.stream.rows import Block, Header, decode
@@ -32,15 +33,19 @@ class RunFile:
         self._undrawn: dict[str, list[tuple[Array, Array]]] = {}
 
     def start(
-        self, platform: Platform | None, provenance: Mapping[str, Any], remarks: bool = False
+        self,
+        platform: Platform | None,
+        provenance: Mapping[str, Any],
+        remarks: bool = False,
+        predicted: Mapping[str, Header] | None = None,
     ) -> None:
         """Write what stays the same: where it comes from, and the machine's shape; with room for
-        remarks where there will be some."""
+        remarks where there will be some, and for what is predicted."""
         self._file.provenance(provenance)
         if platform is None:
             return
         self._scene, self._plots = Scene(platform), Plots(platform)
-        self._file.rerun.send_blueprint(blueprint(platform, remarks=remarks))
+        self._file.rerun.send_blueprint(blueprint(platform, remarks=remarks, predicted=predicted))
         for path, archetype in (*self._scene.shapes(), *self._plots.styles()):
             self._file.rerun.log(path, archetype, static=True, strict=True)
 
@@ -102,7 +107,12 @@ def write_recording(
     """
     file = RunFile(Path(path))
     facts = {**recording.provenance, "schema": SCHEMA}
-    file.start(platform, facts | {"repairs": recording.repairs} if recording.repairs else facts)
-    file.declare({name: Header(s.columns, s.unit) for name, s in recording.items()})
+    headers = {name: Header(s.columns, s.unit) for name, s in recording.items()}
+    file.start(
+        platform,
+        facts | {"repairs": recording.repairs} if recording.repairs else facts,
+        predicted={name: one for name, one in headers.items() if f"{PREDICTED}{name}" in headers},
+    )
+    file.declare(headers)
     file.write({name: (s.time, s.value) for name, s in recording.items()})
     file.close()
