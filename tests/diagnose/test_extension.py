@@ -100,6 +100,6 @@ def test_another_log_leaves_noise_under_the_extended_platform(
     assert not compare(second, load_platform("sads")).healthy
     refitted = compare(second, extended).refitted
     assert refitted is not None
-    # twice the evidence that noise has in a log out of a hundred: in one of a million
+    # twice the evidence that noise has in a log out of a hundred: in one of a hundred thousand
     assert all(score.evidence < 2.0 * score.needed for score in refitted.scores)
     assert diagnose([second], extended).verdict == "healthy"

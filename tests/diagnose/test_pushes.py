@@ -59,7 +59,9 @@ def draw() -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def flown(platform: Platform, draw: np.random.Generator, *effects: Effect) -> Recording:
+def flown(
+    platform: Platform, draw: np.random.Generator, *effects: Effect, length: float = LENGTH
+) -> Recording:
     memory = MemoryRecorder(platform)
     fly(
         SimulatedPlant(with_effects(platform, effects), seed=int(draw.integers(1 << 30))),
@@ -67,7 +69,7 @@ def flown(platform: Platform, draw: np.random.Generator, *effects: Effect) -> Re
         load_controller("quaternion_pd"),
         Multisine(),
         SimulatedClock(),
-        duration=LENGTH,
+        duration=length,
         observers=[memory],
     )
     return memory.recording().without_truth()
@@ -83,11 +85,21 @@ def a_shove(draw: np.random.Generator, middle: float | None = None) -> Shove:
     return Shove(start=start, lasts=lasts, torque_body=torque)
 
 
-@pytest.mark.parametrize("middle", [None, 2.0 * LONGEST], ids=["anywhere", "between segments"])
-def test_the_moment_of_a_push_is_found(sads, draw, middle):
+@pytest.mark.parametrize(
+    ("length", "middle"),
+    [
+        (LENGTH, None),
+        (LENGTH, 2.0 * LONGEST),
+        (4.0 * LONGEST, 2.0 * LONGEST),
+        (4.0 * LONGEST, 1.5 * LONGEST),
+        (2.4 * LONGEST, 1.3 * LONGEST),
+    ],
+    ids=["anywhere", "between segments", "of few", "between those half a segment later", "of two"],
+)
+def test_the_moment_of_a_push_is_found(sads, draw, length, middle):
     shove = a_shove(draw, middle)
     print(shove)
-    (push,) = pushes_of([flown(sads, draw, shove)], sads)
+    (push,) = pushes_of([flown(sads, draw, shove, length=length)], sads)
     assert push.start < shove.start + shove.lasts
     assert shove.start < push.stop
     assert push.stop - push.start < 5.0

@@ -28,7 +28,7 @@ STATED = {
 }
 
 CHANCE = 2.0
-"""Times the evidence that noise has in a log out of a hundred: in one of a million."""
+"""Times the evidence that noise has in a log out of a hundred: in one of a hundred thousand."""
 
 
 def left(log: Recording, stated: str) -> Misfit:

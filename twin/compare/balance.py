@@ -45,8 +45,8 @@ def balance(account: Account) -> Balance:
     axis = hinge_axis(machine) if hinge else np.zeros(3)
     attitude = rotation.from_rotation_vector(motion.position * axis) if hinge else motion.position
     bias = np.zeros(3)
-    # after the sensors' stands where springs rest
-    for name, value in zip(body.bias_names, account.at.biases[0], strict=False):
+    sensors = account.at.biases[0][: len(body.bias_names)]
+    for name, value in zip(body.bias_names, sensors, strict=True):
         if name.startswith("gyro "):
             bias["xyz".index(name[-1])] = value
     rate = motion.rate * axis if hinge else motion.rate - bias

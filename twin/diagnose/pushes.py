@@ -4,10 +4,12 @@ nothing of the machine; what it does to a fit looks like causes that are none.
 The logs are predicted in segments, each from a start of its own and by its own scatter, so that a
 push spoils the segment that it falls into and no other. There it lies where one motion of the
 machine fits what was read before, another one what was read after, and none both. One that falls
-between two segments spoils neither: so logs are looked at once more, cut half a segment later.
+between two segments may spoil neither enough to be seen, and half of all in a short log: so logs
+are looked at once more, cut half a segment later.
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,7 +76,8 @@ def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[Push, ...]
             seen = list(_looks(_parts(pushes, logs), platform))
         except TwinError:  # too little is left
             break
-        if any(_usual(apart) > LOST for _, apart in seen):
+        # a push between two segments of a short log may spoil half of all in one look
+        if min(_usual(apart) for _, apart in seen) > LOST:
             break
         of_logs, apart = max(seen, key=lambda look: _worst(look[1]).excess)
         worst = _worst(apart)
@@ -91,9 +94,10 @@ def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[Push, ...]
 
 
 def pushed_look(logs: Sequence[Recording], platform: Platform) -> Explanation | None:
-    """The first look at whole logs that shows a push."""
-    looks = _looks(list(enumerate(logs)), platform)
-    return next((apart for _, apart in looks if pushed(apart)), None)
+    """The look at whole logs that shows one best; None where neither does."""
+    looks = [apart for _, apart in _looks(list(enumerate(logs)), platform)]
+    best = max(looks, key=lambda apart: _worst(apart).excess)
+    return best if pushed(best) else None
 
 
 def but_for(pushes: Sequence[Push], logs: Sequence[Recording]) -> list[Recording]:
@@ -130,7 +134,8 @@ def _looks(
     later = [one for one in later if one[1].stop - one[2] >= SHORTEST]
     if later:
         cut = [part_of(part, start, part.stop) for _, part, start in later]
-        yield [log for log, _, _ in later], plain_of(cut, platform, follows=False)
+        with suppress(TwinError):  # too little is left for a second look
+            yield [log for log, _, _ in later], plain_of(cut, platform, follows=False)
 
 
 def pushed(apart: Explanation) -> bool:

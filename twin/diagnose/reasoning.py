@@ -123,21 +123,20 @@ def onward(plain: Explanation, apart: Line, say: Say) -> Line | None:
     and with the base that they leave; else None.
 
     Args:
-        plain: the model without causes, whose motion follows it.
+        plain: the model without causes, whose motion has no segments apart.
         apart: where a line of reasoning over segments ended.
         say: told what is being done.
     """
     now = apart.now
-    if not now.own:
+    if not now.effects:
         return None
     try:
-        there = explain(plain.bodies, plain.base, now.effects, now.at, now.laws)
+        there = explain(plain.bodies, plain.base, now.effects, now.at)
     except TwinError:
         return None
     if not there.converged or remainder(there).chi2 > ROUGH:
         return None
-    line = _searched(there, search_from(there, apart.asked), apart.asked, say)
-    return replace(line, nameless=apart.nameless)
+    return _searched(there, search_from(there, apart.asked), apart.asked, say)
 
 
 def likeliest(plain: Explanation, asked: Sequence[Candidate]) -> Iterator[Explanation]:
