@@ -24,7 +24,8 @@ from twin.predict.log.motion import motion_of
 from twin.predict.parameters.base import base_parameters
 from twin.predict.path.states import States
 from twin.predict.sensors.columns import clock_lag, scale_factor
-from twin.predict.whitening.innovations import Problem, Unknowns
+from twin.predict.whitening.innovations import Problem
+from twin.predict.whitening.unknowns import Unknowns
 from twin.recording import Recording
 
 

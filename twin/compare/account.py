@@ -18,7 +18,8 @@ from twin.compare.symptoms import Symptom
 from twin.identify.prediction_error import NORMAL, fit
 from twin.predict.body import Exact
 from twin.predict.whitening.apart import Apart, apart, fit_apart
-from twin.predict.whitening.innovations import Eliminated, Innovations, Problem, Unknowns
+from twin.predict.whitening.innovations import Innovations, Problem
+from twin.predict.whitening.unknowns import Eliminated, Unknowns
 
 Array = NDArray[np.float64]
 

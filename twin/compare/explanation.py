@@ -13,7 +13,8 @@ from twin.compare.selection import Score, Screen
 from twin.compare.symptoms import Symptom
 from twin.predict.body import Body
 from twin.predict.parameters.base import BaseParameters
-from twin.predict.whitening.innovations import Problem, Unknowns
+from twin.predict.whitening.innovations import Problem
+from twin.predict.whitening.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 Pose = Callable[[Sequence[Symptom]], Problem]

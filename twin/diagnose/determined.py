@@ -12,7 +12,8 @@ from twin.predict.body import Body
 from twin.predict.effects.columns import amplitudes, strengths_of
 from twin.predict.effects.perturbation import Perturbation
 from twin.predict.parameters.base import BaseParameters
-from twin.predict.whitening.innovations import Problem, Unknowns
+from twin.predict.whitening.innovations import Problem
+from twin.predict.whitening.unknowns import Unknowns
 
 BLURRED = 1e-2
 """A component of which less than this share is left beside base and the others stays as it is."""

@@ -27,7 +27,8 @@ from twin.predict.effects.reference import references_of
 from twin.predict.effects.retrace import retraced
 from twin.predict.parameters.base import BaseParameters
 from twin.predict.whitening.apart import Apart, apart, fit_apart
-from twin.predict.whitening.innovations import Innovations, Problem, Unknowns
+from twin.predict.whitening.innovations import Innovations, Problem
+from twin.predict.whitening.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
@@ -243,9 +244,8 @@ class Explanation:
         """
         if not self.own:
             return self.now.exact
-        push = self.problem.push
         return tuple(
-            body.without(self.base, one, push(log, self.at, stated=False))
+            body.without(self.base, one, self.problem.push(log, self.at, stated=False))
             for log, (body, one) in enumerate(zip(self.bodies, self.now.exact, strict=True))
         )
 

@@ -41,7 +41,8 @@ from twin.predict.log.possible import check_possible
 from twin.predict.log.scales import Scaled
 from twin.predict.log.usable import usable
 from twin.predict.parameters.base import BaseParameters
-from twin.predict.whitening.innovations import Problem, Unknowns
+from twin.predict.whitening.innovations import Problem
+from twin.predict.whitening.unknowns import Unknowns
 from twin.recording import Recording
 from twin.recording.pauses import pieces_of
 

@@ -15,7 +15,8 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from twin.errors import TwinError
-from twin.predict.whitening.innovations import Innovations, Problem, Unknowns
+from twin.predict.whitening.innovations import Innovations, Problem
+from twin.predict.whitening.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 

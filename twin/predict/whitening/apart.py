@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from twin.errors import TwinError
 from twin.predict.body import Body, Exact
-from twin.predict.whitening.innovations import Problem, Unknowns
+from twin.predict.whitening.innovations import Problem
+from twin.predict.whitening.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
