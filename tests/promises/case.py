@@ -2,6 +2,7 @@
 
 import signal
 import subprocess
+import sys
 import time
 import traceback
 from collections.abc import Iterator
@@ -80,7 +81,8 @@ def run(case: Case) -> dict[str, Any]:
     except OutOfReach as why:
         return row | {"skipped": str(why).replace(f"{ROOT}/", "")}
     except Exception:
-        return row | {"failed": traceback.format_exc().replace(f"{ROOT}/", "")}
+        said = traceback.format_exc().replace(f"{sys.prefix}/", "").replace(f"{ROOT}/", "")
+        return row | {"failed": said}
     finally:
         signal.alarm(0)
 
