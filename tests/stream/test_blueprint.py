@@ -41,8 +41,11 @@ def test_a_pendulum_shows_its_joint_and_no_wheels():
 
 
 def test_what_is_predicted_and_left_stands_beside_what_was_measured_before_the_flight():
-    predicted = {"gyro": Header(("x", "y", "z"), "rad/s"), "attitude": Header(tuple("wxyz"), "1")}
-    _, shown = blueprint(load_platform("sads"), predicted=predicted).root_container.contents
+    rate, turn = Header(tuple("xyz"), "rad/s"), Header(tuple("xyz"), "rad")
+    attitude = Header(tuple("wxyz"), "1")
+    streams = {"gyro": rate, "predicted_gyro": rate, "residual_gyro": rate}
+    streams |= {"attitude": attitude, "predicted_attitude": attitude, "residual_attitude": turn}
+    _, shown = blueprint(load_platform("sads"), streams=streams).root_container.contents
     compared, flight = shown.contents
     assert shown.active_tab == 0
     assert [view.name for view in compared.contents] == [

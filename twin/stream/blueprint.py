@@ -21,15 +21,15 @@ PALE = 0.4
 
 
 def blueprint(
-    platform: Platform, *, remarks: bool = False, predicted: Mapping[str, Header] | None = None
+    platform: Platform, *, remarks: bool = False, streams: Mapping[str, Header] | None = None
 ) -> rrb.Blueprint:
     """The layout for a platform: only plots of what it has.
 
     Args:
         platform: what is seen.
         remarks: whether there is a place for what is said, below the machine.
-        predicted: streams that are there as measured, predicted and left; each is shown so, in
-            front of the flight's plots.
+        streams: of the recording, where they are known; what is there as measured, predicted and
+            left is shown so, in front of the flight's plots.
     """
     views: list[tuple[str, str]]
     if platform.base.kind == "hinge":
@@ -56,8 +56,10 @@ def blueprint(
     graphs = [_graph(title, path) for title, path in views]
     flight = rrb.Grid(*graphs, grid_columns=1 if len(graphs) <= 3 else 2, name="the flight")
     shown: rrb.Grid | rrb.Tabs = flight
+    known = streams or {}
+    predicted = [name for name in known if f"{PREDICTED}{name}" in known]
     if predicted:
-        pairs = [view for stream, header in predicted.items() for view in _pair(stream, header)]
+        pairs = [view for stream in predicted for view in _pair(stream, known)]
         compared = rrb.Grid(*pairs, grid_columns=2, name="measured, predicted, left")
         shown = rrb.Tabs(compared, flight, active_tab=0)
     scene: rrb.Spatial3DView | rrb.Vertical = _machine(platform)
@@ -86,8 +88,11 @@ def _graph(title: str, path: str, **options: Any) -> rrb.TimeSeriesView:
     )
 
 
-def _pair(stream: str, header: Header) -> tuple[rrb.TimeSeriesView, rrb.TimeSeriesView]:
+def _pair(
+    stream: str, streams: Mapping[str, Header]
+) -> tuple[rrb.TimeSeriesView, rrb.TimeSeriesView]:
     """A stream as measured and as predicted; and what is left."""
+    header, residual = streams[stream], f"{RESIDUAL}{stream}"
     there = entity(f"{PREDICTED}{stream}")
     style = rr.SeriesLines(
         names=[f"{column} predicted" for column in header.columns],
@@ -102,9 +107,8 @@ def _pair(stream: str, header: Header) -> tuple[rrb.TimeSeriesView, rrb.TimeSeri
         contents=[f"/{entity(stream)}", f"/{there}"],
         overrides={there: style},
     )
-    # an attitude differs by a rotation vector
-    unit = "rad" if stream == "attitude" else header.unit
-    return both, _graph(f"{stream}, what is left [{unit}]", entity(f"{RESIDUAL}{stream}"))
+    left = f"{stream}, what is left [{streams[residual].unit}]"
+    return both, _graph(left, entity(residual))
 
 
 def _machine(platform: Platform) -> rrb.Spatial3DView:

@@ -11,7 +11,6 @@ from twin.platform import Platform
 from twin.recording.recording import Recording
 from twin.recording.rrd import RrdFile, scalars
 from twin.recording.schema import SCHEMA
-from twin.signals import PREDICTED
 from twin.stream.blueprint import blueprint
 from twin.stream.plots import SAID, Plots
 from twin.stream.rows import Block, Header, decode
@@ -37,15 +36,15 @@ class RunFile:
         platform: Platform | None,
         provenance: Mapping[str, Any],
         remarks: bool = False,
-        predicted: Mapping[str, Header] | None = None,
+        streams: Mapping[str, Header] | None = None,
     ) -> None:
         """Write what stays the same: where it comes from, and the machine's shape; with room for
-        remarks where there will be some, and for what is predicted."""
+        remarks where there will be some, and for what is predicted of streams that are known."""
         self._file.provenance(provenance)
         if platform is None:
             return
         self._scene, self._plots = Scene(platform), Plots(platform)
-        self._file.rerun.send_blueprint(blueprint(platform, remarks=remarks, predicted=predicted))
+        self._file.rerun.send_blueprint(blueprint(platform, remarks=remarks, streams=streams))
         for path, archetype in (*self._scene.shapes(), *self._plots.styles()):
             self._file.rerun.log(path, archetype, static=True, strict=True)
 
@@ -111,7 +110,7 @@ def write_recording(
     file.start(
         platform,
         facts | {"repairs": recording.repairs} if recording.repairs else facts,
-        predicted={name: one for name, one in headers.items() if f"{PREDICTED}{name}" in headers},
+        streams=headers,
     )
     file.declare(headers)
     file.write({name: (s.time, s.value) for name, s in recording.items()})
