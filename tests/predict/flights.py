@@ -22,7 +22,7 @@ def flown(name: str, seed: int, duration: float = 20.0, law: str = "") -> Record
     """A simulated flight of a platform as it is, on a multisine, by its own law or another."""
     flight = prepare(
         name,
-        controller=law or LAWS[name],
+        controller=law or LAWS[name.partition(":")[0]],
         estimator="filter",
         plant="sim",
         reference="multisine:3",

@@ -2,16 +2,24 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from tests.predict.flights import flown, predictor
+from twin import rotation
+from twin.effects import State
+from twin.predict.body import Body
 from twin.predict.parameters.base import base_parameters
 from twin.predict.path import rollouts
+from twin.predict.path.push import Push
 from twin.predict.path.rollouts import STEP
 
 SEED = 20261123
 
 
-@pytest.mark.parametrize("platform", ["sads", "tas2", "astros", "cubesat", "whorl1"])
+MACHINES = ["sads", "tas2", "astros", "astros:mode_c", "cubesat", "whorl1"]
+
+
+@pytest.mark.parametrize("platform", MACHINES)
 def test_neighbours_go_as_rollouts_of_them_do(platform: str, monkeypatch: pytest.MonkeyPatch):
     body = predictor(flown(platform, SEED), platform)
     base = base_parameters(body.machine)
@@ -41,3 +49,44 @@ def test_neighbours_of_a_path_that_meets_the_stop_are_rolled_out(monkeypatch: py
     rolled = body.rollouts.around(model, beyond)
     np.testing.assert_array_equal(found[0].rate, rolled[0].rate)
     np.testing.assert_array_equal(found[1], rolled[1])
+
+
+@pytest.mark.parametrize("platform", MACHINES)
+def test_neighbours_feel_what_answers_to_the_path(platform: str, monkeypatch: pytest.MonkeyPatch):
+    body = predictor(flown(platform, SEED), platform)
+    model = base_parameters(body.machine).model(base_parameters(body.machine).as_stated)
+    inertia = body.machine.platform.inertia.trace() / 3.0
+
+    def law(state: State) -> NDArray[np.float64]:
+        drag = -0.1 * state.rate - 0.5 * np.abs(state.rate) * state.rate
+        wheels = 1e-6 * state.wheel_speed.sum(axis=-1, keepdims=True)
+        return inertia * (drag + 0.05 * rotation.vertical_body(state.position) + wheels)
+
+    push = Push(np.zeros_like(body.rollouts.force), ((1.0, law),))
+    around, _ = body.rollouts.around(model, body.start, push)
+    without, _ = body.rollouts.around(model, body.start)
+    monkeypatch.setattr(rollouts, "is_gyrostat", lambda *_: False)
+    rolled, _ = body.rollouts.around(model, body.start, push)
+    change, due, bare = (paths[1:].less(paths[:1]) / STEP for paths in (around, rolled, without))
+    largest = np.abs(due).max(axis=(0, 1, 2))
+    off, felt = (np.abs(one - due).max(axis=(0, 1, 2)) / largest for one in (change, bare))
+    print(f"{platform}: off by {off.max():.1e} where the law does {felt.max():.1e}")
+    assert felt.max() > 1e-2
+    assert off.max() < 1e-2 * felt.max()
+
+
+def test_neighbours_of_what_turns_over_within_a_step_are_rolled_out(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    body = predictor(flown("sads", SEED), "sads")
+    model = base_parameters(body.machine).model(base_parameters(body.machine).as_stated)
+    push = _dry(body)
+    _, carried = body.rollouts.around(model, body.start, push)
+    monkeypatch.setattr(rollouts, "is_gyrostat", lambda *_: False)
+    _, rolled = body.rollouts.around(model, body.start, push)
+    np.testing.assert_array_equal(carried, rolled)
+
+
+def _dry(body: Body) -> Push:
+    """Friction that has its whole size from 1e-5 rad/s on."""
+    return Push(np.zeros_like(body.rollouts.force), ((0.1, lambda s: -np.tanh(s.rate / 1e-5)),))

@@ -12,6 +12,8 @@ from twin.model import Machine
 from twin.predict.path.states import States
 
 Array = NDArray[np.float64]
+NUDGE = 1e-6
+"""Of central differences of a state [SI]."""
 Factored = tuple[float, TorqueLaw]
 """A torque on the base, so many times."""
 
@@ -37,6 +39,27 @@ class Push:
             times: (S, steps) at which the steps begin [s].
         """
         return self.force + forces_along(self.laws, machine, path, times)
+
+    def slopes(self, path: States, times: Array) -> Array:
+        """(S, steps, k, 2 k + w) d torque of the laws on the base by its turn, its rate and the
+        wheels' speeds, in the middle of each step of a path.
+
+        Args:
+            path: (S, steps + 1, .).
+            times: (S, steps) at which the steps begin [s].
+        """
+        before, after = path[:, :-1], path[:, 1:]
+        middle = before.moved(0.5 * after.less(before)).flat
+        k = middle.rate.shape[-1]
+        shown = 2 * k + middle.wheel_speed.shape[-1]
+        nudges = NUDGE * np.eye(shown, middle.width)
+        columns = [
+            torque_of(self.laws, middle.moved(nudge).with_time(times.ravel()))
+            - torque_of(self.laws, middle.moved(-nudge).with_time(times.ravel()))
+            for nudge in nudges
+        ]
+        slopes = np.stack(columns, axis=-1) / (2.0 * NUDGE)
+        return slopes.reshape(*times.shape, k, shown)
 
 
 def torque_of(laws: Sequence[Factored], state: State) -> Array:

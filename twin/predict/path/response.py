@@ -22,7 +22,8 @@ TURN = 1e-4
 
 @dataclass(frozen=True)
 class Masses:
-    """Of the base and the wheels whose speeds are states, b numbers, at (S, K) states."""
+    """Of the base and the wheels whose speeds are states, b numbers, at (S, K) states; what else
+    moves freely goes along with them."""
 
     free: Array
     """(S, K, b, b)."""
@@ -77,22 +78,20 @@ class Response:
                 self._turned[at][..., column] = change[:, machine.base_dof]
         self._home = self._at_home(model)
 
-    @property
-    def whole(self) -> bool:
-        """Whether nothing moves freely but what is in the state."""
-        return len(self._moved) == len(self._free)
-
     def masses(self, model: mujoco.MjModel, rate: Array) -> Masses:
         """Where the response was measured, but the base that of `model`, at its rates (S, K, k)."""
         change = self._at_home(model) - self._home
-        both = np.ix_(self._moved, self._moved)
         base = self._base.copy()
         base[..., self._free] += change[self._bases]
-        free = self._mass[..., both[0], both[1]] + change[both]
-        gyro = self._gyro
+        whole, gyro = self._mass + change, self._gyro
         if gyro.shape[-1]:
             gyro = gyro + np.einsum("snfkg,snk->snfg", self._turned, rate - self._rate)
-        return Masses(free, gyro[:, :, self._moved], base)
+        if len(self._moved) < len(self._free):
+            answer = np.linalg.inv(whole)[:, :, self._moved]
+            free = np.asarray(np.linalg.inv(answer[..., self._moved]), dtype=np.float64)
+            return Masses(free, free @ answer @ gyro, base)
+        both = np.ix_(self._moved, self._moved)
+        return Masses(whole[..., both[0], both[1]], gyro[:, :, self._moved], base)
 
     def of(self, model: mujoco.MjModel) -> Array:
         """(S, K, x, nv) change of the state by a unit impulse on each degree of freedom, a unit

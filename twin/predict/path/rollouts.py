@@ -31,6 +31,10 @@ STOP_GUARD = np.radians(2.0)
 TOUCH = np.radians(0.5)
 """And a path of any other that stays so far from it carries its neighbours by its own equations."""
 
+STIFF = 0.1
+"""Part of its rate that what answers to a path may take from it in a step, for the neighbours to
+follow from the path's own equations."""
+
 
 class BeyondBounds(TwinError):
     """A motion that grows without end."""
@@ -95,23 +99,39 @@ class Rollouts:
         Raises:
             TwinError: the motion is unbounded.
         """
-        smooth = is_gyrostat(self.machine, model) and self._response.whole
-        if smooth and not (push is not None and push.laws):
+        if is_gyrostat(self.machine, model):
             path, position, velocity = self._paths(model, start.one(), push)
             if not self._contacts or not _leans(self.machine, path.position, TOUCH):
-                return self._beside(model, path, position, velocity)
+                beside = self._beside(model, path, position, velocity, push)
+                if beside is not None:
+                    return beside
         x = start.width
         shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
         paths = self.paths(model, start.one().moved(shifts), push)
         return paths, carried_states(np.moveaxis(paths[1:].less(paths[:1]), 0, -1) / STEP)
 
     def _beside(
-        self, model: mujoco.MjModel, path: States, position: Array, velocity: Array
-    ) -> tuple[States, Array]:
-        """As `around`, of a path that touches nothing."""
+        self,
+        model: mujoco.MjModel,
+        path: States,
+        position: Array,
+        velocity: Array,
+        push: Push | None,
+    ) -> tuple[States, Array] | None:
+        """As `around`, of a path that touches nothing; None where what answers to it turns over
+        within a step, as dry friction does near rest."""
         masses = self._response.masses(model, 0.5 * (path.rate[0, :, :-1] + path.rate[0, :, 1:]))
-        field = self.inputs.field_world
-        passage = Passage(path[0], position, velocity, self._dipole, field, self.grid.step)
+        field, answering = self.inputs.field_world, None
+        if push is not None and push.laws:
+            grid = self.grid
+            begins = grid.starts[:, None] + grid.step * np.arange(grid.steps)
+            answering = push.slopes(path[0], begins)
+            braking = answering[..., 3:6] @ np.linalg.inv(masses.free)[..., :3, :3]
+            if grid.step * np.abs(braking).max() > STIFF:
+                return None
+        passage = Passage(
+            path[0], position, velocity, self._dipole, field, self.grid.step, answering
+        )
         carried = transitions(self.machine, model, masses, passage)
         beside = path.moved(STEP * np.moveaxis(reached(carried), -1, 0))
         return States.joined([path, beside]), carried

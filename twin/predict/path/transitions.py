@@ -39,6 +39,9 @@ class Passage:
     """(3,) that they feel, room axes [T]."""
     step: float
     """[s]."""
+    answering: Array | None = None
+    """(S, steps, 3, 6 + w) d torque on the base of what answers to the path, by (turn, rate, wheel
+    speeds)."""
 
 
 def is_gyrostat(machine: Machine, model: mujoco.MjModel) -> bool:
@@ -74,6 +77,9 @@ def transitions(machine: Machine, model: mujoco.MjModel, masses: Masses, passage
     slope[..., base, :] = rotation.skew(momentum) @ turning
     slope[..., base, base] -= rotation.skew(middle.rate)
     slope[..., base, turn] += _restoring(machine, model, passage, middle.position)
+    if passage.answering is not None:
+        slope[..., base, turn] += passage.answering[..., turn]
+        slope[..., base, :] += passage.answering[..., moving] @ gains
     dofs = [*range(model.nv)[machine.base_dof], *machine.wheel_dof[:w]]
     rates = np.concatenate([middle.rate, middle.wheel_speed], axis=-1)
     damping = model.dof_damping[dofs] + 2.0 * model.dof_dampingpoly[dofs, 0] * np.abs(rates)
