@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from twin.clock import SimulatedClock
@@ -10,8 +11,10 @@ from twin.estimators import load_estimator
 from twin.loop import fly
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
-from twin.procedures.logbook import Logbook
+from twin.procedures.logbook import FITTED, Logbook
 from twin.reference import Hold
+from twin.signals import Tick
+from twin.stream.recorder import MemoryRecorder
 
 
 @pytest.mark.parametrize(
@@ -34,3 +37,39 @@ def test_an_inclinometer_is_kept_where_no_attitude_is_measured(without, kept):
     )
     found = set(logbook.recording(0, 0.0)) & {"gyro", "attitude", "inclinometer", "accelerometer"}
     assert found == kept
+
+
+class Forgetful(Logbook):
+    """Forgets what is older than ten seconds."""
+
+    def collect(self, tick: Tick) -> None:
+        self.forget(tick.reading.time - 10.0)
+        super().collect(tick)
+
+
+def test_a_run_of_many_is_remembered_as_a_recorder_has_it():
+    platform = load_platform("cubesat")
+    lossy = {
+        name: replace(sensor, dropout=0.2, latency=0.03)
+        for name, sensor in platform.sensors.items()
+    }
+    platform = replace(platform, sensors=lossy)
+    logbook, recorder = Forgetful(platform), MemoryRecorder(platform)
+    fly(
+        SimulatedPlant(platform, runs=range(3), seed=1),
+        load_estimator("filter"),
+        load_controller("mass_magnetic_pid"),
+        Hold(),
+        SimulatedClock(),
+        duration=40.0,
+        observers=[logbook, recorder],
+    )
+    for run, start in ((0, 30.0), (1, 33.3), (2, 39.9)):
+        due = recorder.recording(run).between(start, np.inf)
+        found = logbook.recording(run, start)
+        assert set(found) == {name for name in FITTED if name in due and len(due[name])}
+        for name, series in found.items():
+            np.testing.assert_array_equal(series.time, due[name].time)
+            if name != "stage_position":  # shown where the masses mostly stand
+                np.testing.assert_array_equal(series.value, due[name].value)
+            assert (series.columns, series.unit) == (due[name].columns, due[name].unit)

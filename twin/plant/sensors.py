@@ -79,6 +79,7 @@ class SimulatedSensor:
                 np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, run, key, 1])))
                 for run in runs
             ]
+            self._white = _Ahead(self._draw_white)
         self._late: deque[Samples] = deque()
         self._all_valid: dict[int, NDArray[np.bool_]] = {}
 
@@ -120,7 +121,7 @@ class SimulatedSensor:
         for act in self._before:
             truth = act(Samples(truth, stamps, kept)).value
         if causes:
-            truth = truth + self._shake(truth.shape, causes)
+            truth = truth + self._shake(truth.shape[1], causes)
         samples = Samples(self._disturbed(truth), stamps, kept)
         for act in self._after:
             samples = act(samples)
@@ -144,13 +145,12 @@ class SimulatedSensor:
             return None
         return Samples(value[:, :count], time[:, :count], valid[:, :count])
 
-    def _shake(self, shape: tuple[int, ...], causes: Sequence[Array]) -> Array:
-        white = np.stack([generator.standard_normal(shape[1:]) for generator in self._shaken])
+    def _shake(self, m: int, causes: Sequence[Array]) -> Array:
         variances = [
             np.square(effect.sigma(cause, self._platform))
             for effect, cause in zip(self.scatter, causes, strict=True)
         ]
-        return white * np.sqrt(np.sum(np.broadcast_arrays(*variances), axis=0))
+        return self._white.take(m) * np.sqrt(np.sum(np.broadcast_arrays(*variances), axis=0))
 
     def _disturbed(self, truth: Array) -> Array:
         sensor, error = self.sensor, self._error(truth.shape[1])
@@ -193,6 +193,10 @@ class SimulatedSensor:
             generator.standard_normal(out=row)
         block *= self.sensor.noise
         return block
+
+    def _draw_white(self, count: int) -> Array:
+        shape = count, len(self.sensor.noise)
+        return np.stack([generator.standard_normal(shape) for generator in self._shaken])
 
     def _draw_uniform(self, count: int) -> Array:
         return np.stack([generator.random((count, 1)) for generator in self._generators])

@@ -1,15 +1,14 @@
-"""What a run measured since a time, kept while its phases need it."""
+"""What all runs measured since a time, kept while their phases need it."""
 
-from collections import deque
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.platform import Platform
-from twin.recording import Recording
-from twin.signals import Tick
-from twin.stream.rows import Rows, series
+from twin.procedures.kept import Kept
+from twin.recording import Recording, Series
+from twin.signals import Mask, Tick, stream_named
 
 Array = NDArray[np.float64]
 
@@ -33,36 +32,53 @@ says little that the attitude does not; nor, beside that, an inclinometer."""
 
 
 class Logbook:
-    """Observer of a loop: remembers its ticks from `forget`'s time on, without what is true."""
+    """Observer of a loop: remembers its ticks from `forget`'s time on, what of them is fitted."""
 
     def __init__(self, platform: Platform) -> None:
         self._platform = platform
-        self._ticks: deque[Tick] = deque()
+        self._kept: dict[str, Kept] = {}
         self._since = np.inf
 
     def collect(self, tick: Tick) -> None:
         """One tick."""
-        while self._ticks and self._ticks[0].reading.time < self._since:
-            self._ticks.popleft()
-        if tick.reading.time >= self._since:
-            self._ticks.append(tick._replace(truth={}))
+        now = tick.reading.time
+        if now < self._since:
+            return
+        valid = tick.estimate.valid
+        for name, samples in tick.reading.streams.items():
+            self._keep(name, len(valid), samples.time, samples.value, samples.valid)
+        stamp, every = np.full((1, 1), now), np.ones((1, 1), dtype=np.bool_)
+        for name, value in tick.applied.items():
+            self._keep(name, len(valid), stamp, value[:, None], every)
+        bias = tick.estimate.gyro_bias[:, None]
+        self._keep("estimate_gyro_bias", len(valid), stamp, bias, valid[:, None])
 
     def forget(self, before: float) -> None:
         """Nothing from before that time [s] will be asked for; inf: nothing at all."""
         self._since = before
+        if before == np.inf:
+            self._kept.clear()
 
     def recording(self, run: int, start: float) -> Recording:
         """What a run measured and was told from `start` [s] until now."""
-        ticks = [tick for tick in self._ticks if tick.reading.time >= start]
-        rows = Rows(self._platform, run)
-        blocks = rows.of(ticks)
-        streams = {name: series(rows.headers[name], block) for name, block in blocks.items()}
+        streams: dict[str, Series] = {}
+        for name, kept in self._kept.items():
+            # Samples from before the start may arrive after it: under another command.
+            time, value = kept.rows(run, start)
+            if len(time):
+                columns, unit = self._platform.columns(name), stream_named(name).unit
+                streams[name] = Series(time, value, columns, unit)
+        if "attitude" in streams:
+            streams.pop("inclinometer", None)
         facts = {"platform": self._platform.name, "source": f"balancing, from {start:.2f} s on"}
-        # Samples from before the start may arrive after it: under another command.
-        kept = {name: rows for name, rows in streams.items() if name in FITTED}
-        if "attitude" in kept:
-            kept.pop("inclinometer", None)
-        return _still(Recording(kept, facts).between(start, np.inf), self._platform)
+        return _still(Recording(streams, facts), self._platform)
+
+    def _keep(self, name: str, runs: int, time: Array, value: Array, valid: Mask) -> None:
+        if name not in FITTED:
+            return
+        if name not in self._kept:
+            self._kept[name] = Kept(runs, value.shape[-1])
+        self._kept[name].add(time, value, valid, self._since)
 
 
 def _still(recording: Recording, platform: Platform) -> Recording:
