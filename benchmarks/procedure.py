@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 MACHINE = "cubesat"
 RUNS = 256
-"""Of all processes together."""
+"""Of each process, as in a campaign."""
 FITTED = 4
 """Runs that are fitted, of all processes together."""
 SEED = 1
@@ -131,7 +131,7 @@ def balanced() -> None:
         without, fitted = (
             [one.result() for one in [processes.submit(_balanced, n, core, fits)
                                       for core in range(cores)]]
-            for n, fits in ((RUNS // cores, False), (max(FITTED // cores, 2), True))
+            for n, fits in ((RUNS, False), (max(FITTED // cores, 2), True))
         )  # fmt: skip
     turns = [one.bare / tick for one in without for tick in one.flown]
     bare = median([one.bare for one in without])
