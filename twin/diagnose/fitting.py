@@ -16,6 +16,9 @@ ASTRAY = 0.1
 """A fit that is less likely by more than this a sample than the one it began from has lost it."""
 ELSEWHERE = 1.0
 """-2 log L by which a fit from another start must be likelier to be more than the same minimum."""
+CROWD = 3
+"""Causes beyond which a set stands in for something else, wherever one of them points: the first
+start that can be fitted will do."""
 
 
 def guesses(
@@ -43,6 +46,8 @@ def fitted(
         with suppress(TwinError):
             found = now.instead(start, laws)
             best = found if best is None or found.cost < best.cost - ELSEWHERE else best
+        if best is not None and len(effects) > CROWD:
+            break
     return best
 
 

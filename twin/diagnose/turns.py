@@ -11,15 +11,12 @@ from twin.platform import Platform
 
 LARGE = 0.5
 """Turn [rad] from which on its linear column is no guess of where it leads."""
-CROWD = 3
-"""Causes beyond which a set stands in for something else, wherever one of them points."""
 
 
 def starts(
     effects: Sequence[Effect], fitted: Collection[Effect], platform: Platform
 ) -> Iterator[tuple[Effect, ...]]:
-    """A set of effects as it is, then a small one with each large turn that is but guessed about
-    each axis.
+    """A set of effects as it is, then with each large turn that is but guessed about each axis.
 
     Args:
         effects: the set.
@@ -27,8 +24,6 @@ def starts(
         platform: what they are effects of.
     """
     yield tuple(effects)
-    if len(effects) > CROWD:
-        return
     for index, guess in enumerate(effects):
         turn = _turn_of(guess)
         size = float(np.linalg.norm(guess.values[turn]))
