@@ -11,10 +11,9 @@ from twin.predict.body import Body
 from twin.predict.parameters.base import base_parameters
 from twin.predict.path import rollouts
 from twin.predict.path.push import Push
-from twin.predict.path.rollouts import STEP
+from twin.predict.path.states import STEP
 
 SEED = 20261123
-
 
 MACHINES = ["sads", "tas2", "astros", "astros:mode_c", "cubesat", "whorl1"]
 

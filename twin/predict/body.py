@@ -28,9 +28,9 @@ from twin.predict.log.shaking import shaking
 from twin.predict.parameters.base import BaseParameters
 from twin.predict.parameters.base_forces import base_forces
 from twin.predict.path.push import Push
-from twin.predict.path.rollouts import STEP, Rollouts
+from twin.predict.path.rollouts import Rollouts
 from twin.predict.path.segments import command_step, grid_of
-from twin.predict.path.states import States
+from twin.predict.path.states import STEP, States
 from twin.predict.path.tangent import carried_forces
 from twin.predict.sensors.cells import Cells
 from twin.predict.sensors.outputs import Grid, digits_of, outputs_of
@@ -170,7 +170,7 @@ class Body:
     @property
     def begins(self) -> Array:
         """(S, steps) at which the steps begin [s]."""
-        return self.grid.starts[:, None] + self.grid.step * np.arange(self.grid.steps)
+        return self.grid.begins
 
     def commanded(self, late: float = 0.0) -> Array:
         """(S, steps, nv) torques of the commands, as if they acted so much later [s]."""

@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 from twin.effects import State
 from twin.effects.on_body import TorqueLaw
 from twin.model import Machine
-from twin.predict.path.states import States
+from twin.predict.path.states import STEP, States
 
 Array = NDArray[np.float64]
-NUDGE = 1e-6
-"""Of central differences of a state [SI]."""
 Factored = tuple[float, TorqueLaw]
 """A torque on the base, so many times."""
 
@@ -52,13 +50,13 @@ class Push:
         middle = before.moved(0.5 * after.less(before)).flat
         k = middle.rate.shape[-1]
         shown = 2 * k + middle.wheel_speed.shape[-1]
-        nudges = NUDGE * np.eye(shown, middle.width)
+        nudges = STEP * np.eye(shown, middle.width)
         columns = [
             torque_of(self.laws, middle.moved(nudge).with_time(times.ravel()))
             - torque_of(self.laws, middle.moved(-nudge).with_time(times.ravel()))
             for nudge in nudges
         ]
-        slopes = np.stack(columns, axis=-1) / (2.0 * NUDGE)
+        slopes = np.stack(columns, axis=-1) / (2.0 * STEP)
         return slopes.reshape(*times.shape, k, shown)
 
 

@@ -15,7 +15,7 @@ from twin.predict.log.motion import Motion
 from twin.predict.path.push import Push, torque_of
 from twin.predict.path.response import Response
 from twin.predict.path.segments import Segment
-from twin.predict.path.states import States
+from twin.predict.path.states import STEP, States
 from twin.predict.path.tangent import carried_states, reached
 from twin.predict.path.transitions import Passage, is_gyrostat, transitions
 from twin.predict.sensors.outputs import Grid
@@ -24,8 +24,6 @@ Array = NDArray[np.float64]
 
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL.value)
 _FORCE = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED.value)
-STEP = 1e-6
-"""Of finite differences of a state [SI]."""
 STOP_GUARD = np.radians(2.0)
 """A log that stays so far from the tilt stop is predicted without contacts, at half the cost."""
 TOUCH = np.radians(0.5)
@@ -123,11 +121,9 @@ class Rollouts:
         masses = self._response.masses(model, 0.5 * (path.rate[0, :, :-1] + path.rate[0, :, 1:]))
         field, answering = self.inputs.field_world, None
         if push is not None and push.laws:
-            grid = self.grid
-            begins = grid.starts[:, None] + grid.step * np.arange(grid.steps)
-            answering = push.slopes(path[0], begins)
+            answering = push.slopes(path[0], self.grid.begins)
             braking = answering[..., 3:6] @ np.linalg.inv(masses.free)[..., :3, :3]
-            if grid.step * np.abs(braking).max() > STIFF:
+            if self.grid.step * np.abs(braking).max() > STIFF:
                 return None
         passage = Passage(
             path[0], position, velocity, self._dipole, field, self.grid.step, answering

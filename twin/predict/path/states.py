@@ -12,6 +12,9 @@ from twin.effects import State
 
 Array = NDArray[np.float64]
 
+STEP = 1e-6
+"""Of finite differences of a state [SI]."""
+
 
 @dataclass(frozen=True)
 class States:

@@ -62,6 +62,11 @@ class Grid:
         return np.asarray(self.begin + self.length * np.arange(self.segments), dtype=np.float64)
 
     @property
+    def begins(self) -> Array:
+        """(segments, steps) at which the steps begin [s]."""
+        return self.starts[:, None] + self.step * np.arange(self.steps)
+
+    @property
     def edges(self) -> Array:
         """(segments steps + 1,) of all steps [s]."""
         count = self.steps * self.segments
