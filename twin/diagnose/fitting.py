@@ -24,16 +24,16 @@ start that can be fitted will do."""
 def guesses(
     now: Explanation, asked: Sequence[Candidate], weighing: Weighing, chosen: tuple[int, ...]
 ) -> list[Effect]:
-    """The chosen effects, new ones with their linearised strengths."""
+    """The chosen effects, new ones with their linearised strengths; no laws."""
     found: list[Effect] = []
     for index, own in zip(chosen, weighing.weigh(chosen).strengths, strict=True):
         if index < len(now.effects):
             found.append(now.effects[index])
-            continue
-        effect = asked[index - len(now.effects)].effect
-        strengths = strengths_of(effect)
-        strengths[amplitudes(effect)] = own
-        found.append(with_strengths(effect, strengths))
+        elif index >= len(now.own):
+            effect = asked[index - len(now.own)].effect
+            strengths = strengths_of(effect)
+            strengths[amplitudes(effect)] = own
+            found.append(with_strengths(effect, strengths))
     return found
 
 

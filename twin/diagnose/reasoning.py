@@ -9,6 +9,7 @@ from twin.diagnose.explanation import Explanation, explain
 from twin.diagnose.fitting import astray, fitted, followed, guesses
 from twin.diagnose.laws import RARE, laws_of, unlikely
 from twin.diagnose.lines import lines_of, slow_line_of
+from twin.diagnose.needed import needed_only
 from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.search import TIED, Search
 from twin.effects import Effect, able, with_effects
@@ -103,7 +104,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
             # causes that stand in for a law may have hidden it
             lead = -SHADOW if lawful else TIED
             line = _with_laws(Line(plain, search, every), than=line, lead=lead)
-    needed = _needed_only(line.now, line.search.limit)
+    needed = needed_only(line.now, line.search.limit)
     if needed is line.now:
         return line
     search = search_from(needed, line.asked)
@@ -113,7 +114,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
         return fewer
     # one of those that were dropped, or another, may explain more than what is left
     found = _searched(needed, search, line.asked, say)
-    if _needed_only(found.now, found.search.limit) is not found.now:
+    if needed_only(found.now, found.search.limit) is not found.now:
         return fewer
     return min(fewer, found, key=lambda one: one.score)
 
@@ -363,23 +364,24 @@ def _with_laws(
     there = followed(there, there.effects, there.laws) or there
     lawful = Line(there, search_from(there, line.asked), line.asked)
     beyond = than.score + than.nameless - promised - lawful.score
-    lawful = replace(lawful, nameless=max(beyond, 0.0))
+    lawful = _named(replace(lawful, nameless=max(beyond, 0.0)))
     return lawful if lawful.score < than.score - min(lead, 0.0) else than
 
 
-def _needed_only(now: Explanation, limit: float) -> Explanation:
-    """Without causes and laws that the others have made needless, or that as fitted gain no more
-    than noise may: a column promises it, and a fault of a clock that jumps does not keep it."""
-    while now.own:
-        weighing = now.weighing(())
-        kept = Search(weighing, now.own, limit).best()
-        if len(kept) == len(now.own):
-            break
-        count = len(now.effects)
-        effects = [effect for index, effect in enumerate(now.effects) if index in kept]
-        laws = [law for index, law in enumerate(now.laws) if index + count in kept]
-        fewer = followed(now, effects, laws)
-        if fewer is None:
-            break
-        now = fewer
-    return now
+def _named(lawful: Line) -> Line:
+    """Causes in place of all laws, where along the motion that those lead to a few do the same.
+
+    Without the laws the motion may be too far away for a cause's columns to show what it does.
+    """
+    now, weighing = lawful.now, lawful.search.weighing
+    laws = range(len(now.effects), len(now.own))
+    search = Search(weighing, [i for i in lawful.search.asked if i not in laws])
+    best = search.best()
+    behind = search.evidence(now.own) - len(laws) * unlikely(laws_of(now.bodies))
+    if not best or len(best) > len(now.own) or search.evidence(best) < behind:
+        return lawful
+    there = followed(now, guesses(now, lawful.asked, weighing, best))
+    if there is None:
+        return lawful
+    named = Line(there, search_from(there, lawful.asked), lawful.asked)
+    return min(named, lawful, key=lambda line: line.score)

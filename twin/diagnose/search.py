@@ -111,8 +111,23 @@ class Search:
 
     def scores(self, chosen: tuple[int, ...] = ()) -> list[Score]:
         """Of all causes beside those chosen, the best first."""
-        found = [self._score(chosen, index) for index in self._others(chosen)]
+        found = [self.score(chosen, index) for index in self._others(chosen)]
         return sorted(found, key=lambda score: -score.evidence)
+
+    def score(self, chosen: tuple[int, ...], index: int) -> Score:
+        """Of one beside those chosen."""
+        return self.scored(index, self._gain((*chosen, index)) - self._gain(chosen))
+
+    def scored(self, index: int, gain: float) -> Score:
+        """Of one that was seen to gain so much."""
+        gain = max(gain, 0.0)
+        seen = np.count_nonzero(self.weighing.seen(index))
+        surprise = float(chi2.logsf(gain, max(seen, 1))) + self.weighing.traces[index].looked
+        return Score(index, gain, gain - self._worth(index, gain), surprise)
+
+    def pays(self, score: Score) -> bool:
+        """Whether a cause is worth its price, and more surprising than chance."""
+        return score.surprise < self.limit and score.evidence > 0.0
 
     def evidence(self, chosen: tuple[int, ...]) -> float:
         """Of a set against nothing at all.
@@ -133,16 +148,16 @@ class Search:
         """The set with the most evidence, each of its causes beyond the chance of a false alarm."""
         chosen: tuple[int, ...] = ()
         while len(chosen) < MOST:
-            out = [s for s in self.scores(chosen) if s.surprise < self.limit and s.evidence > 0.0]
+            out = [score for score in self.scores(chosen) if self.pays(score)]
             if not out:
                 break
             chosen = self._exchanged((*chosen, out[0].index))
         while chosen:
-            weak = [s for s in map(lambda i: self._score(_less(chosen, i), i), chosen)]
-            weak = [s for s in weak if s.surprise >= self.limit or s.evidence <= 0.0]
+            beside = [self.score(less(chosen, index), index) for index in chosen]
+            weak = [score for score in beside if not self.pays(score)]
             if not weak:
                 break
-            chosen = _less(chosen, min(weak, key=lambda s: s.evidence).index)
+            chosen = less(chosen, min(weak, key=lambda s: s.evidence).index)
         return chosen
 
     def instead(self, chosen: tuple[int, ...], index: int) -> list[tuple[int, float]]:
@@ -150,7 +165,7 @@ class Search:
 
         A vector that would have to point just so to do what a number does loses by its freedom.
         """
-        rest = _less(chosen, index)
+        rest = less(chosen, index)
         evidence = self.evidence(chosen)
         found = [
             (other, evidence - self.evidence((*rest, other)))
@@ -163,7 +178,7 @@ class Search:
         """How far each other cause would be behind in one's place, had the logs no noise and were
         the set the truth, by label: in evidence, or in likelihood alone if that is less."""
         silent = Search(self.weighing.noiseless(chosen), self.asked)
-        rest, most = _less(chosen, index), silent._gain(chosen)
+        rest, most = less(chosen, index), silent._gain(chosen)
         found: dict[str, float] = {}
         for other, behind in silent.instead(chosen, index):
             label = self.weighing.traces[other].label
@@ -181,7 +196,7 @@ class Search:
         while True:
             tries = [
                 (*rest, other)
-                for rest in (_less(chosen, index) for index in chosen)
+                for rest in (less(chosen, index) for index in chosen)
                 for other in self._others(rest)
             ]
             best = max(tries, key=self.evidence, default=chosen)
@@ -190,17 +205,11 @@ class Search:
                 return chosen
             chosen, now = best, there
 
-    def _score(self, chosen: tuple[int, ...], index: int) -> Score:
-        gain = max(self._gain((*chosen, index)) - self._gain(chosen), 0.0)
-        seen = np.count_nonzero(self.weighing.seen(index))
-        surprise = float(chi2.logsf(gain, max(seen, 1))) + self.weighing.traces[index].looked
-        return Score(index, gain, gain - self._worth(index, gain), surprise)
-
     def _gain(self, chosen: tuple[int, ...]) -> float:
         return self.weighing.weigh(chosen).gain
 
     def _price(self, chosen: tuple[int, ...], index: int) -> float:
-        gain = self._gain(chosen) - self._gain(_less(chosen, index))
+        gain = self._gain(chosen) - self._gain(less(chosen, index))
         return self._worth(index, max(gain, 0.0))
 
     def _worth(self, index: int, gain: float) -> float:
@@ -208,5 +217,6 @@ class Search:
         return price(gain, self.weighing.information(index)) + self.weighing.traces[index].unlikely
 
 
-def _less(chosen: tuple[int, ...], index: int) -> tuple[int, ...]:
+def less(chosen: tuple[int, ...], index: int) -> tuple[int, ...]:
+    """A set without one."""
     return tuple(one for one in chosen if one != index)

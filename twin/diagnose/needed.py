@@ -1,0 +1,47 @@
+"""Which causes and laws of an explanation the others have made needless."""
+
+from twin.diagnose.explanation import Explanation
+from twin.diagnose.fitting import followed
+from twin.diagnose.search import Search, less
+
+
+def needed_only(now: Explanation, limit: float) -> Explanation:
+    """Without those that gain no more than noise may.
+
+    A column promises it, and a fault of a clock that jumps does not keep it; or what it leads to is
+    so far from the motion without it that only a fit of that shows how little it is needed.
+
+    Args:
+        now: where the reasoning stands.
+        limit: surprise that noise reaches in a false alarm.
+    """
+    while now.own:
+        fewer = _without_needless(now, limit) or _without_one(now, limit)
+        if fewer is None:
+            break
+        now = fewer
+    return now
+
+
+def _without_needless(now: Explanation, limit: float) -> Explanation | None:
+    """Fitted without all that its columns say it can do without."""
+    kept = Search(now.weighing(()), now.own, limit).best()
+    if len(kept) == len(now.own):
+        return None
+    count = len(now.effects)
+    effects = [effect for index, effect in enumerate(now.effects) if index in kept]
+    laws = [law for index, law in enumerate(now.laws) if index + count in kept]
+    return followed(now, effects, laws)
+
+
+def _without_one(now: Explanation, limit: float) -> Explanation | None:
+    """Fitted without the weakest cause whose absence a fit makes good; the strongest one stays."""
+    search = Search(now.weighing(()), now.own, limit)
+    causes = range(len(now.effects))
+    weakest = sorted(causes, key=lambda one: search.score(less(now.own, one), one).gain)
+    for index in weakest[:-1]:
+        rest = [effect for place, effect in enumerate(now.effects) if place != index]
+        fewer = followed(now, rest, now.laws)
+        if fewer is not None and not search.pays(search.scored(index, fewer.cost - now.cost)):
+            return fewer
+    return None
