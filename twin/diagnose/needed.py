@@ -1,8 +1,12 @@
 """Which causes and laws of an explanation the others have made needless."""
 
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.fitting import followed
+from twin.diagnose.fitting import CROWD, followed
 from twin.diagnose.search import Search, less
+
+SLIGHT = 0.1
+"""Share of what the strongest cause gains, below which what columns promise of another one may be
+the error of theirs: to fit the logs without a cause that they need takes long."""
 
 
 def needed_only(now: Explanation, limit: float) -> Explanation:
@@ -35,11 +39,14 @@ def _without_needless(now: Explanation, limit: float) -> Explanation | None:
 
 
 def _without_one(now: Explanation, limit: float) -> Explanation | None:
-    """Fitted without the weakest cause whose absence a fit makes good; the strongest one stays."""
+    """Fitted without the weakest cause whose absence a fit makes good, of those that are slight
+    beside the strongest; none of a crowd, which stands in for something else anyway."""
+    if not 1 < len(now.effects) <= CROWD:
+        return None
     search = Search(now.weighing(()), now.own, limit)
-    causes = range(len(now.effects))
-    weakest = sorted(causes, key=lambda one: search.score(less(now.own, one), one).gain)
-    for index in weakest[:-1]:
+    gain = {i: search.score(less(now.own, i), i).gain for i in range(len(now.effects))}
+    slight = [i for i in gain if gain[i] < SLIGHT * max(gain.values())]
+    for index in sorted(slight, key=lambda i: gain[i]):
         rest = [effect for place, effect in enumerate(now.effects) if place != index]
         fewer = followed(now, rest, now.laws)
         if fewer is not None and not search.pays(search.scored(index, fewer.cost - now.cost)):
