@@ -6,7 +6,7 @@ from functools import cached_property
 
 from twin.diagnose.candidates import Candidate, ringing
 from twin.diagnose.explanation import Explanation, explain
-from twin.diagnose.fitting import astray, fitted, followed, guesses
+from twin.diagnose.fitting import CROWD, astray, fitted, followed, guesses
 from twin.diagnose.laws import RARE, laws_of, unlikely
 from twin.diagnose.lines import lines_of, slow_line_of
 from twin.diagnose.needed import needed_only
@@ -378,7 +378,8 @@ def _named(lawful: Line) -> Line:
     search = Search(weighing, [i for i in lawful.search.asked if i not in laws])
     best = search.best()
     behind = search.evidence(now.own) - len(laws) * unlikely(laws_of(now.bodies))
-    if not best or len(best) > len(now.own) or search.evidence(best) < behind:
+    few = 0 < len(best) <= min(len(now.own), CROWD)
+    if not few or search.evidence(best) < behind:
         return lawful
     there = followed(now, guesses(now, lawful.asked, weighing, best))
     if there is None:
