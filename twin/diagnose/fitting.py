@@ -17,8 +17,8 @@ ASTRAY = 0.1
 ELSEWHERE = 1.0
 """-2 log L by which a fit from another start must be likelier to be more than the same minimum."""
 CROWD = 3
-"""Causes beyond which a set stands in for something else, wherever one of them points: the first
-start that can be fitted will do."""
+"""Causes beyond which a set stands in for something else: neither one of them of another shape, nor
+any that points elsewhere."""
 
 
 def guesses(
@@ -46,6 +46,7 @@ def fitted(
         with suppress(TwinError):
             found = now.instead(start, laws)
             best = found if best is None or found.cost < best.cost - ELSEWHERE else best
+        # wherever one of a crowd points, it stands in for something else
         if best is not None and len(effects) > CROWD:
             break
     return best

@@ -20,16 +20,17 @@ def needed_only(now: Explanation, limit: float) -> Explanation:
         limit: surprise that noise reaches in a false alarm.
     """
     while now.own:
-        fewer = _without_needless(now, limit) or _without_one(now, limit)
+        search = Search(now.weighing(()), now.own, limit)
+        fewer = _without_needless(now, search) or _without_one(now, search)
         if fewer is None:
             break
         now = fewer
     return now
 
 
-def _without_needless(now: Explanation, limit: float) -> Explanation | None:
+def _without_needless(now: Explanation, search: Search) -> Explanation | None:
     """Fitted without all that its columns say it can do without."""
-    kept = Search(now.weighing(()), now.own, limit).best()
+    kept = search.best()
     if len(kept) == len(now.own):
         return None
     count = len(now.effects)
@@ -38,12 +39,11 @@ def _without_needless(now: Explanation, limit: float) -> Explanation | None:
     return followed(now, effects, laws)
 
 
-def _without_one(now: Explanation, limit: float) -> Explanation | None:
+def _without_one(now: Explanation, search: Search) -> Explanation | None:
     """Fitted without the weakest cause whose absence a fit makes good, of those that are slight
     beside the strongest; none of a crowd, which stands in for something else anyway."""
     if not 1 < len(now.effects) <= CROWD:
         return None
-    search = Search(now.weighing(()), now.own, limit)
     gain = {i: search.score(less(now.own, i), i).gain for i in range(len(now.effects))}
     slight = [i for i in gain if gain[i] < SLIGHT * max(gain.values())]
     for index in sorted(slight, key=lambda i: gain[i]):

@@ -32,8 +32,6 @@ of a sensor that stands in for another one, what is left may look like noise."""
 LED = 4
 """Causes that are fitted alone where a model without any loses the motion, of those that promise
 most by either reckoning."""
-FEW = 3
-"""Causes that one of them, of another shape, may be: more stand in for something else."""
 NEARLY = 0.7
 """Share of what a cause gains from where on one that a fit may change is fitted in its place."""
 UNMISTAKABLE = 2000.0
@@ -226,7 +224,7 @@ def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
     lacks where its columns were formed looks like a second cause, or lets another one seem the
     better."""
     line = _searched(now, search, asked, say)
-    if not 1 <= len(line.now.effects) <= FEW or not now.follows:
+    if not 1 <= len(line.now.effects) <= CROWD or not now.follows:
         return line
     chosen, single = search.best(), len(line.now.effects) == 1
     if single and search.weighing.weigh(chosen).gain > UNMISTAKABLE and line.left.chance > DOUBTFUL:
