@@ -8,7 +8,7 @@ between two segments may spoil neither enough to be seen, and half of all in a s
 are looked at once more, cut half a segment later.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -39,6 +39,8 @@ TRIES = 6
 """Times that the next one is looked for: one may take two, the second beside the first."""
 NEAR = 1.0
 """Between two that are one [s]."""
+FEW = 4
+"""Segments of all logs, so many that one push may bend the base for all."""
 LASTS = (0.25, 0.5, 1.0, 2.0, 4.0)
 """How long a push may be, its ends included [s]."""
 STEP = 0.05
@@ -67,9 +69,17 @@ class Push:
 def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[Push, ...]:
     """When logs were pushed, if that so few times left out they follow the model; else none.
 
-    The worst push first: the base that is fitted beside it is bent, and so is what it leaves of the
-    others.
+    A segment is held against what is usual for all; where there are so few that a push bends the
+    base for all of them, and so what is usual, against noise.
     """
+    return _beyond(_usual, logs, platform) or _beyond(_noise, logs, platform)
+
+
+def _beyond(
+    usual: Callable[[Explanation], float], logs: Sequence[Recording], platform: Platform
+) -> tuple[Push, ...]:
+    """The worst push first: the base that is fitted beside it is bent, and so is what it leaves of
+    the others."""
     pushes: list[Push] = []
     for _ in range(TRIES):
         try:
@@ -77,10 +87,10 @@ def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[Push, ...]
         except TwinError:  # too little is left
             break
         # a push between two segments of a short log may spoil half of all in one look
-        if min(_usual(apart) for _, apart in seen) > LOST:
+        if min(usual(apart) for _, apart in seen) > LOST:
             break
-        of_logs, apart = max(seen, key=lambda look: _worst(look[1]).excess)
-        worst = _worst(apart)
+        looks = [(_worst(apart, usual(apart)), of_logs, apart) for of_logs, apart in seen]
+        worst, of_logs, apart = max(looks, key=lambda look: look[0].excess)
         if worst.excess <= 1.0:
             return tuple(pushes)
         log = of_logs[worst.place]
@@ -96,7 +106,7 @@ def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[Push, ...]
 def pushed_look(logs: Sequence[Recording], platform: Platform) -> Explanation | None:
     """The look at whole logs that shows one best; None where neither does."""
     looks = [apart for _, apart in _looks(list(enumerate(logs)), platform)]
-    best = max(looks, key=lambda apart: _worst(apart).excess)
+    best = max(looks, key=_excess)
     return best if pushed(best) else None
 
 
@@ -140,7 +150,12 @@ def _looks(
 
 def pushed(apart: Explanation) -> bool:
     """Whether a segment does not follow the model as the others do."""
-    return _worst(apart).excess > 1.0
+    return _excess(apart) > 1.0
+
+
+def _excess(apart: Explanation) -> float:
+    """Of the worst segment, over what is usual by either reckoning."""
+    return max(_worst(apart, usual(apart)).excess for usual in (_usual, _noise))
 
 
 @dataclass(frozen=True)
@@ -154,11 +169,11 @@ class _Worst:
     """Its scatter over that which noise and the usual one allow."""
 
 
-def _worst(apart: Explanation) -> _Worst:
+def _worst(apart: Explanation, usual: float) -> _Worst:
     assert isinstance(apart.now, Apart)
     places = [(log, s) for log, body in enumerate(apart.bodies) for s in range(body.grid.segments)]
     few = 2.0 / np.maximum(apart.now.counts, 1.0)
-    limit = _usual(apart) * np.maximum(SPOILED, 1.0 + SIGMAS * np.sqrt(few))
+    limit = usual * np.maximum(SPOILED, 1.0 + SIGMAS * np.sqrt(few))
     excess = _scatter(apart) / limit
     worst = int(np.argmax(excess))
     return _Worst(*places[worst], float(excess[worst]))
@@ -166,6 +181,11 @@ def _worst(apart: Explanation) -> _Worst:
 
 def _usual(apart: Explanation) -> float:
     return float(np.median(_scatter(apart)))
+
+
+def _noise(apart: Explanation) -> float:
+    """What is usual if nothing is wrong but a push; infinite where the others tell it better."""
+    return 1.0 if len(_scatter(apart)) <= FEW else np.inf
 
 
 def _scatter(apart: Explanation) -> Array:

@@ -102,19 +102,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
             # causes that stand in for a law may have hidden it
             lead = -SHADOW if lawful else TIED
             line = _with_laws(Line(plain, search, every), than=line, lead=lead)
-    needed = needed_only(line.now, line.search.limit)
-    if needed is line.now:
-        return line
-    search = search_from(needed, line.asked)
-    nameless = line.nameless if needed.laws else 0.0
-    fewer = Line(needed, search, line.asked, nameless)
-    if needed.laws or not needed.follows or set(search.best()) == set(needed.own):
-        return fewer
-    # one of those that were dropped, or another, may explain more than what is left
-    found = _searched(needed, search, line.asked, say)
-    if needed_only(found.now, found.search.limit) is not found.now:
-        return fewer
-    return min(fewer, found, key=lambda one: one.score)
+    return _needed(line, say)
 
 
 def onward(plain: Explanation, apart: Line, say: Say) -> Line | None:
@@ -135,7 +123,24 @@ def onward(plain: Explanation, apart: Line, say: Say) -> Line | None:
         return None
     if not there.converged or remainder(there).chi2 > ROUGH:
         return None
-    return _searched(there, search_from(there, apart.asked), apart.asked, say)
+    return _needed(_searched(there, search_from(there, apart.asked), apart.asked, say), say)
+
+
+def _needed(line: Line, say: Say) -> Line:
+    """Without what it can do without, and searched on from there."""
+    needed = needed_only(line.now, line.search.limit)
+    if needed is line.now:
+        return line
+    search = search_from(needed, line.asked)
+    nameless = line.nameless if needed.laws else 0.0
+    fewer = Line(needed, search, line.asked, nameless)
+    if needed.laws or not needed.follows or set(search.best()) == set(needed.own):
+        return fewer
+    # one of those that were dropped, or another, may explain more than what is left
+    found = _searched(needed, search, line.asked, say)
+    if needed_only(found.now, found.search.limit) is not found.now:
+        return fewer
+    return min(fewer, found, key=lambda one: one.score)
 
 
 def likeliest(plain: Explanation, asked: Sequence[Candidate]) -> Iterator[Explanation]:
