@@ -10,8 +10,8 @@ from benchmarks.machines import LAWS
 from benchmarks.measure import in_turn, table, twin
 from twin.diagnose.candidates import Candidate, candidates_of
 from twin.diagnose.explanation import Explanation
+from twin.diagnose.line import search_from
 from twin.diagnose.plain import plain_of
-from twin.diagnose.reasoning import search_from
 from twin.identify.calibrate import calibrated
 from twin.platform import load_platform
 from twin.recording import open_log

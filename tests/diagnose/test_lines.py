@@ -7,9 +7,9 @@ import pytest
 
 from twin.clock import SimulatedClock
 from twin.diagnose.candidates import candidate, ringing
+from twin.diagnose.line import search_from
 from twin.diagnose.lines import slow_line_of
 from twin.diagnose.plain import plain_of
-from twin.diagnose.reasoning import search_from
 from twin.effects import catalogue
 from twin.flight import prepare
 from twin.platform import load_platform

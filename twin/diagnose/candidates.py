@@ -1,6 +1,6 @@
 """The causes that logs can be asked for: effects of the catalogue that would leave a trace."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,12 @@ from twin.predict.effects.columns import SMALL, amplitudes, perturbations_of
 from twin.predict.effects.perturbation import Perturbation
 
 Array = NDArray[np.float64]
+
+SLOWEST = 0.2
+"""Frequency from where on what rings is sought [Hz]."""
+APART = 0.16
+"""Between such frequencies, in parts of them: with a damping of 0.05 it rings to a tenth on either
+side."""
 
 _FILTERED = ("sensor_lag",)
 """Asked for only of sensors that have a filter: on slow signals one is as good as a late clock."""
@@ -109,7 +115,22 @@ def ringing(
         replace(one, looked=looked)
         for known in asked
         for hertz in lines
-        for one in _ringing(known.effect, hertz, platform)
+        for one in _shaped(known.effect.at_frequency, hertz, platform)
+    )
+
+
+def resonators(asked: Sequence[Candidate], bodies: Sequence[Body]) -> tuple[Candidate, ...]:
+    """Those that ring, at frequencies all over the spectrum; faster, each command that kicks them
+    lasts several periods."""
+    platform, looked = bodies[0].machine.platform, looked_among(bodies)
+    fastest = 0.25 / platform.tick
+    count = max(int(np.log(fastest / SLOWEST) / APART), 0) + 1
+    every = np.geomspace(SLOWEST, fastest, count).tolist()
+    return tuple(
+        replace(one, looked=looked)
+        for known in asked
+        for hertz in every
+        for one in _shaped(known.effect.resonating, hertz, platform)
     )
 
 
@@ -128,13 +149,15 @@ def candidate(effect: Effect, platform: Platform) -> Candidate:
     return Candidate(effect, own, low[size], high[size])
 
 
-def _ringing(usual: Effect, hertz: float, platform: Platform) -> list[Candidate]:
-    """An effect at a frequency; none where the machine, or the effect itself, cannot have it."""
+def _shaped(
+    shapes: Callable[[float, float], tuple[Effect, ...]], hertz: float, platform: Platform
+) -> list[Candidate]:
+    """An effect's shapes at a frequency, but those that the machine, or the effect, cannot have."""
     try:
-        shapes = usual.at_frequency(hertz, platform.gravity)
+        found = shapes(hertz, platform.gravity)
     except TwinError:  # beyond the effect's bounds
         return []
-    return [candidate(shape, platform) for shape in shapes if not _refused(shape, platform)]
+    return [candidate(shape, platform) for shape in found if not _refused(shape, platform)]
 
 
 def _widest(platforms: Sequence[Platform]) -> Platform:

@@ -5,16 +5,18 @@ from dataclasses import dataclass
 
 from twin.compare.free_run import HORIZONS, FreeRun, free_run
 from twin.conventions import ConventionFinding
+from twin.diagnose.alone import likeliest
 from twin.diagnose.candidates import Candidate, Candidates, candidates_of
 from twin.diagnose.cause import Cause, Equation, Tried, causes_of, equation_of, tried_of
 from twin.diagnose.experiment import Experiment, next_experiment
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.grounds import check_logs, check_seen
 from twin.diagnose.held_out import HeldOut, held_out
+from twin.diagnose.line import Line
 from twin.diagnose.plain import plain_of
 from twin.diagnose.pushes import Push, but_for, pushed, pushed_look, pushes_of
 from twin.diagnose.reading import read_rightly
-from twin.diagnose.reasoning import ROUGH, Line, likeliest, onward, reason
+from twin.diagnose.reasoning import ROUGH, onward, reason
 from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.rivals import against_rivals
 from twin.diagnose.scatter import scatter_causes

@@ -1,18 +1,20 @@
 """From one explanation to a better one: what to add, what to drop, until nothing pays."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
+from twin.diagnose.alone import LED, NEARLY, UNMISTAKABLE, only, sole
 from twin.diagnose.candidates import Candidate, ringing
 from twin.diagnose.explanation import Explanation, explain
 from twin.diagnose.fitting import CROWD, astray, fitted, followed, guesses
 from twin.diagnose.laws import RARE, laws_of, unlikely
+from twin.diagnose.line import Line, search_from
 from twin.diagnose.lines import lines_of, slow_line_of
 from twin.diagnose.needed import needed_only
-from twin.diagnose.remainder import Remainder, remainder
+from twin.diagnose.remainder import remainder
+from twin.diagnose.resonance import resonating
 from twin.diagnose.search import TIED, Search
-from twin.effects import Effect, able, with_effects
+from twin.effects import BodyEffect, Effect, able, with_effects
 from twin.errors import TwinError
 from twin.model import compile_model
 from twin.predict.effects.columns import of_drive
@@ -26,49 +28,9 @@ WEAK = 0.03
 ROUGH = 1.5
 """Chi-square a sample beyond which no cause has made the motion follow the model. The logs are then
 predicted in segments apart, and what they say counts for less."""
-DOUBTFUL = 0.01
-"""Chance below which laws without a name are tried; and always where there is a cause: of an error
-of a sensor that stands in for another one, what is left may look like noise."""
-LED = 4
-"""Causes that are fitted alone where a model without any loses the motion, of those that promise
-most by either reckoning."""
-NEARLY = 0.7
-"""Share of what a cause gains from where on one that a fit may change is fitted in its place."""
-UNMISTAKABLE = 2000.0
-"""Gain of a cause that leaves nothing, from where on no other's shape is tried in its place: what
-passes for noise is too little for another one to have gained nearly as much."""
 SHADOW = RARE + TIED
 """What a cause beside such laws must bring, or it is taken for a part of them: what has no name may
 well have several terms, and is nameless once."""
-
-
-@dataclass(frozen=True)
-class Line:
-    """Where a line of reasoning ends."""
-
-    now: Explanation
-    search: Search
-    """Where it stands."""
-    asked: tuple[Candidate, ...]
-    """What it weighs beside the explanation's own parts."""
-    nameless: float = 0.0
-    """Evidence that laws without a name brought beyond the catalogue's causes; 0 without any."""
-    rivals: Mapping[str, float] = field(default_factory=dict[str, float])
-    """By how much causes that were fitted in an only one's place are behind, by label."""
-
-    @cached_property
-    def left(self) -> Remainder:
-        """What it does not explain."""
-        return remainder(self.now)
-
-    @property
-    def score(self) -> float:
-        """-2 log L, and the price of all that was set to have it so; the lower the better."""
-        own = self.now.own
-        price = self.search.weighing.weigh(own).gain - self.search.evidence(own)
-        if self.now.laws:
-            price += len(self.now.laws) * unlikely(laws_of(self.now.bodies))
-        return self.now.cost + price
 
 
 def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
@@ -77,15 +39,25 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     say("causes weighed")
     search = search_from(plain, every)
     lost = plain.follows and not plain.converged
-    line = (_led if lost else _sole)(plain, search, every, say)
-    if line is None or line.left.chance < DOUBTFUL:
+    first = _led if lost else sole if plain.follows else only
+    line = first(plain, search, every, say)
+    rung, sought = None, False
+    if line is None or line.left.doubtful:
         # what rings or blows at another frequency than usual looks like many causes
         several = len(search.best()) > 1
         lines = (*lines_of(plain), *slow_line_of(plain)) if several else ()
         if lines:
             every = (*every, *ringing(asked, lines, plain.bodies))
-            search = search_from(plain, every)
-        simplest = _lawful(plain, search, every, say) or _simplest(plain, search, every, say)
+            wider = search_from(plain, every)
+            # the strongest at first may be the one whose set is the worse
+            better = wider.evidence(wider.best()) > search.evidence(search.best())
+            search = wider if better else search
+        promised = search.evidence(search.best())
+        if several and not lost:
+            rung, sought = _rung(plain, promised, asked, every, say), True
+        enough = rung is not None and rung.score < plain.cost - promised + SHADOW
+        simplest = rung if enough else _lawful(plain, search, every, say)
+        simplest = simplest or _simplest(plain, search, every, say)
         line = min(line or simplest, simplest, key=lambda one: one.score)
     # beside a law without a name what rings may be a term that it lacks
     lines = () if line.now.laws else lines_of(line.now) or slow_line_of(line.now)
@@ -93,8 +65,13 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
         say("what rings")
         every = (*every, *ringing(asked, lines, plain.bodies))
         line = _simplest(line.now, search_from(line.now, every), every, say)
+    if not sought and not lost and _may_ring(line):
+        rung = _rung(plain, plain.cost - line.score, asked, every, say)
+    if rung is not None:
+        fewer = max(len(line.now.own) - len(rung.now.own), 0)
+        line = rung if rung.score < line.score + TIED * fewer else line
     say("what is left")
-    if line.now.follows and (line.now.effects or line.left.chance < DOUBTFUL):
+    if line.now.follows and (line.now.effects or line.left.doubtful):
         say("laws without a name")
         line = _with_laws(line)
         lawful = bool(line.now.effects and line.now.laws)
@@ -103,6 +80,33 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
             lead = -SHADOW if lawful else TIED
             line = _with_laws(Line(plain, search, every), than=line, lead=lead)
     return _needed(line, say)
+
+
+def _rung(
+    plain: Explanation,
+    promised: float,
+    asked: Sequence[Candidate],
+    every: tuple[Candidate, ...],
+    say: Say,
+) -> Line | None:
+    """Searched from one thing that rings and leaves nothing, if it may be worth what is promised
+    otherwise."""
+    say("what rings by itself")
+    alone, shapes = resonating(plain, promised, asked)
+    if alone is None:
+        return None
+    every = (*every, *shapes)
+    return _searched(alone, search_from(alone, every), every, say)
+
+
+def _may_ring(line: Line) -> bool:
+    """Whether what was found may stand in for one thing that rings at a frequency of its own."""
+    pushed = any(
+        effect.rings and not (isinstance(effect, BodyEffect) and effect.hangs_on)
+        for effect in line.now.effects
+    )
+    several = len(line.now.own) > 1 or bool(line.now.laws)
+    return pushed or several or line.left.doubtful
 
 
 def onward(plain: Explanation, apart: Line, say: Say) -> Line | None:
@@ -143,16 +147,6 @@ def _needed(line: Line, say: Say) -> Line:
     return min(fewer, found, key=lambda one: one.score)
 
 
-def likeliest(plain: Explanation, asked: Sequence[Candidate]) -> Iterator[Explanation]:
-    """The set of causes that promises most, fitted, and each of a few that promise most alone."""
-    search = search_from(plain, asked)
-    alone = sorted(search.asked, key=lambda index: -search.weighing.weigh((index,)).gain)[:LED]
-    for chosen in (search.best(), *((index,) for index in alone)):
-        found = fitted(plain, guesses(plain, asked, search.weighing, chosen))
-        if found is not None:
-            yield found
-
-
 def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line | None:
     """Searched from the likeliest single cause, where a model without any loses the motion.
 
@@ -174,37 +168,13 @@ def _led(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: 
         # NaN is no better
         if there is None or not there.cost < best.cost:
             continue
-        best, settled = there, remainder(there).chance > DOUBTFUL
+        best, settled = there, not remainder(there).doubtful
         if settled:
             break
     if best is plain:
         return None
     line = Line(best, search_from(best, asked), asked)
     return line if settled else _searched(best, line.search, asked, say)
-
-
-def _sole(
-    plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say
-) -> Line | None:
-    """A cause that no other is mistaken for, fitted alone where columns promise it others beside.
-
-    What it lacks where its columns were formed, and not what rings or has no name, is then what
-    several causes stand in for, and none of that need be asked.
-    """
-    chosen = search.best()
-    if len(chosen) < 2 or not plain.follows:
-        return None
-    gain = {index: search.weighing.weigh((index,)).gain for index in chosen}
-    best = max(chosen, key=lambda index: gain[index])
-    if gain[best] < max(UNMISTAKABLE, NEARLY * search.weighing.weigh(chosen).gain):
-        return None
-    (guess,) = guesses(plain, asked, search.weighing, (best,))
-    say(f"fitting {guess.label} alone")
-    alone = followed(plain, (guess,))
-    if alone is None or remainder(alone).chance < DOUBTFUL:
-        return None
-    say("causes weighed")
-    return Line(alone, search_from(alone, asked), asked)
 
 
 def _lawful(
@@ -218,7 +188,7 @@ def _lawful(
     say("laws without a name")
     causes, promised = Line(plain, search, asked), search.evidence(search.best())
     found = _with_laws(causes, lead=TIED + promised, promised=promised)
-    if found is causes or not found.left.chance > DOUBTFUL:
+    if found is causes or found.left.doubtful:
         return None
     beside = found.search.evidence(found.search.best()) - found.search.evidence(found.now.own)
     return found if beside < SHADOW else None
@@ -232,7 +202,8 @@ def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], sa
     if not 1 <= len(line.now.effects) <= CROWD or not now.follows:
         return line
     chosen, single = search.best(), len(line.now.effects) == 1
-    if single and search.weighing.weigh(chosen).gain > UNMISTAKABLE and line.left.chance > DOUBTFUL:
+    gained = search.weighing.weigh(chosen).gain
+    if single and gained > UNMISTAKABLE and not line.left.doubtful:
         return line
     for index in _near(search, chosen) if single else chosen:
         first = len(now.own)
@@ -330,12 +301,6 @@ def _possible_alone(now: Explanation, effect: Effect) -> bool:
     except TwinError:
         return False
     return True
-
-
-def search_from(now: Explanation, asked: Sequence[Candidate]) -> Search:
-    """Among an explanation's own parts and all that can be asked."""
-    weighing = now.weighing(asked)
-    return Search(weighing, range(len(weighing.traces)))
 
 
 def _with_laws(

@@ -24,6 +24,8 @@ PIECE = 2.5
 """Length of a piece [s]: torques that change as fast as a platform turns are seen."""
 MOST = 60
 """Pieces of a log; longer logs have longer pieces."""
+DOUBTFUL = 0.01
+"""Chance of noise below which what is left is looked into."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,11 @@ class Remainder:
     def chance(self) -> float:
         """Of the rarer of both."""
         return min(1.0, 2.0 * min(self.torque_chance, self.noise_chance))
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether that is so rare that it is looked into."""
+        return self.chance < DOUBTFUL
 
 
 def remainder(found: Explanation) -> Remainder:

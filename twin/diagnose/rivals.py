@@ -8,7 +8,7 @@ may be the better explanation.
 from dataclasses import replace
 
 from twin.diagnose.fitting import followed, guesses
-from twin.diagnose.reasoning import Line, search_from
+from twin.diagnose.line import Line, search_from
 
 NEAR, NEAR_SHARE = 12.0, 0.05
 """Evidence by which a rival may be behind to be worth a fit; and its share of the cause's own,

@@ -243,6 +243,20 @@ class Effect(abc.ABC):
         del hertz, gravity
         return ()
 
+    def resonating(self, hertz: float, gravity: float) -> tuple[Self, ...]:
+        """Shapes in which it would answer to whatever pushes it about a frequency, damped so that
+        it does so far around it; none of an effect that does not ring.
+
+        Args:
+            hertz: of its own.
+            gravity: where the machine stands [m/s^2].
+
+        Raises:
+            EffectError: a frequency beyond the effect's bounds.
+        """
+        del hertz, gravity
+        return ()
+
     def words(self) -> str:
         """The effect with its numbers, as a person reads them."""
         parts = [value_words(known, getattr(self, known.name)) for known in self.parameters()]

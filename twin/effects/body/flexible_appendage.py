@@ -16,6 +16,10 @@ _STEPS = 20
 _CLAMPED = (1.0, 0.985)
 """Clamped frequencies tried for one that a free body shows, in parts of it: of a part far smaller
 than the body, and of one of 3 % of its inertia."""
+_BROAD = 0.05
+"""Damping ratio with which it is sought all over a spectrum."""
+_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""About which it is sought."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +80,14 @@ class FlexibleAppendage(BodyEffect):
 
     def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
         """About each body axis, a little slower too: with the bus held fast it is."""
-        axes = [tuple(row) for row in np.eye(3).tolist()]
         held = [share * hertz for share in _CLAMPED]
-        return tuple(replace(self, frequency=one, axis=axis) for one in held for axis in axes)
+        return tuple(replace(self, frequency=one, axis=axis) for one in held for axis in _AXES)
+
+    def resonating(self, hertz: float, gravity: float) -> tuple[Self, ...]:
+        """About each body axis."""
+        del gravity
+        broad = replace(self, frequency=hertz, damping_ratio=_BROAD)
+        return tuple(replace(broad, axis=axis) for axis in _AXES)
 
     def unfit(self, platform: Platform) -> str:
         missing = super().unfit(platform)

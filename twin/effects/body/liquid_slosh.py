@@ -88,6 +88,10 @@ class LiquidSlosh(BodyEffect):
             replace(self, length=length, damping_ratio=_BROAD, pivot=place) for place in places
         )
 
+    def resonating(self, hertz: float, gravity: float) -> tuple[Self, ...]:
+        """Likewise: it is broad already."""
+        return self.at_frequency(hertz, gravity)
+
     def unfit(self, platform: Platform) -> str:
         missing = super().unfit(platform) or needs_ball(platform)
         longest = 2.0 * np.pi * np.sqrt(self.length / max(platform.gravity, 1e-9)) / _STEPS

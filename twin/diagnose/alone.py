@@ -1,0 +1,70 @@
+"""One cause fitted by itself, where columns promise several, or as much of others."""
+
+from collections.abc import Callable, Iterator, Sequence
+
+from twin.diagnose.candidates import Candidate
+from twin.diagnose.explanation import Explanation
+from twin.diagnose.fitting import fitted, followed, guesses
+from twin.diagnose.line import Line, search_from
+from twin.diagnose.remainder import remainder
+from twin.diagnose.search import Search
+from twin.effects import Effect
+
+Say = Callable[[str], None]
+
+LED = 4
+"""Causes that are fitted alone where a model without any loses the motion, of those that promise
+most by either reckoning."""
+NEARLY = 0.7
+"""Share of what a cause gains from where on one that a fit may change is fitted in its place."""
+UNMISTAKABLE = 2000.0
+"""Gain of a cause that leaves nothing, from where on no other's shape is tried in its place: what
+passes for noise is too little for another one to have gained nearly as much."""
+
+
+def likeliest(plain: Explanation, asked: Sequence[Candidate]) -> Iterator[Explanation]:
+    """The set of causes that promises most, fitted, and each of a few that promise most alone."""
+    search = search_from(plain, asked)
+    alone = sorted(search.asked, key=lambda index: -search.weighing.weigh((index,)).gain)[:LED]
+    for chosen in (search.best(), *((index,) for index in alone)):
+        found = fitted(plain, guesses(plain, asked, search.weighing, chosen))
+        if found is not None:
+            yield found
+
+
+def sole(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line | None:
+    """A cause that no other is mistaken for, fitted alone where columns promise it others beside.
+
+    What it lacks where its columns were formed, and not what rings or has no name, is then what
+    several causes stand in for, and none of that need be asked.
+    """
+    chosen = search.best()
+    if len(chosen) < 2 or not plain.follows:
+        return None
+    gain = {index: search.weighing.weigh((index,)).gain for index in chosen}
+    best = max(chosen, key=lambda index: gain[index])
+    if gain[best] < max(UNMISTAKABLE, NEARLY * search.weighing.weigh(chosen).gain):
+        return None
+    (guess,) = guesses(plain, asked, search.weighing, (best,))
+    say(f"fitting {guess.label} alone")
+    alone = followed(plain, (guess,))
+    if alone is None or remainder(alone).doubtful:
+        return None
+    say("causes weighed")
+    return Line(alone, search_from(alone, asked), asked)
+
+
+def only(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line | None:
+    """Of segments apart the first of the likeliest causes that leaves nothing by itself: where a
+    strong one bends each of them, columns promise as much of others."""
+    tries: dict[str, Effect] = {}
+    for score in search.scores():
+        if len(tries) < LED and search.pays(score):
+            (guess,) = guesses(plain, asked, search.weighing, (score.index,))
+            tries.setdefault(guess.label, guess)
+    for label, guess in tries.items():
+        say(f"fitting {label} alone")
+        there = fitted(plain, (guess,))
+        if there is not None and not remainder(there).doubtful:
+            return Line(there, search_from(there, asked), asked)
+    return None
