@@ -202,3 +202,15 @@ def test_a_cause_is_named_where_only_laws_without_a_name_show_the_motion_that_it
     found = diagnose([log], load_platform("sads"))
     assert [cause.effect.label for cause in found.causes] == ["bearing_swirl_torque"]
     assert found.verdict == "explained"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1023646586, 1270939648])
+def test_a_cable_is_named_alone_where_the_model_without_it_loses_the_motion(
+    flight_of: Callable[..., Recording], seed: int
+):
+    # columns along a lost motion promised six others; segments apart, two more beside it
+    log = flight_of("sads", "quaternion_pd", "multisine:8", 40.0, seed, "harness_stiffness=0.6")
+    found = diagnose([log], load_platform("sads"))
+    assert [cause.effect.label for cause in found.causes] == ["harness_stiffness"]
+    assert found.verdict == "explained"

@@ -1,6 +1,7 @@
 """One cause fitted by itself, where columns promise several, or as much of others."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 from twin.diagnose.candidates import Candidate
 from twin.diagnose.explanation import Explanation
@@ -9,6 +10,7 @@ from twin.diagnose.line import Line, search_from
 from twin.diagnose.remainder import remainder
 from twin.diagnose.search import Search
 from twin.effects import Effect
+from twin.predict.whitening.apart import apart as linearised_apart
 
 Say = Callable[[str], None]
 
@@ -54,17 +56,29 @@ def sole(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: 
     return Line(alone, search_from(alone, asked), asked)
 
 
-def only(plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line | None:
-    """Of segments apart the first of the likeliest causes that leaves nothing by itself: where a
-    strong one bends each of them, columns promise as much of others."""
+def only(apart: Explanation, asked: Sequence[Candidate], say: Say) -> Line | None:
+    """Of segments apart the first of the likeliest causes that leaves nothing by itself.
+
+    From the base as stated: one that was fitted without a strong cause may be no machine's, and
+    lead nowhere. What a cause is worth there says only which to try.
+    """
+    if not remainder(apart).doubtful:
+        return None
+    near = _as_stated(apart)
+    search = search_from(near, asked)
     tries: dict[str, Effect] = {}
     for score in search.scores():
-        if len(tries) < LED and search.pays(score):
-            (guess,) = guesses(plain, asked, search.weighing, (score.index,))
+        if len(tries) < LED:
+            (guess,) = guesses(near, asked, search.weighing, (score.index,))
             tries.setdefault(guess.label, guess)
     for label, guess in tries.items():
         say(f"fitting {label} alone")
-        there = fitted(plain, (guess,))
+        there = fitted(near, (guess,))
         if there is not None and not remainder(there).doubtful:
-            return Line(there, search_from(there, asked), asked)
+            return Line(there, search_from(there, asked), tuple(asked))
     return None
+
+
+def _as_stated(apart: Explanation) -> Explanation:
+    at = replace(apart.at, theta=apart.base.as_stated)
+    return replace(apart, now=linearised_apart(apart.problem, at, apart.problem.exact(at)))

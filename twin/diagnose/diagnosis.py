@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from twin.compare.free_run import HORIZONS, FreeRun, free_run
 from twin.conventions import ConventionFinding
-from twin.diagnose.alone import likeliest
+from twin.diagnose.alone import likeliest, only
 from twin.diagnose.candidates import Candidate, Candidates, candidates_of
 from twin.diagnose.cause import Cause, Equation, Tried, causes_of, equation_of, tried_of
 from twin.diagnose.experiment import Experiment, next_experiment
@@ -164,13 +164,22 @@ class _Reasoned:
 
 def _reasoned(plain: Explanation, logs: Sequence[Recording], say: Say) -> _Reasoned:
     candidates = candidates_of(plain.bodies)
-    line = reason(plain, candidates.asked, say)
-    if line.left.chi2 > ROUGH:
+    asked, lost = candidates.asked, plain.follows and not plain.converged
+    # along a motion that is lost columns say little
+    line = None if lost else reason(plain, asked, say)
+    if line is None or line.left.chi2 > ROUGH:
         say("the base, by segments")
         apart = plain_of(logs, plain.base.machine.platform, follows=False)
-        line = reason(apart, candidates.asked, say)
-        settled = onward(plain, line, say)
-        plain, line = (apart, line) if settled is None else (plain, settled)
+        alone = only(apart, asked, say)
+        settled = None if alone is None else onward(plain, alone, say)
+        if settled is not None and not settled.left.doubtful:
+            line = settled
+        else:
+            line = line or reason(plain, asked, say)
+            if line.left.chi2 > ROUGH:
+                line = reason(apart, asked, say)
+                settled = onward(plain, line, say)
+                plain, line = (apart, line) if settled is None else (plain, settled)
     line = against_rivals(line)
     return _Reasoned(plain, candidates, line, held_out(line.now))
 

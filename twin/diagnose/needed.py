@@ -8,6 +8,11 @@ SLIGHT = 0.1
 """Share of what the strongest cause gains, below which what columns promise of another one may be
 the error of theirs: to fit the logs without a cause that they need takes long."""
 
+INEXACT = 1e-4
+"""Share of that which may be no more than the error of a motion with the strongest one in it: its
+base's columns are those of a machine that does not answer to it.
+"""
+
 
 def needed_only(now: Explanation, limit: float) -> Explanation:
     """Without those that gain no more than noise may.
@@ -45,10 +50,14 @@ def _without_one(now: Explanation, search: Search) -> Explanation | None:
     if not 1 < len(now.effects) <= CROWD:
         return None
     gain = {i: search.score(less(now.own, i), i).gain for i in range(len(now.effects))}
-    slight = [i for i in gain if gain[i] < SLIGHT * max(gain.values())]
+    strongest = max(gain.values())
+    slight = [i for i in gain if gain[i] < SLIGHT * strongest]
     for index in sorted(slight, key=lambda i: gain[i]):
         rest = [effect for place, effect in enumerate(now.effects) if place != index]
         fewer = followed(now, rest, now.laws)
-        if fewer is not None and not search.pays(search.scored(index, fewer.cost - now.cost)):
+        if fewer is None:
+            continue
+        lost = fewer.cost - now.cost
+        if lost < INEXACT * strongest or not search.pays(search.scored(index, lost)):
             return fewer
     return None

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from twin.diagnose.alone import LED, NEARLY, UNMISTAKABLE, only, sole
+from twin.diagnose.alone import LED, NEARLY, UNMISTAKABLE, sole
 from twin.diagnose.candidates import Candidate, ringing
 from twin.diagnose.explanation import Explanation, explain
 from twin.diagnose.fitting import CROWD, astray, fitted, followed, guesses
@@ -39,8 +39,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     say("causes weighed")
     search = search_from(plain, every)
     lost = plain.follows and not plain.converged
-    first = _led if lost else sole if plain.follows else only
-    line = first(plain, search, every, say)
+    line = (_led if lost else sole)(plain, search, every, say)
     rung, sought = None, False
     if line is None or line.left.doubtful:
         # what rings or blows at another frequency than usual looks like many causes
@@ -127,7 +126,11 @@ def onward(plain: Explanation, apart: Line, say: Say) -> Line | None:
         return None
     if not there.converged or remainder(there).chi2 > ROUGH:
         return None
-    return _needed(_searched(there, search_from(there, apart.asked), apart.asked, say), say)
+    first = Line(there, search_from(there, apart.asked), apart.asked)
+    found = _needed(_searched(there, first.search, apart.asked, say), say)
+    # what was added and dropped again may have led the fit away
+    same = {one.label for one in found.now.effects} == {one.label for one in there.effects}
+    return min(first, found, key=lambda one: one.score) if same else found
 
 
 def _needed(line: Line, say: Say) -> Line:
