@@ -15,8 +15,7 @@ from twin.predict.whitening.apart import apart as linearised_apart
 Say = Callable[[str], None]
 
 LED = 4
-"""Causes that are fitted alone where a model without any loses the motion, of those that promise
-most by either reckoning."""
+"""Causes that are fitted alone, of those that promise most."""
 NEARLY = 0.7
 """Share of what a cause gains from where on one that a fit may change is fitted in its place."""
 UNMISTAKABLE = 2000.0

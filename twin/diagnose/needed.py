@@ -10,8 +10,7 @@ the error of theirs: to fit the logs without a cause that they need takes long."
 
 INEXACT = 1e-4
 """Share of that which may be no more than the error of a motion with the strongest one in it: its
-base's columns are those of a machine that does not answer to it.
-"""
+base's columns are those of a machine that does not answer to it."""
 
 
 def needed_only(now: Explanation, limit: float) -> Explanation:

@@ -72,18 +72,25 @@ def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[Push, ...]
     A segment is held against what is usual for all; where there are so few that a push bends the
     base for all of them, and so what is usual, against noise.
     """
-    return _beyond(_usual, logs, platform) or _beyond(_noise, logs, platform)
+    try:
+        whole = list(_looks(list(enumerate(logs)), platform))
+    except TwinError:  # there is too little
+        return ()
+    return _beyond(_usual, whole, logs, platform) or _beyond(_noise, whole, logs, platform)
 
 
 def _beyond(
-    usual: Callable[[Explanation], float], logs: Sequence[Recording], platform: Platform
+    usual: Callable[[Explanation], float],
+    whole: Sequence[tuple[list[int], Explanation]],
+    logs: Sequence[Recording],
+    platform: Platform,
 ) -> tuple[Push, ...]:
     """The worst push first: the base that is fitted beside it is bent, and so is what it leaves of
     the others."""
     pushes: list[Push] = []
     for _ in range(TRIES):
         try:
-            seen = list(_looks(_parts(pushes, logs), platform))
+            seen = list(_looks(_parts(pushes, logs), platform)) if pushes else whole
         except TwinError:  # too little is left
             break
         # a push between two segments of a short log may spoil half of all in one look

@@ -70,6 +70,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
         fewer = max(len(line.now.own) - len(rung.now.own), 0)
         line = rung if rung.score < line.score + TIED * fewer else line
     say("what is left")
+    # of a sensor's error that stands in for another one, what is left may look like noise
     if line.now.follows and (line.now.effects or line.left.doubtful):
         say("laws without a name")
         line = _with_laws(line)
