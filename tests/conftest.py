@@ -2,12 +2,14 @@
 
 import gc
 import json
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
+from tests.signals import NUMBERS
 from twin.check import motion
 from twin.clock import SimulatedClock
 from twin.effects import parse_effects
@@ -20,6 +22,18 @@ from twin.stream.recorder import MemoryRecorder
 def pytest_collection_finish() -> None:
     """Campaigns sweep memory after every shard; thousands of collected tests need no look there."""
     gc.freeze()
+
+
+@pytest.fixture
+def hears() -> Iterator[None]:
+    """Signals arrive, though a script may have started the tests deaf to Ctrl-C."""
+    before = {number: signal.getsignal(number) for number in NUMBERS}
+    for number in NUMBERS:
+        usual = number == signal.SIGINT
+        signal.signal(number, signal.default_int_handler if usual else signal.SIG_DFL)
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 FAN = '''

@@ -98,7 +98,7 @@ def test_the_loop_ends_when_no_run_is_left(sads):
     assert "nan" in outcome.reason
 
 
-def test_ctrl_c_ends_the_run_after_the_tick_in_hand(sads):
+def test_ctrl_c_ends_the_run_after_the_tick_in_hand(sads, hears):
     class Operator:
         ticks = 0
 

@@ -74,7 +74,7 @@ class Dreadful(Controller[float]):
         return "the law has given up" if self.gives_up and state >= 1.0 else ""
 
 
-def test_a_rehearsal_that_ctrl_c_ends_is_not_flown(flight):
+def test_a_rehearsal_that_ctrl_c_ends_is_not_flown(flight, hears):
     interrupted = replace(flight, controller=Dreadful(interrupts=True))
     with pytest.raises(KeyboardInterrupt):
         check_lean(interrupted, box(2e-5))

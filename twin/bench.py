@@ -12,6 +12,7 @@ from typing import Self
 
 import numpy as np
 
+from twin import stop
 from twin.clock import Clock, WallClock, last_tick
 from twin.emulate.faults import Fault
 from twin.emulate.platform import EmulatedPlatform, with_port
@@ -82,6 +83,7 @@ class Bench(Plant):
             DeviceError: one that is not there, or another.
         """
         with ExitStack() as stack:
+            stack.enter_context(stop.shield())
             setup = self.setup
             if self.emulation is not None:
                 setup = stack.enter_context(self.emulation).setup
@@ -149,6 +151,7 @@ class Bench(Plant):
         """
         tick, zero, host = self.platform.tick, self.hardware.zero, self._host
         for number in range(-ticks, 0):
+            stop.check()
             host.sleep(zero + number * tick - host.now())
             self.write({})
 
@@ -173,6 +176,7 @@ class Bench(Plant):
         """Read at these ticks, of which number 0 is due at `zero` by the host's clock [s]."""
         tick, host = self.platform.tick, self._host
         for number in range(first, last + 1):
+            stop.check()
             host.sleep(zero + number * tick - host.now())
             self.read(number * tick)
 

@@ -5,16 +5,14 @@ batch holds.
 """
 
 import signal
-import threading
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from types import FrameType
 from typing import Protocol
 
 import numpy as np
 
+from twin import stop
 from twin.clock import Clock, Timing
 from twin.controller import AnyController
 from twin.controller.load import tell_mistake, tell_refused
@@ -33,7 +31,7 @@ class Ended(Enum):
     degraded = "degraded"
     """The whole duration, but some runs of the batch were stopped."""
     safe_stop = "safe_stop"
-    """Asked to stop (Ctrl-C), its law was lost, or the machine was brought to its safe state."""
+    """Asked to stop by a signal, its law was lost, or the machine was brought to its safe state."""
     failed = "failed"
     """No run is left."""
 
@@ -58,8 +56,8 @@ class Outcome:
     stopped: dict[int, str]
     """Runs that ended early: row -> reason."""
     timing: Timing
-    asked: bool = False
-    """Whether its operator stopped it: an end as good as any."""
+    asked: int = 0
+    """Number of the signal by which its operator stopped it, an end as good as any; 0: nobody."""
 
 
 def fly(
@@ -74,7 +72,7 @@ def fly(
 ) -> Outcome:
     """Run the loop for `duration` [s]; the caller owns plant and observers and closes them.
 
-    Ctrl-C ends it after the tick in hand, so that no row is half written; a second one interrupts.
+    A request to stop (`twin.stop`) ends it after the tick in hand, so that no row is half written.
 
     Raises:
         ControllerError: the law is of somebody's file, and something in it raises or the machine
@@ -85,8 +83,8 @@ def fly(
     estimate = estimator.init(platform, n)
     state = controller.init(platform, n)
     targets = _Ahead(reference, platform.tick)
-    now, reason, ended, asked = 0.0, "", Ended.done, False
-    with _stop_request() as stop_requested:
+    now, reason, ended, asked = 0.0, "", Ended.done, 0
+    with stop.listening():
         for now in clock.ticks(platform.tick, duration):
             reading = plant.read(now)
             clock.lap("read")
@@ -95,6 +93,9 @@ def fly(
             target = targets.at(now)
             try:
                 wanted, state = controller.update(state, estimate, target, now)
+            except stop.Stopped as request:  # a procedure waited for a fit
+                asked = request.number
+                break
             except Exception as problem:
                 tell_mistake(controller, platform, problem)
                 raise
@@ -128,14 +129,22 @@ def fly(
             finished = controller.finished(state)
             if finished is not None and all(finished[run] or run in plant.stopped for run in runs):
                 break
-            if stop_requested.is_set():
-                ended, reason = Ended.safe_stop, f"stopped by the operator at {now:.2f} s"
-                asked = True
+            asked = stop.requested() or 0
+            if asked:
                 break
+    if asked:
+        ended, reason = Ended.safe_stop, f"{_by(asked)} at {now:.2f} s"
     if ended is Ended.done and plant.stopped:
         ended = Ended.degraded
         reason = f"{len(plant.stopped)} of {n} runs were stopped"
     return Outcome(ended, reason, now, dict(plant.stopped), clock.timing, asked)
+
+
+def _by(number: int) -> str:
+    """By whom it was stopped: at a terminal it is the operator."""
+    if number == signal.SIGINT:
+        return "stopped by the operator"
+    return f"stopped by {stop.name_of(number)}"
 
 
 def _where_seen(wanted: Command, estimate: Estimate, plant: Plant) -> Command:
@@ -168,24 +177,3 @@ class _Ahead:
             self._block = self._reference.at(numbers * self._tick)
         row, block = number - self._first, self._block
         return Target(block.attitude[row], block.rate_body[row], block.acceleration_body[row])
-
-
-@contextmanager
-def _stop_request() -> Generator[threading.Event, None, None]:
-    """An event that Ctrl-C sets; signals belong to the main thread, elsewhere it stays unset."""
-    requested = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield requested
-        return
-
-    def request(number: int, frame: FrameType | None) -> None:
-        del number, frame
-        if requested.is_set():
-            raise KeyboardInterrupt
-        requested.set()
-
-    previous = signal.signal(signal.SIGINT, request)
-    try:
-        yield requested
-    finally:
-        signal.signal(signal.SIGINT, previous)

@@ -22,6 +22,7 @@ from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform
 from twin.signals import Tick
+from twin.stop import Stopped
 
 Array = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ def worst_lean(flight: Flight, box: tuple[Array, Array]) -> tuple[float, Array]:
 
     Raises:
         SafetyError: a corner was not flown to its end.
-        KeyboardInterrupt: Ctrl-C ended it.
+        Stopped: a stop was requested.
     """
     corners = np.array(list(product(*zip(*box, strict=True))))
     platform = flight.platform
@@ -71,8 +72,8 @@ def worst_lean(flight: Flight, box: tuple[Array, Array]) -> tuple[float, Array]:
             observers=[lean],
         )
     if outcome.asked:
-        # the loop takes Ctrl-C for a good end, but whoever asks for a stop does not ask to fly
-        raise KeyboardInterrupt
+        # the loop takes a stop for a good end, but whoever asks for one does not ask to fly
+        raise Stopped(outcome.asked)
     if outcome.ended is not Ended.done:
         why = "; ".join(dict.fromkeys(outcome.stopped.values())) or outcome.reason
         raise SafetyError(
@@ -96,7 +97,7 @@ def check_lean(flight: Flight, box: tuple[Array, Array]) -> str:
 
     Raises:
         SafetyError: it would be cut out, or was not flown to its end in simulation.
-        KeyboardInterrupt: Ctrl-C ended the simulation.
+        Stopped: a stop was requested meanwhile.
     """
     assert flight.bench is not None
     most, corner = worst_lean(flight, box)

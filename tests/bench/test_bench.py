@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.signals import hear
 from twin.bench import Bench, open_bench
 from twin.cli.main import main
 from twin.controller.load import load_controller
@@ -259,7 +260,8 @@ def test_a_run_that_the_guard_cuts_out_has_failed(tmp_path, monkeypatch, capsys)
 
 def test_emulate_prints_a_port_that_a_run_can_open_and_ends_with_ctrl_c():
     words = [sys.executable, "-m", "twin", "emulate", "cubesat", "--attitude", "3", "0", "0"]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as one:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, preexec_fn=hear) as one:
         assert one.stdout is not None
         device, _, port = one.stdout.readline().strip().partition(": ")
         assert device == "feather"

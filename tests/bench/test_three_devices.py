@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.signals import hear
 from twin.bench import Bench, captured, carried, open_bench
 from twin.cli.main import main
 from twin.emulate.faults import Fault
@@ -152,7 +153,8 @@ def test_a_run_over_three_lines_is_reported(capsys):
 
 def test_emulate_prints_a_port_for_each_device_that_another_program_can_open(capsys):
     words = [sys.executable, "-m", "twin", "emulate", "astros"]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as one:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, preexec_fn=hear) as one:
         assert one.stdout is not None
         ports = [one.stdout.readline().strip().replace(": ", "=") for _ in range(3)]
         try:

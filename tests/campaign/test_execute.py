@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.campaign.conftest import GOOD, shards, silent
+from tests.signals import hear
 from twin.campaign import execute as executing
 from twin.campaign.execute import execute
 from twin.campaign.folder import Folder
@@ -159,7 +160,7 @@ class Breaking:
             future.set_exception(BrokenProcessPool("a process died"))
         return future
 
-    def shutdown(self, **_: object) -> None:
+    def end(self) -> None:
         """Nobody is there."""
 
 
@@ -170,7 +171,7 @@ def test_a_pool_that_breaks_at_any_moment_loses_no_shard_and_tells_each_once(
 ):
     spec, folder = read_spec(file), Folder(tmp_path)
     pool = Breaking(spec, folder, shard, written=written)
-    monkeypatch.setattr(executing, "ProcessPoolExecutor", pool)
+    monkeypatch.setattr(executing, "Pool", pool)
     progress = execute(spec, folder, workers=2, tell=silent)
     assert pool.broken
     assert shards(tmp_path) == shards(undisturbed), "a shard was not flown"
@@ -245,13 +246,14 @@ def _children(parent: int) -> list[int]:
 
 
 def begun(file: Path, folder: Path, workers: int) -> subprocess.Popen[bytes]:
-    """A campaign that begins or goes on in a process of its own."""
+    """A campaign that begins or goes on in a process of its own, as a terminal starts it."""
     command = [sys.executable, "-m", "twin", "campaign", str(file), str(folder), "--resume"]
     return subprocess.Popen(
         [*command, "--workers", str(workers)],
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
         start_new_session=True,
+        preexec_fn=hear,
     )
 
 
@@ -261,8 +263,7 @@ def test_a_campaign_killed_in_its_middle_is_byte_for_byte_the_undisturbed_one(
 ):
     folder = tmp_path / "out"
     with begun(file, folder, workers=1) as process:
-        while process.poll() is None and not any((folder / "metrics").glob("*.parquet")):
-            time.sleep(0.002)
+        wait_for_a_shard(process, folder)
         process.send_signal(signal.SIGKILL)
     spec = read_spec(file)
     left = Folder(folder).missing(spec)
@@ -272,18 +273,27 @@ def test_a_campaign_killed_in_its_middle_is_byte_for_byte_the_undisturbed_one(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no process groups there")
-def test_ctrl_c_ends_it_without_a_run_that_was_cut_short(undisturbed, file, tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_without_a_run_that_was_cut_short(undisturbed, file, tmp_path, number):
     folder, spec = tmp_path / "out", read_spec(file)
     with begun(file, folder, workers=2) as process:
-        while process.poll() is None and not any((folder / "metrics").glob("*.parquet")):
-            time.sleep(0.002)
-        os.killpg(process.pid, signal.SIGINT)
-        ended = process.wait()
-    assert ended in (1, 0), "0: it was done before it heard of it"
-    written = {n: b for n, b in shards(folder).items() if not n.startswith(".")}
-    assert written.items() <= shards(undisturbed).items()
+        wait_for_a_shard(process, folder)
+        os.killpg(process.pid, number)
+        _, said = process.communicate(timeout=60.0)
+    assert process.returncode in (128 + number, 0), "0: it was done before it heard of it"
+    assert b"Traceback" not in said
+    assert process.returncode == 0 or b"--resume` goes on" in said
+    assert shards(folder).items() <= shards(undisturbed).items()
     execute(spec, Folder(folder), workers=1, tell=silent, resume=True)
     assert shards(folder) == shards(undisturbed)
+
+
+def wait_for_a_shard(process: subprocess.Popen[bytes], folder: Path) -> None:
+    """Until one is written, or the campaign has ended."""
+    end = time.monotonic() + 120.0
+    while process.poll() is None and not any((folder / "metrics").glob("*.parquet")):
+        assert time.monotonic() < end, "nothing is written"
+        time.sleep(0.002)
 
 
 @pytest.mark.slow
@@ -304,5 +314,5 @@ def test_a_campaign_killed_fifty_times_is_byte_for_byte_the_undisturbed_one(tmp_
     assert killed > 25, "else it was done before"
     while Folder(folder).missing(read_spec(spec)):
         with begun(spec, folder, workers=2) as process:
-            process.wait()
+            process.wait(timeout=300.0)
     assert shards(folder) == shards(tmp_path / "whole")

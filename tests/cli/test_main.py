@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,6 +12,7 @@ import pytest
 from twin import errors
 from twin.cli import main as cli
 from twin.cli.output import print_json
+from twin.stop import Stopped
 
 HEAVY = ("matplotlib", "mujoco", "numpy", "pyarrow", "rerun", "scipy", "tyro")
 
@@ -126,7 +128,8 @@ def test_unknown_argument_is_wrong_use_and_asks_which_one_was_meant():
         (errors.UsageError("--a and --b exclude each other"), 2, "twin: --a and --b exclude"),
         (errors.UnknownName("platform", "sasd", ["sads"]), 2, "did you mean 'sads'?"),
         (errors.RecordingError("a.rrd", "is empty", "record again"), 1, "a.rrd: is empty"),
-        (KeyboardInterrupt(), 1, "twin: interrupted by Ctrl-C before it was done\n"),
+        (Stopped(signal.SIGINT), 130, "twin: stopped by Ctrl-C; nothing was written; the same"),
+        (Stopped(signal.SIGTERM), 143, "twin: stopped by SIGTERM; nothing was written; the same"),
         (3, 3, ""),
     ],
 )

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.signals import hear
 from twin.budget import momentum_budget
 from twin.cli.main import main
 from twin.flight import prepare
@@ -337,6 +338,7 @@ def test_ctrl_c_closes_the_recording_properly(tmp_path):
         text=True,
         timeout=300,
         check=False,
+        preexec_fn=hear,
     )
     assert done.returncode == 0, done.stderr
     assert "safe_stop" in done.stdout

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.signals import hear
 from twin.platform import load_platform
 from twin.procedures.fits import Fits
 
@@ -76,6 +77,7 @@ def test_ctrl_c_ends_a_balancing_with_a_document_whatever_its_fits_do(word):
         stderr=subprocess.PIPE,
         start_new_session=True,
         text=True,
+        preexec_fn=hear,
     ) as process:
         told = ""
         while word not in told:
@@ -84,7 +86,8 @@ def test_ctrl_c_ends_a_balancing_with_a_document_whatever_its_fits_do(word):
             told += line
         # as a terminal does: to all processes
         os.killpg(process.pid, signal.SIGINT)
-        out, rest = process.communicate()
+        out, rest = process.communicate(timeout=60.0)
     assert "Traceback" not in rest, rest
     document = json.loads(out)
     assert document["ended"] == "safe_stop", document
+    assert process.returncode == 130

@@ -14,11 +14,9 @@ Cases are numbered. Those from 1000 on have logs of 300 s at 100 Hz: `--kinds si
 
 import argparse
 import json
-import multiprocessing
 import os
 import sys
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +27,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from case import KINDS, Case, run  # noqa: E402
 from page import page, rows_of  # noqa: E402
 
+from twin import stop  # noqa: E402
+from twin.processes import Pool, first_completed  # noqa: E402
 from twin.whole_file import write_whole  # noqa: E402
 
 PAGE = Path(__file__).parents[2] / "docs" / "diagnosis.md"
@@ -76,11 +76,11 @@ def ran(every: list[Case], jobs: int) -> Iterator[tuple[Case, dict[str, Any]]]:
 
     Fresh ones for each batch: `max_tasks_per_child` leaves a pool without any (Python 3.11).
     """
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, spawn) as pool:
+    with Pool(jobs) as pool:
         futures = {pool.submit(run, case): case for case in every}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
+        while futures:
+            for future in first_completed(futures):
+                yield futures.pop(future), future.result()
 
 
 def cases(options: argparse.Namespace) -> list[Case]:
@@ -103,4 +103,10 @@ def told(row: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    stop.listen()
+    stop.keeps(lambda: "the rows so far are kept; the same command goes on")
+    try:
+        raise SystemExit(main())
+    except stop.Stopped as request:
+        print(f"{request}; {stop.kept()}", file=sys.stderr)
+        raise SystemExit(request.status) from None

@@ -13,7 +13,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from importlib import import_module
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, cast
 from uuid import uuid4
 
@@ -24,6 +24,7 @@ from twin.campaign.rows import write_rows
 from twin.campaign.spec import Spec
 from twin.campaign.worker import Done
 from twin.errors import TwinError, UsageError
+from twin.stop import sleep, until
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -84,12 +85,11 @@ class Cluster:
                         future = self._client.submit(task, campaign, shard, key=key, pure=False)
                         asked[key] = shard, future
                         future.add_done_callback(came.put)
-                try:
-                    future = came.get(timeout=LOOK)
-                except Empty:
+                if not until(lambda: not came.empty(), LOOK):
                     if not workers:
                         say(f"no worker is connected to {self.address}; waiting for one")
                     continue
+                future = came.get()
                 key = str(future.key)
                 shard, _ = asked[key]
                 sent = self._result(spec, shard, future)
@@ -203,7 +203,7 @@ def _listen(host: str, port: int, *, greets: bool) -> None:
     Raises:
         OSError: nobody, or somebody else.
     """
-    until = time.monotonic() + PATIENCE
+    latest = time.monotonic() + PATIENCE
     while True:
         try:
             with socket.create_connection((host, port), timeout=PATIENCE) as line:
@@ -211,9 +211,9 @@ def _listen(host: str, port: int, *, greets: bool) -> None:
                     raise ConnectionError("who is there hangs up")
             return
         except ConnectionRefusedError:  # it may be on its way up
-            if time.monotonic() > until:
+            if time.monotonic() > latest:
                 raise
-            time.sleep(0.2)
+            sleep(0.2)
         except TimeoutError:
             raise TimeoutError(f"nothing is heard within {PATIENCE:g} s") from None
 

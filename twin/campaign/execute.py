@@ -2,16 +2,17 @@
 
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context
 from typing import TYPE_CHECKING
 
 from twin.campaign.folder import Folder
 from twin.campaign.spec import Spec
 from twin.campaign.worker import Done, begin, fly, fly_shard, written_shard
 from twin.errors import TwinError
+from twin.processes import Pool, first_completed
+from twin.stop import check, listening
 
 if TYPE_CHECKING:
     from twin.campaign.cluster import Cluster
@@ -69,8 +70,9 @@ def execute(
         CampaignError: the folder holds something else, somebody flies there, or its disk is full.
         LostWorkers: processes died again and again.
         ClusterError: as `Cluster.fly` tells.
+        Stopped: a stop was requested; every shard that is written is whole.
     """
-    with folder.owned():
+    with folder.owned(), listening():
         folder.begin(spec, resume=resume)
         missing = folder.missing(spec)
         left = sum(len(spec.runs_of(shard)) for shard in missing)
@@ -86,6 +88,7 @@ def execute(
             progress.flown += done.runs
             progress.failed += done.failed
             tell(progress.words(time.monotonic()))
+            check()
     return progress
 
 
@@ -96,12 +99,7 @@ def _by_processes(folder: Folder, shards: Iterable[int], workers: int) -> Iterab
     died = 0
     while waiting:
         folder.sweep()
-        pool = ProcessPoolExecutor(
-            workers,
-            mp_context=get_context("spawn"),
-            initializer=begin,
-            initargs=(str(folder.path),),
-        )
+        pool = Pool(workers, begin, (str(folder.path),))
         asked: dict[Future[Done], int] = {}
         try:
             while waiting or asked:
@@ -109,7 +107,7 @@ def _by_processes(folder: Folder, shards: Iterable[int], workers: int) -> Iterab
                     # a pool that is broken takes none: the shard must still be waiting then
                     asked[pool.submit(fly, waiting[-1])] = waiting[-1]
                     waiting.pop()
-                for future in wait(asked, return_when=FIRST_COMPLETED).done:
+                for future in first_completed(asked):
                     done = future.result()
                     del asked[future]
                     died = 0
@@ -127,7 +125,8 @@ def _by_processes(folder: Folder, shards: Iterable[int], workers: int) -> Iterab
             waiting += reversed(lost)
             yield from (written_shard(folder, shard) for shard in sorted(written))
         finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+            pool.end()
+            folder.sweep()  # of what a worker had begun to write
 
 
 def _span(seconds: float) -> str:

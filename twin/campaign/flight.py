@@ -15,11 +15,12 @@ from twin.clock import SimulatedClock
 from twin.controller import AnyController
 from twin.errors import FileError, TwinError
 from twin.estimators import load_estimator
-from twin.loop import Ended, Observer, fly
+from twin.loop import Observer, fly
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.procedures import Notes, Phase, balancing
 from twin.reference import Hold, Reference, parse_reference
+from twin.stop import Stopped
 
 Array = NDArray[np.float64]
 
@@ -118,8 +119,8 @@ def _batch(
                 duration=spec.duration,
                 observers=[*seen, merits],
             )
-    if outcome.ended is Ended.safe_stop:
-        raise KeyboardInterrupt  # runs that were cut short are no results
+    if outcome.asked:
+        raise Stopped(outcome.asked)  # runs that were cut short are no results
     rows = selected(merits.rows(), spec.metrics, n)
     came: dict[int, Came] = {}
     for row, run in enumerate(runs):

@@ -1,12 +1,7 @@
-"""What a process of a campaign does: fly a shard, write it, and end with whoever asked for it."""
+"""What a process of a campaign does: fly a shard and write it."""
 
 import gc
-import os
-import signal
-import threading
 from dataclasses import dataclass
-from multiprocessing import parent_process
-from multiprocessing.connection import wait
 from pathlib import Path
 
 import pyarrow as pa
@@ -59,9 +54,6 @@ def rows_of_shard(spec: Spec, shard: int) -> tuple[Done, pa.Table]:
 def begin(path: str) -> None:
     """Read the campaign of a folder, once a process."""
     global _spec, _folder
-    # Ctrl-C goes to all processes; a loop that is under way ends by itself, the rest by the parent
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
     _folder = Folder(Path(path))
     _spec = read_spec(_folder.spec)
 
@@ -71,11 +63,3 @@ def fly(shard: int) -> Done:
     assert _spec is not None
     assert _folder is not None
     return fly_shard(_spec, _folder, shard)
-
-
-def _end_with_parent() -> None:
-    """A parent that was killed asks for nothing more."""
-    parent = parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)

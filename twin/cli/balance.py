@@ -97,6 +97,7 @@ class Balance:
         from twin.procedures import Remark, balancing, usual_target
         from twin.reference import Hold
         from twin.service.first_use import armed
+        from twin.stop import Stopped
         from twin.stream.provenance import provenance
         from twin.stream.recorder import FileRecorder
 
@@ -177,7 +178,17 @@ class Balance:
             print_json(documents[0] if self.runs == 1 else {"runs": documents})
         else:
             print("\n".join(self._report(machine, documents, notes, target)))
-        return 0 if all(document["ended"] == "done" for document in documents) else 1
+        done = all(document["ended"] == "done" for document in documents)
+        if outcome.asked and not done:
+            raise Stopped(outcome.asked)
+        return 0 if done else 1
+
+    def kept(self) -> str:
+        """What is there of a balancing that was stopped."""
+        again = "balancing begins anew from where the masses stand"
+        if self.rrd is None or not self.rrd.exists():
+            return again
+        return f"{self.rrd} holds what was recorded until then, {again}"
 
     def _check(self) -> None:
         from twin.clock import check_duration

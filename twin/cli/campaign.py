@@ -90,6 +90,18 @@ class Campaign:
             print(f"what came of it: `twin report {self.folder}`")
         return 0 if set(ends) - {"failed"} else 1
 
+    def kept(self) -> str:
+        """What is there of a campaign that was stopped, and how it goes on."""
+        from twin.campaign.folder import METRICS
+
+        if self.folder is None or not (self.folder / METRICS).is_dir():
+            return "nothing was flown; the same command begins anew"
+        shards = len(list((self.folder / METRICS).glob("shard-*.parquet")))
+        return (
+            f"{shards} shards of runs are kept in {self.folder}; "
+            f"`twin campaign {self.spec} {self.folder} --resume` goes on"
+        )
+
     def _flown(self, spec: "Spec", folder: "Folder", workers: int, say: Any) -> "Progress":
         from twin.campaign.execute import execute
 

@@ -2,7 +2,6 @@
 
 import signal
 import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -37,6 +36,10 @@ class Emulate:
     """Devices that say again what they once said on a port that was opened as
     spy://PORT?file=FILE."""
 
+    def kept(self) -> str:
+        """Of an emulation that was stopped."""
+        return "its ports are closed"
+
     def run(self) -> int:
         """Emulate; the exit code."""
         import numpy as np
@@ -48,6 +51,7 @@ class Emulate:
         from twin.plant.initial import InitialState
         from twin.platform import load_platform
         from twin.rotation import from_euler_zyx
+        from twin.stop import Stopped, until
 
         effects = () if self.effects is None else parse_effects(self.effects)
         machine = with_effects(load_platform(self.platform), effects)
@@ -55,21 +59,20 @@ class Emulate:
         initial = InitialState(attitude=from_euler_zyx(yaw, pitch, roll))
         setup = read_hardware(machine)
         said = {name: spied(Path(file)) for name, file in map(_named, self.replay)}
-        # a shell starts what runs beside it deaf to Ctrl-C
-        signal.signal(signal.SIGINT, signal.default_int_handler)
         with EmulatedPlatform(
             machine, setup, seed=self.seed, initial=initial, said=said
         ) as emulation:
             for name, port in emulation.ports.items():
                 print(f"{name}: {port}", flush=True)
             print(f"{machine.name} is emulated until Ctrl-C", file=sys.stderr, flush=True)
-            end = np.inf if self.duration is None else time.monotonic() + self.duration
+            duration = np.inf if self.duration is None else self.duration
             try:
-                while time.monotonic() < end and emulation.line.alive:
-                    time.sleep(0.05)
-            except KeyboardInterrupt:
+                dead = until(lambda: not emulation.line.alive, duration)
+            except Stopped as request:
+                if request.number != signal.SIGINT:
+                    raise
                 return 0
-            if not emulation.line.alive:
+            if dead:
                 print("twin: the emulation has ended by itself; please report it", file=sys.stderr)
                 return 1
         return 0

@@ -4,9 +4,7 @@ The loop only leaves its last tick here; a thread of its own writes, so that a s
 felt. It is silent where nobody looks: when stderr is no terminal.
 """
 
-import _thread
 import os
-import signal
 import sys
 import threading
 from collections import deque
@@ -18,6 +16,7 @@ import numpy as np
 
 from twin.bench import Bench
 from twin.signals import Tick
+from twin.stop import request
 
 if TYPE_CHECKING:
     from twin.platform import Platform
@@ -126,7 +125,7 @@ class LiveView:
                 # past Python's buffer, where a key behind another one would wait unseen
                 pressed = os.read(terminal, 64)
                 if KEY in pressed:
-                    _thread.interrupt_main(signal.SIGINT)
+                    request()
                 if KEY in pressed or not pressed:
                     return
 

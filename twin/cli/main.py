@@ -1,8 +1,8 @@
 """`twin VERB ...`: finds the verb, reads its command line, turns errors into sentences.
 
 The help of `twin` itself comes from the table below, so that it needs neither the verbs nor the
-command-line library. Exit codes: 0 done, 1 failed, 2 wrong use. What Ctrl-C
-ends has failed too, unless the verb ends well by it.
+command-line library. Exit codes: 0 done, 1 failed, 2 wrong use; 130, 143 or 129 where SIGINT,
+SIGTERM or SIGHUP ended it. A verb whose usual end is Ctrl-C (`run`, `emulate`) is done by it.
 """
 
 import importlib
@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from typing import Protocol
 
+from twin import stop
 from twin.errors import TwinError, UnknownName, UsageError
 
 VERBS: dict[str, tuple[str, str, str]] = {
@@ -48,7 +49,11 @@ BROKEN_PIPE = 141
 
 
 class Verb(Protocol):
-    """A dataclass whose fields are the verb's arguments."""
+    """A dataclass whose fields are the verb's arguments.
+
+    One that keeps something when it is stopped has a method `kept`, which says what, and how to go
+    on, in a sentence.
+    """
 
     def run(self) -> int:
         """Do it; the exit code."""
@@ -57,9 +62,19 @@ class Verb(Protocol):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line `argv` (default: the process's own); the exit code."""
-    words = list(sys.argv[1:] if argv is None else argv)
+    if argv is None:
+        stop.listen()
+        code = _main(sys.argv[1:])
+        stop.over(code)
+        return code
+    with stop.listening():
+        return _main(list(argv))
+
+
+def _main(words: list[str]) -> int:
     for variable in BLAS_THREADS:
         os.environ.setdefault(variable, "1")
+    stop.keeps(_nothing_kept)
     try:
         code = _dispatch(words)
         sys.stdout.flush()
@@ -69,9 +84,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except TwinError as error:
         print(f"twin: {error}", file=sys.stderr)
         return FAILED
-    except KeyboardInterrupt:
-        print("twin: interrupted by Ctrl-C before it was done", file=sys.stderr)
-        return FAILED
+    except stop.Stopped as request:
+        print(f"twin: {request}; {stop.kept()}", file=sys.stderr)
+        return request.status
     except BrokenPipeError:
         # The interpreter flushes once more at exit; let it do so into nothing.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -111,10 +126,16 @@ def _run(name: str, words: list[str]) -> int:
             prog=f"twin {name}",
             config=(tyro.conf.FlagCreatePairsOff,),
         )
-    except SystemExit as stop:  # help was printed, or the arguments do not parse
-        return stop.code if isinstance(stop.code, int) else WRONG_USE
+    except SystemExit as ended:  # help was printed, or the arguments do not parse
+        return ended.code if isinstance(ended.code, int) else WRONG_USE
     check_numbers(verb)
+    stop.keeps(getattr(verb, "kept", _nothing_kept))
+    stop.check()
     return verb.run()
+
+
+def _nothing_kept() -> str:
+    return "nothing was written; the same command begins anew"
 
 
 def _help() -> str:

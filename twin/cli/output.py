@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from twin.errors import UsageError
+from twin.stop import check
 
 
 def print_json(document: object) -> None:
@@ -66,10 +67,14 @@ def check_writable(
 
 @contextmanager
 def progress() -> Generator[Callable[[str], None]]:
-    """A function that says what is being done, on one line of a terminal's stderr; else silent."""
+    """A function that says what is being done, on one line of a terminal's stderr; else silent.
+
+    It raises `Stopped` where a stop was requested.
+    """
     waits = sys.stderr.isatty()
 
     def say(doing: str) -> None:
+        check()
         if waits:
             print(f"\r\x1b[K{doing} ...", end="", file=sys.stderr, flush=True)
 

@@ -32,6 +32,7 @@ class Report:
         from twin.report.campaign_document import campaign_document
         from twin.report.campaign_page import write_campaign_page
         from twin.report.campaign_words import markdown, summary, verdicts
+        from twin.whole_file import write_whole
 
         page = self.html or self.folder / "report.html"
         results = read_results(self.folder)
@@ -42,7 +43,7 @@ class Report:
             found = answers(results, against)
             say("drawing")
             write_campaign_page(page, found)
-            page.with_suffix(".md").write_text(markdown(found), encoding="utf-8")
+            write_whole(page.with_suffix(".md"), markdown(found))
         if self.json:
             print_json(campaign_document(found) | {"report": page})
         else:

@@ -28,6 +28,10 @@ class Reproduce:
     json: bool = False
     """Print one JSON document instead of sentences."""
 
+    def kept(self) -> str:
+        """Of a reproduction that was stopped."""
+        return f"{self.table} and {self.report} are as they were"
+
     def run(self) -> int:
         """Compute, write, print; 1 where a part failed."""
         from twin.cli.output import check_writable, print_json

@@ -1,5 +1,6 @@
 """`twin run`: fly a platform under a control law, and record it."""
 
+import signal
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -95,6 +96,7 @@ class Run:
         from twin.metrics import Metrics, settled
         from twin.plant.guard.guarded import Held
         from twin.rehearsal import check_lean, identified_box
+        from twin.stop import Stopped
         from twin.stream.flight_recorder import FlightRecorder
         from twin.stream.provenance import provenance
         from twin.stream.recorder import FileRecorder
@@ -151,7 +153,15 @@ class Run:
             print_json(self._document(outcome, metrics, warnings))
         else:
             print("\n".join([*_report(flight, outcome, metrics), *told, *self._where(kept)]))
+        if outcome.asked not in (0, signal.SIGINT):  # a terminal is gone, or a system goes down
+            raise Stopped(outcome.asked)
         return 0 if outcome.ended is Ended.done or outcome.asked else 1
+
+    def kept(self) -> str:
+        """What is there of a run that was stopped before its law began, or at once."""
+        if self.rrd is None or not self.rrd.exists():
+            return "nothing was recorded"
+        return f"{self.rrd} holds what was recorded until then"
 
     def _check(self) -> None:
         from twin.errors import UsageError

@@ -35,12 +35,15 @@ class Show:
 
         from twin.cli.output import print_json
         from twin.report.contents import contents_document, contents_of, contents_words
+        from twin.stop import check
 
         contents = contents_of(str(self.log), recording, *_platform(recording))
+        check()
         print_json(contents_document(contents)) if self.json else print(contents_words(contents))
         if self.picture is not None:
             from twin.report.picture import draw_contents
 
+            check()
             draw_contents(contents, self.picture)
         return 0
 

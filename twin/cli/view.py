@@ -1,6 +1,5 @@
 """`twin view`: a log in the Rerun viewer."""
 
-import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,10 @@ class View:
 
     log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
     """A recording (.rrd) or a folder with a log.toml."""
+
+    def kept(self) -> str:
+        """Of a viewer that was closed with this program."""
+        return "the viewer was closed"
 
     def run(self) -> int:
         """Show it; the exit code."""
@@ -54,11 +57,12 @@ def _platform(recording: "Recording") -> "Platform | None":
 
 def _show(path: Path) -> int:
     from twin.errors import TwinError
+    from twin.processes import run
 
-    done = subprocess.run([sys.executable, "-c", _VIEWER, str(path)], check=False)
-    if done.returncode:
+    code = run([sys.executable, "-c", _VIEWER, str(path)])
+    if code:
         raise TwinError(
-            f"the viewer ended with code {done.returncode}, and says why above; "
+            f"the viewer ended with code {code}, and says why above; "
             "without a display, open the file where there is one"
         )
     return 0

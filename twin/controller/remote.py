@@ -6,6 +6,7 @@ with set-points, as it would answer a board. Their time-to-live counts in the lo
 """
 
 import contextlib
+import select
 import socket
 import time
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from twin.plant.devices.link import Channel, Schema, State, told
 from twin.plant.devices.link.far_end import ALL_CHANNELS, FarEnd
 from twin.platform import Platform
 from twin.signals import STREAMS, Command, Estimate, Target
+from twin.stop import LOOK, check, until
 
 Array = NDArray[np.float64]
 
@@ -63,6 +65,7 @@ class RemoteLaw(Controller[str]):
         Raises:
             UsageError: no such address, or it cannot be listened at.
             ControllerError: nobody came, or whoever came speaks of other channels.
+            Stopped: a stop was requested meanwhile.
         """
         self.schema = schema_of(platform)
         self._lockstep = lockstep
@@ -73,13 +76,12 @@ class RemoteLaw(Controller[str]):
             host, port = server.getsockname()[:2]
             self._name = f"the law at {SCHEME}{host}:{port}"
             tell(f"waiting for {self._name}\n{_listed(self.schema)}")
-            try:
-                self._line = server.accept()[0]
-            except TimeoutError:
+            if not until(lambda: _readable(server), COMES):
                 raise ControllerError(
                     f"{self._name} has not come within {COMES:g} s; start it, or say where it is "
                     "expected"
-                ) from None
+                )
+            self._line = server.accept()[0]
         self._line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         try:
             self._await_arming()
@@ -187,8 +189,11 @@ class RemoteLaw(Controller[str]):
         try:
             self._line.sendall(self._far.take())
             while self._far.state is not State.armed:
-                if not self._hear(0, end - time.monotonic()):
-                    break
+                check()
+                if not self._hear(0, LOOK):
+                    if time.monotonic() > end:
+                        break
+                    continue
                 event = self._far.last_event
                 if event is not None and event.code in ("SCHEMA", "VALUE"):
                     other = "speaks of other channels"
@@ -280,5 +285,9 @@ def _listening(address: str) -> socket.socket:
             f"cannot listen at {address} ({problem.strerror}); name an address of this computer "
             "and a port that is free"
         ) from problem
-    server.settimeout(COMES)
     return server
+
+
+def _readable(server: socket.socket) -> bool:
+    """Whether somebody comes within the time between two polls."""
+    return bool(select.select([server], [], [], LOOK)[0])

@@ -20,6 +20,7 @@ from twin.identify.prediction_error import NORMAL
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
 from twin.predict.parameters.base import BaseParameters
+from twin.stop import at_last
 
 Array = NDArray[np.float64]
 
@@ -39,11 +40,16 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
         PlatformError: the fitted base is no rigid body.
     """
     check_new(folder)
-    try:
-        return _extended(diagnosis, folder)
-    except BaseException:
+
+    def remove() -> None:
         shutil.rmtree(folder, ignore_errors=True)
-        raise
+
+    with at_last(remove):
+        try:
+            return _extended(diagnosis, folder)
+        except BaseException:
+            remove()
+            raise
 
 
 def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:

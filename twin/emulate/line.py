@@ -3,7 +3,6 @@
 import multiprocessing
 import os
 import select
-import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
 from multiprocessing.connection import Connection
@@ -15,6 +14,7 @@ from twin.emulate.emulated import EmulatedDevice
 from twin.emulate.faults import Fault
 from twin.emulate.server import BEAT, Server
 from twin.errors import DeviceError, TwinError
+from twin.stop import blocked, ignore, until
 
 _START = 60.0
 """Longest wait for the process [s]: it may have a machine to compile."""
@@ -62,10 +62,17 @@ class EmulatedLines:
         Raises:
             TwinError: what its devices refuse, as they would in this process.
             DeviceError: it ended at once, or took too long.
+            Stopped: a stop was requested meanwhile.
         """
-        self._process.start()
+        with blocked():
+            self._process.start()
         said = self._not_there(f"did not start within {_START:g} s")
-        if self._pipe.poll(_START):
+        try:
+            there = until(lambda: self._pipe.poll(0.1), _START)
+        except BaseException:
+            self.kill()
+            raise
+        if there:
             try:
                 said = self._pipe.recv()
             except EOFError:
@@ -169,8 +176,8 @@ def _serve(
     lockstep: bool,
 ) -> None:
     """Be the devices until told to stop, or until whoever started this is gone."""
-    # Ctrl-C is meant for the loop, which still has to bring the devices to rest.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A request to stop is meant for the loop, which still has to bring the devices to rest.
+    ignore()
     first = next(iter(links))
     try:
         made = devices()

@@ -17,6 +17,7 @@ from scipy.stats import t as student
 from twin.errors import TwinError
 from twin.predict.whitening.innovations import Innovations, Problem
 from twin.predict.whitening.unknowns import Unknowns
+from twin.stop import check
 
 Array = NDArray[np.float64]
 
@@ -153,6 +154,7 @@ def _iterate(
     size = _size(now)
     best, idle, smallest, before = now, 0, np.inf, None
     for _ in range(ITERATIONS):
+        check()
         if (size < CONVERGED and not tilted) or (tilted and size > SETTLED):
             # far from where it was taken that slope is another one
             now, tilted, before = problem.tilted(now), True, None

@@ -22,6 +22,7 @@ from twin.predict.drive.inputs import Inputs
 from twin.predict.log.motion import Motion
 from twin.predict.parameters.base import hinge_axis
 from twin.recording import Recording, Series
+from twin.stop import check
 
 Array = NDArray[np.float64]
 
@@ -66,7 +67,11 @@ def track_of(machine: Machine, recording: Recording, motion: Motion, *, raw: boo
         recording: the log.
         motion: of its base.
         raw: take wheel speeds as they were read, not smoothed.
+
+    Raises:
+        Stopped: a stop was requested.
     """
+    check()
     inputs = Inputs(machine, recording)
     time, axis = motion.time, None
     position, velocity, _ = inputs.joint_states(time)

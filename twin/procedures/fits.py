@@ -1,16 +1,9 @@
 """Identification between phases, in another process, while the loop goes on."""
 
-import os
-import signal
-import sys
-import threading
-from collections.abc import Generator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
-from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Self
 
@@ -20,6 +13,7 @@ from numpy.typing import NDArray
 from twin.errors import TwinError
 from twin.identify import Identification, Misfit, identify
 from twin.platform import Platform
+from twin.processes import Pool, first_completed
 from twin.recording import Recording
 
 Array = NDArray[np.float64]
@@ -85,59 +79,6 @@ def _failed(sentence: str) -> Found:
     return Found(np.zeros(3), np.eye(3), 1.96, np.eye(3), nothing, sentence)
 
 
-class _Processes:
-    """They fit until they are told to end, or whoever started them ends in whatever way."""
-
-    def __init__(self, workers: int) -> None:
-        context = get_context("spawn")
-        ended, self._alive = context.Pipe(duplex=False)
-        self._ended = ended
-        self._pool = ProcessPoolExecutor(
-            workers, mp_context=context, initializer=_begin, initargs=(ended,)
-        )
-
-    def ask(
-        self, recordings: Sequence[Recording], platform: Platform, guesses: Array
-    ) -> Future[Found]:
-        """`found_in`, in one of them.
-
-        Raises:
-            BrokenProcessPool: one of them died.
-        """
-        with _deaf():
-            return self._pool.submit(found_in, tuple(recordings), platform, guesses)
-
-    def end(self) -> None:
-        """At once, whatever they do."""
-        self._alive.close()
-        self._pool.shutdown(wait=True, cancel_futures=True)
-        self._ended.close()
-
-
-def _begin(ended: Connection) -> None:
-    """Of a process that fits. Ctrl-C goes to all processes, and the first one ends them."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(ended,), daemon=True).start()
-
-
-def _end_with(ended: Connection) -> None:
-    wait([ended])
-    os._exit(0)
-
-
-@contextmanager
-def _deaf() -> Generator[None, None, None]:
-    """What starts meanwhile does not hear Ctrl-C either until it has begun; we hear it later."""
-    if sys.platform == "win32":
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 class Fits:
     """Asked run by run; an answer is waited for, or looked for at each tick on a wall's clock."""
 
@@ -152,21 +93,22 @@ class Fits:
         self._platform = platform
         self._wait = wait
         self._workers = workers
-        self._processes = _Processes(workers) if workers else None
+        self._pool = Pool(workers) if workers else None
         self._asked: dict[int, Future[Found]] = {}
 
     def ask(self, run: int, recordings: Sequence[Recording], guesses: Array) -> None:
         """Begin to identify a run's logs, all together, from guesses (k, 3) of m r [kg m]."""
-        if self._processes is None:
+        logs = tuple(recordings)
+        if self._pool is None:
             future: Future[Found] = Future()
-            future.set_result(found_in(recordings, self._platform, guesses))
+            future.set_result(found_in(logs, self._platform, guesses))
         else:
             try:
-                future = self._processes.ask(recordings, self._platform, guesses)
+                future = self._pool.submit(found_in, logs, self._platform, guesses)
             except BrokenProcessPool:
-                self._processes.end()
-                self._processes = _Processes(self._workers)
-                future = self._processes.ask(recordings, self._platform, guesses)
+                self._pool.end()
+                self._pool = Pool(self._workers)
+                future = self._pool.submit(found_in, logs, self._platform, guesses)
         self._asked[run] = future
 
     def answer(self, run: int) -> Found | None:
@@ -174,9 +116,14 @@ class Fits:
 
         Where its process died, of too little memory for one, that is why nothing was found; what is
         asked next is asked of others.
+
+        Raises:
+            Stopped: a stop was requested while an answer was waited for.
         """
         future = self._asked[run]
-        if not (self._wait or future.done()):
+        if self._wait:
+            first_completed([future])
+        elif not future.done():
             return None
         del self._asked[run]
         try:
@@ -191,8 +138,8 @@ class Fits:
 
     def close(self) -> None:
         """End the processes; what they still do is not waited for."""
-        if self._processes is not None:
-            self._processes.end()
+        if self._pool is not None:
+            self._pool.end()
 
     def __enter__(self) -> Self:
         return self

@@ -10,6 +10,8 @@ from typing import Any, Literal, cast, get_args
 from twin.errors import RecordingError, UnknownName
 from twin.recording.recording import Recording, Series
 from twin.signals import stream_named
+from twin.stop import check
+from twin.whole_file import whole_folder
 
 Format = Literal["csv", "parquet", "mat"]
 
@@ -33,6 +35,7 @@ def write_folder(
 
     Raises:
         RecordingError: the folder holds files already, or cannot be written.
+        Stopped: a stop was requested; nothing was written.
         UnknownName: no such format.
     """
     if format not in FORMATS:
@@ -46,12 +49,16 @@ def write_folder(
             folder, "would hold two streams in one file", "rename those that differ in signs only"
         )
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()):
-            raise RecordingError(folder, "is not empty", "name a new folder, or empty it")
-        for name, path in files.items():
-            _WRITERS[format](path, name, recording[name])
-        (folder / "log.toml").write_text(_log_toml(recording, files, format), encoding="utf-8")
+        if folder.exists():
+            folder.mkdir(exist_ok=True)  # refuses a file of that name
+            if any(folder.iterdir()):
+                raise RecordingError(folder, "is not empty", "name a new folder, or empty it")
+        with whole_folder(folder) as part:
+            for name, path in files.items():
+                check()
+                _WRITERS[format](part / path.name, name, recording[name])
+            contents = _log_toml(recording, files, format)
+            (part / "log.toml").write_text(contents, encoding="utf-8")
     except OSError as problem:
         raise RecordingError(
             folder, f"cannot be written: {problem.strerror}", "choose another place"

@@ -8,6 +8,7 @@ from twin.recording.formats import ENDINGS
 from twin.recording.log import read_log
 from twin.recording.read import read_recording
 from twin.recording.recording import Recording
+from twin.stop import check
 
 
 def open_log(path: str | Path) -> Recording:
@@ -17,7 +18,9 @@ def open_log(path: str | Path) -> Recording:
     Raises:
         RecordingError: no such thing, or an `.rrd` that cannot be read.
         LogError: a folder that cannot be read, or a file that belongs into one.
+        Stopped: a stop was requested.
     """
+    check()
     path = Path(path)
     if path.is_dir() or path.name == "log.toml":
         return _from(path, read_log(path))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import RecordingError
+from twin.processes import run
 from twin.recording.lock import wait_until_finished
 from twin.recording.recording import Recording, Series
 from twin.recording.schema import (
@@ -177,8 +178,8 @@ def _mended(path: Path) -> _Parts:
         copy = Path(folder) / "mended.rrd"
         command = [sys.executable, "-m", "rerun_cli", "rrd", "merge", "--continue-on-error"]
         command += [str(path), "-o", str(copy)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0 or not copy.exists():
+        quiet = subprocess.DEVNULL
+        if run(command, stdout=quiet, stderr=quiet) != 0 or not copy.exists():
             raise RecordingError(
                 path,
                 "is damaged beyond what `rerun rrd merge` can mend",

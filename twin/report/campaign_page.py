@@ -24,6 +24,7 @@ from twin.report.campaign_words import (
     worst_table,
 )
 from twin.report.style import bullets, framed, page, table
+from twin.whole_file import write_whole
 
 
 def write_campaign_page(path: Path, found: Answers) -> None:
@@ -66,7 +67,7 @@ def write_campaign_page(path: Path, found: Answers) -> None:
                  "--rrd OUT.rrd</code></p>")  # fmt: skip
     parts += ["<h2>Specification</h2>", f"<pre>{escape(spec.text)}</pre>"]
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page(title(found), "\n".join(parts)), encoding="utf-8")
+    write_whole(path, page(title(found), "\n".join(parts)))
 
 
 def _table(rows: Rows) -> str:

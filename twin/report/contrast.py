@@ -9,6 +9,7 @@ from twin.contrast import Contrast, Difference
 from twin.errors import UsageError
 from twin.report.style import FIGURE, PALETTE
 from twin.units import fitting, printed
+from twin.whole_file import whole
 
 
 def contrast_words(contrast: Contrast) -> str:
@@ -64,7 +65,8 @@ def draw_contrast(contrast: Contrast, path: Path) -> None:
         )
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            figure.savefig(path, dpi=130)
+            with whole(path) as file:
+                figure.savefig(file, format=path.suffix[1:].lower(), dpi=130)
         except OSError as problem:
             raise UsageError(f"{path} cannot be written ({problem.strerror})") from None
 

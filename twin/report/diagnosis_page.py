@@ -25,6 +25,7 @@ from twin.report.one_clock import one_clock_sentences
 from twin.report.style import bullets, framed, page, table, typeset
 from twin.report.words import MEANINGFUL, pair
 from twin.units import three_digits
+from twin.whole_file import write_whole
 
 
 def write_diagnosis(path: Path, found: Diagnosis, gain: Validation | None) -> None:
@@ -32,7 +33,7 @@ def write_diagnosis(path: Path, found: Diagnosis, gain: Validation | None) -> No
     names = ", ".join(map(log_name, found.recordings))
     title = f"Diagnosis of {names} on {found.platform.name}"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page(title, "\n".join(_parts(found, gain, title))), encoding="utf-8")
+    write_whole(path, page(title, "\n".join(_parts(found, gain, title))))
 
 
 def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:

@@ -26,6 +26,7 @@ from twin.report.words import (
     transfer_sentences,
 )
 from twin.units import printed
+from twin.whole_file import write_whole
 
 
 def write_page(
@@ -36,7 +37,7 @@ def write_page(
     parts += [_transfer(transfer, comparisons[0]) for transfer in transfers]
     title = "What the model gets wrong: " + ", ".join(map(name_of, comparisons))
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page(title, "\n".join(parts)), encoding="utf-8")
+    write_whole(path, page(title, "\n".join(parts)))
 
 
 def _section(comparison: Comparison) -> str:

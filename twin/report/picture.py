@@ -14,6 +14,7 @@ from twin.noise.clock import GAP
 from twin.report.contents import Contents, StreamContents, contents_words
 from twin.report.style import FIGURE, MISSING, PALETTE, page, svg
 from twin.units import fitting
+from twin.whole_file import whole, write_whole
 
 Array = NDArray[np.float64]
 
@@ -37,9 +38,10 @@ def draw_contents(contents: Contents, path: Path) -> None:
         with mpl.rc_context(FIGURE):
             figure = _figure(contents)
             if path.suffix.lower() == ".html":
-                path.write_text(_page(contents, svg(figure)), encoding="utf-8")
+                write_whole(path, _page(contents, svg(figure)))
             else:
-                figure.savefig(path, dpi=130)
+                with whole(path) as file:
+                    figure.savefig(file, format=path.suffix[1:].lower(), dpi=130)
     except OSError as problem:
         raise UsageError(f"{path} cannot be written ({problem.strerror})") from None
 

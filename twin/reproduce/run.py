@@ -12,6 +12,8 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, cast
 
+from twin import stop
+from twin.processes import end_with_parent
 from twin.reproduce.judge import Judged, judge, nothing
 from twin.reproduce.part import Found, Part, Say
 from twin.reproduce.rows import Paper, Row
@@ -50,6 +52,9 @@ def reproduce(paper: Paper, parts: Sequence[Part], *, jobs: int, say: Say) -> Re
         parts: of this paper.
         jobs: parts at the same time.
         say: told what is being done.
+
+    Raises:
+        Stopped: a stop was requested; the parts have ended.
     """
     ours: dict[str, Judged] = {}
     figures: dict[Part, Mapping[str, str]] = {}
@@ -91,10 +96,12 @@ def _computed(parts: Iterable[Part], jobs: int, say: Say) -> Iterator[tuple[Part
                 part = waiting.popleft()
                 ours, theirs = _SPAWN.Pipe(duplex=False)
                 process = _SPAWN.Process(target=_work, args=(part, theirs), daemon=True)
-                process.start()
+                with stop.blocked():
+                    process.start()
                 theirs.close()
                 running[ours] = part, process
-            for pipe in cast("list[Connection]", wait(list(running))):
+            stop.check()
+            for pipe in cast("list[Connection]", wait(list(running), stop.LOOK)):
                 part, process = running[pipe]
                 answer = _received(pipe, process)
                 if answer is None:
@@ -110,7 +117,8 @@ def _computed(parts: Iterable[Part], jobs: int, say: Say) -> Iterator[tuple[Part
                 yield part, content
     finally:
         for _, process in running.values():
-            process.terminate()
+            process.kill()
+            process.join()
 
 
 def _received(pipe: "Connection", process: BaseProcess) -> tuple[str, Any] | None:
@@ -123,6 +131,7 @@ def _received(pipe: "Connection", process: BaseProcess) -> tuple[str, Any] | Non
 
 def _work(part: Part, pipe: "Connection") -> None:
     """In the part's process."""
+    end_with_parent()
     try:
         found = part.compute(lambda doing: pipe.send(("say", doing)))
     except Exception as problem:

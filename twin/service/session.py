@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from twin.bench import Bench
 from twin.errors import SafetyError
 from twin.signals import Command, Reading
+from twin.stop import check
 
 Array = NDArray[np.float64]
 _Found = TypeVar("_Found")
@@ -47,7 +48,9 @@ class Session:
 
         Raises:
             SafetyError: the guard has stopped it.
+            Stopped: a stop was requested.
         """
+        check()
         self.now = next(self._ticks)
         self.readings.append(self.bench.read(self.now))
         self.applied.append((self.now, self.bench.write(command)))

@@ -19,6 +19,7 @@ from twin.predict.path.states import STEP, States
 from twin.predict.path.tangent import carried_states, reached
 from twin.predict.path.transitions import Passage, is_gyrostat, transitions
 from twin.predict.sensors.outputs import Grid
+from twin.stop import check
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,9 @@ class Rollouts:
 
         Raises:
             TwinError: the motion is unbounded.
+            Stopped: a stop was requested.
         """
+        check()
         return self._paths(model, start, push)[0]
 
     def around(
@@ -96,7 +99,9 @@ class Rollouts:
 
         Raises:
             TwinError: the motion is unbounded.
+            Stopped: a stop was requested.
         """
+        check()
         if is_gyrostat(self.machine, model):
             path, position, velocity = self._paths(model, start.one(), push)
             if not self._contacts or not _leans(self.machine, path.position, TOUCH):
@@ -187,6 +192,7 @@ class Rollouts:
             steps: how far; the last drive is held where the log ends.
             push: added to the drive.
         """
+        check()
         machine, grid = self.machine, self.grid
         self.prepare(model)
         position, velocity = self._position[segments], self._velocity[segments]

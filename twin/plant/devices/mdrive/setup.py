@@ -6,6 +6,7 @@ from twin.errors import DeviceError
 from twin.plant.devices.mdrive.line import Line, Mode
 from twin.plant.devices.mdrive.settings import DriveSettings
 from twin.plant.devices.mdrive.tables import error_named
+from twin.stop import check, requested
 
 CONFIGURED, HOMED = 31001, 31002
 """What the mark register holds: set up, or set up and homed, since the drive got its power."""
@@ -132,10 +133,14 @@ def wait_for_rest(
 
     Raises:
         DeviceError: not within `longest` [s] and the time of its ramp.
+        Stopped: a stop was requested; it was told to stop.
     """
     allowed = longest + drive.speed / drive.acceleration + _SLOW
     end = time.monotonic() + allowed
     while _ask(who, line, drive.address, mode, ["MV"])[0]:
+        if requested() is not None:
+            line.tell(drive.address, "SL 0", mode)
+            check()
         if time.monotonic() > end:
             line.tell(drive.address, "SL 0", mode)
             raise DeviceError(who, f"still moves after {allowed:.1f} s", "look at it")

@@ -1,0 +1,23 @@
+"""Whatever a verb does when a signal comes, it ends in time and leaves nothing half."""
+
+import random
+import sys
+
+import pytest
+
+from tests.promises.stops import VERBS, Trials, draw
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux", reason="nobody lists processes there"),
+]
+
+
+def test_every_verb_keeps_its_promises_when_a_signal_comes_at_a_drawn_moment(tmp_path):
+    seed = random.randrange(1 << 31)
+    print(f"seed {seed}")
+    chance, trials = random.Random(seed), Trials(tmp_path)
+    for name in VERBS:
+        drawn = draw([name], chance)
+        broken, code, took = trials.broken(drawn)
+        assert not broken, f"{drawn.words()}: {code} after {took:.2f} s: {broken}"
