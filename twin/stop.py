@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any, NoReturn
+from typing import IO, Any, NoReturn
 
 GRACE = 4.0
 """Longest time between a request and the end of the process [s]."""
@@ -243,13 +243,23 @@ def _enforce(reader: int) -> None:
     """Wait for a request, then for a second one or the end of the grace."""
     with open(reader, "rb", buffering=0) as requests:
         first = requests.read(1)[0]
-        if first != _OVER:
-            again = select.select([requests], [], [], GRACE)[0]
-            if not again or requests.read(1)[0] != _OVER:
-                _end_at_once(first)
+        if first != _OVER and (not _asked_again(requests) or requests.read(1)[0] != _OVER):
+            _end_at_once(first)
         status = requests.read(1)[0]
     time.sleep(GRACE)
     os._exit(status)
+
+
+def _asked_again(requests: IO[bytes]) -> bool:
+    """Whether something comes before the grace is over, which begins anew after a shield."""
+    started = time.monotonic()
+    end = started + GRACE
+    while (left := end - time.monotonic()) > 0.0:
+        if select.select([requests], [], [], min(left, LOOK))[0]:
+            return True
+        if _state.shields:
+            end = min(time.monotonic() + GRACE, started + SHIELDED)
+    return False
 
 
 def _end_at_once(number: int) -> NoReturn:
