@@ -29,10 +29,11 @@ def turned(
     attitude_noise: float,
     length: float = 90.0,
     amplitude: float = 0.5,
+    about: tuple[float, float, float] = (1.0, 1.0, 1.0),
 ) -> Recording:
     """A body that turns in a sum of sinusoids; gyro at 100 Hz, attitude at 50 Hz."""
     frequency, phase = draw.uniform(0.05, 0.4, (4, 3)), draw.uniform(0.0, 2.0 * np.pi, (4, 3))
-    size = 0.5 * amplitude * draw.uniform(0.3, 1.0, (4, 3))
+    size = 0.5 * amplitude * draw.uniform(0.3, 1.0, (4, 3)) * about
 
     def rate(time: np.ndarray) -> np.ndarray:
         waves = np.sin(2.0 * np.pi * frequency * time[:, None, None] + phase)
@@ -115,6 +116,33 @@ def test_intervals_cover_the_truth_as_often_as_they_say(gyro, attitude, amplitud
     # 520 intervals of 95 % cover 0.95 +- 0.01, and 1 +- 0.03 of their sigma is used
     assert covered >= 0.90
     assert size >= 0.75, "wider than they need to be"
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_turn_about_one_axis_tells_nothing_of_the_scales_of_the_others(axis):
+    """The noise of an axis about which nothing turns is no excitation."""
+    draw, theta = np.random.default_rng(axis), np.zeros(len(NAMES))
+    theta[3 + axis] = 0.01
+    log = turned(
+        draw, theta, gyro_noise=2e-3, attitude_noise=1e-3, about=tuple(np.eye(3)[axis].tolist())
+    )
+    found = compare_gyro(log)
+    scale = slice(3, 6)
+    np.testing.assert_array_equal(np.isfinite(found.half_width[scale]), np.arange(3) == axis)
+    assert abs(found.value[3 + axis] - 0.01) < found.half_width[3 + axis] < 0.01
+    assert (np.abs(found.value[scale][np.arange(3) != axis]) < 1e-6).all()
+    (_, raw, mended), *_ = found.drift
+    assert mended < 1.05 * raw
+
+
+def test_streams_that_do_not_show_the_same_motion_are_refused():
+    first, other = (
+        turned(np.random.default_rng(seed), USUAL, gyro_noise=1e-3, attitude_noise=1e-3)
+        for seed in (6, 7)
+    )
+    mixed = Recording({"gyro": first["gyro"], "attitude": other["attitude"]})
+    with pytest.raises(UsageError, match="do not show the same motion"):
+        compare_gyro(mixed)
 
 
 def test_without_an_attitude_there_is_nothing_to_hold_a_gyro_against():

@@ -38,17 +38,22 @@ def gyro_sentences(found: GyroComparison) -> list[str]:
 def _sentence(fault: Fault, found: GyroComparison) -> str:
     places = _places(fault)
     value, half = found.value[places], found.half_width[places]
-    if not np.isfinite(half).all():
+    shown = np.isfinite(half)
+    if not shown.any():
         return f"{fault.name}: the motion does not show it."
-    factor, unit = fitting(float(np.abs(value).max()), fault.unit)
+    factor, unit = fitting(float(np.abs(value[shown]).max()), fault.unit)
     if fault.unit == "1":
         factor, unit = 0.01, "%"
     numbers = ", ".join(
         f"{column}{' ' if column else ''}{three_digits(v / factor)} "
         f"({three_digits((v - h) / factor)} to {three_digits((v + h) / factor)})"
+        if np.isfinite(h)
+        else f"{column} unknown"
         for column, v, h in zip(fault.columns, value, half, strict=True)
     )
     text = f"{fault.name}: {fault.words} {numbers} {unit}"
+    if not shown.all():
+        text += " (unknown: the body hardly turns that way)"
     if not found.certain[places].any():
         return f"{text}: nothing that is sure."
     return f"{text}; {TIES[fault.name]}." if fault.name in TIES else f"{text}."

@@ -37,6 +37,14 @@ SPACINGS = (0.0, 0.02, 0.04, 0.08, 0.16, 0.32)
 """Attitudes are taken no closer than this, the first that leaves what is expected [s]."""
 EXPECTED = 1.5
 """Innovations this much larger than the noise from sample to sample gives are not yet white."""
+MOVES = 5.0
+"""An attitude that turns by so many times its noise moves."""
+UNLIKE = 0.5
+"""A gyro that strays by this share of the motion itself does not show it."""
+WORSE = 1.1
+"""A corrected gyro that strays by this many times as far as the raw one is not corrected."""
+HIDDEN = 0.01
+"""Squared part of a parameter that may lie along directions that no turn shows."""
 FEWEST = 100
 """Turns without which nothing is said."""
 
@@ -69,7 +77,8 @@ def compare_gyro(recording: Recording) -> GyroComparison:
     """Hold the gyro against the attitude.
 
     Raises:
-        UsageError: without a gyro about three axes and an attitude beside it.
+        UsageError: without a gyro about three axes and an attitude beside it, or where the two do
+            not show the same motion.
     """
     if any(name not in recording for name in ("gyro", "attitude")) or (
         recording["gyro"].columns != ("x", "y", "z")
@@ -90,14 +99,27 @@ def compare_gyro(recording: Recording) -> GyroComparison:
     if found is None:
         raise UsageError(f"gyro and attitude share fewer than {FEWEST} attitudes; log longer")
     fit, unit = found.fit, found.unit
+    unit_noise = fit.attitude_noise * float(np.sqrt(unit))
+    drift = tuple(_drift(found.turns, found.theta))
+    for horizon, raw, mended in drift[:1]:
+        turned = _turned(found.turns, horizon)
+        moves = turned > MOVES * attitude_noise
+        if moves and mended > min(UNLIKE * turned, WORSE * max(raw, attitude_noise)):
+            raise UsageError(
+                f"gyro and attitude do not show the same motion: in {horizon:g} s the attitude "
+                f"turns by {np.degrees(turned):.3g} deg rms, and the gyro strays from it by "
+                f"{np.degrees(mended):.3g} deg with the errors that fit best and by "
+                f"{np.degrees(raw):.3g} deg as it was read; `twin show` says how each stream "
+                "reads: look at their columns, units and clocks in log.toml"
+            )
     before = _filtered(found.turns, found.raw.errors[:, :, None], fit.attitude_noise)[0]
     return GyroComparison(
         value=found.theta,
         half_width=_half_width(found.turns, fit),
         gyro_noise=gyro_noise * float(np.sqrt(unit)),
-        attitude_noise=fit.attitude_noise * float(np.sqrt(unit)),
+        attitude_noise=unit_noise,
         chi2_before=float(np.mean(np.square(before))) / unit,
-        drift=tuple(_drift(found.turns, found.theta)),
+        drift=drift,
     )
 
 
@@ -125,7 +147,8 @@ def _found(turns: Turns, attitude_noise: float) -> _Found:
     for _ in range(ITERATIONS):
         theta = theta + fit.step
         fit = _likeliest(turns, theta, attitude_noise, ROUGHER)
-        if (np.square(fit.step) < np.square(SMALL) * np.diag(fit.inverse)).all():
+        variance = np.diag(fit.shown @ fit.inverse @ fit.shown.T)
+        if (np.square(fit.step) <= np.square(SMALL) * variance).all():
             break
     return _Found(turns, theta + fit.step, raw, fit)
 
@@ -134,7 +157,8 @@ def _likeliest(
     turns: Turns, theta: Array, attitude_noise: float, rougher: Sequence[float]
 ) -> "_Fit":
     errors, columns = turns.errors(theta), turns.columns(theta)
-    tried = [_Fit.of(turns, errors, columns, factor * attitude_noise) for factor in rougher]
+    shown = turns.shown(theta)
+    tried = [_Fit.of(turns, errors, columns, shown, factor * attitude_noise) for factor in rougher]
     return max(tried, key=lambda one: one.likelihood)
 
 
@@ -146,39 +170,46 @@ class _Fit:
     """(K, 3) of the turns [rad]."""
     attitude_noise: float
     """[rad]."""
+    shown: Array
+    """(13, k) directions of the parameters that the turns show, orthonormal."""
     design: Array
-    """(K, 3, 13)."""
+    """(K, 3, k) along these."""
     inverse: Array
-    """Of the normal matrix; infinite on the diagonal where nothing is seen."""
+    """(k, k) of the normal matrix."""
     step: Array
+    """(13,)."""
     after: Array
     """(K, 3) innovations without what the columns explain."""
     likelihood: float
     """Its logarithm, at the best size of all noise together."""
 
+    @property
+    def unknown(self) -> NDArray[np.bool_]:
+        """(13,) parameters of which a part shows in no turn."""
+        return np.sum(np.square(self.shown), axis=1) < 1.0 - HIDDEN
+
     @classmethod
-    def of(cls, turns: Turns, errors: Array, columns: Array, attitude_noise: float) -> "_Fit":
-        both = np.concatenate([errors[:, :, None], columns], axis=2)
+    def of(
+        cls, turns: Turns, errors: Array, columns: Array, shown: Array, attitude_noise: float
+    ) -> "_Fit":
+        both = np.concatenate([errors[:, :, None], columns @ shown], axis=2)
         white, spread = _filtered(turns, both, attitude_noise)
         residual, design = white[:, :, 0], white[:, :, 1:]
         flat = design.reshape(-1, design.shape[2])
         normal = flat.T @ flat
         size = np.sqrt(np.diag(normal))
-        seen = size > 1e-9 * size.max()
-        inverse = np.zeros_like(normal)
-        scale = np.outer(size[seen], size[seen])
-        inverse[np.ix_(seen, seen)] = (
-            np.linalg.pinv(normal[np.ix_(seen, seen)] / scale, hermitian=True) / scale
-        )
+        scale = np.outer(size, size)
+        inverse = np.linalg.pinv(normal / scale, hermitian=True) / scale
         # of the restricted likelihood: what the columns take up is no noise
-        taken = float(np.linalg.slogdet(normal[np.ix_(seen, seen)])[1])
+        taken = float(np.linalg.slogdet(normal)[1])
         step = inverse @ (flat.T @ residual.ravel())
-        inverse[~seen, ~seen] = np.inf
         after = residual - design @ step
-        free = after.size - int(seen.sum())
+        free = after.size - len(step)
         size_of_noise = np.log(np.sum(np.square(after)) / free)
         likelihood = -0.5 * free * size_of_noise - spread - 0.5 * taken
-        return cls(errors, attitude_noise, design, inverse, step, after, float(likelihood))
+        return cls(
+            errors, attitude_noise, shown, design, inverse, shown @ step, after, float(likelihood)
+        )
 
 
 def _filtered(turns: Turns, both: Array, attitude_noise: float) -> tuple[Array, float]:
@@ -211,17 +242,26 @@ def _half_width(turns: Turns, fit: _Fit) -> Array:
     after, design, inverse = fit.after, fit.design, fit.inverse
     parameters = design.shape[2]
     plain = inverse * np.sum(np.square(after)) / (after.size - parameters)
+    factor, variance = 1.96, np.diag(fit.shown @ plain @ fit.shown.T)
     length = float(turns.time[-1] - turns.time[0])
     blocks = int(min(BLOCKS, length / SHORTEST_BLOCK))
-    if blocks < 3 * parameters:
-        return 1.96 * np.sqrt(np.diag(plain))
-    each = np.minimum(((turns.time[1:] - turns.time[0]) / length * blocks).astype(int), blocks - 1)
-    scores = np.zeros((blocks, parameters))
-    np.add.at(scores, each, np.einsum("kip,ki->kp", design, after))
-    finite = np.where(np.isfinite(inverse), inverse, 0.0)
-    sandwich = finite @ (scores.T @ scores) @ finite * blocks / (blocks - parameters)
-    variance = np.maximum(np.diag(plain), np.diag(sandwich))
-    return float(student.ppf(0.975, blocks - parameters)) * np.sqrt(variance)
+    if blocks >= 3 * parameters:
+        since = (turns.time[1:] - turns.time[0]) / length
+        each = np.minimum((since * blocks).astype(int), blocks - 1)
+        scores = np.zeros((blocks, parameters))
+        np.add.at(scores, each, np.einsum("kip,ki->kp", design, after))
+        sandwich = inverse @ (scores.T @ scores) @ inverse * blocks / (blocks - parameters)
+        variance = np.maximum(variance, np.diag(fit.shown @ sandwich @ fit.shown.T))
+        factor = float(student.ppf(0.975, blocks - parameters))
+    return np.where(fit.unknown, np.inf, factor * np.sqrt(variance))
+
+
+def _turned(turns: Turns, horizon: float) -> float:
+    """By how much the attitude turns within a time [s], rms [rad]."""
+    last = np.searchsorted(turns.time, turns.time + horizon)
+    first = np.flatnonzero(last < len(turns.time))
+    turn = rotation.multiply(rotation.conjugate(turns.attitude[first]), turns.attitude[last[first]])
+    return float(np.sqrt(np.mean(np.sum(np.square(rotation.to_rotation_vector(turn)), axis=1))))
 
 
 def _drift(turns: Turns, theta: Array) -> Iterator[tuple[float, float, float]]:

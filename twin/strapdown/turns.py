@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag, eigh, null_space
 
 from twin import rotation
 from twin.recording import Recording
@@ -18,6 +19,8 @@ SMALL_ANGLE = 0.5
 """Errors up to this add up as vectors [rad]."""
 WIDTHS = (1, 3, 7, 15, 31, 63)
 """Samples that a gyro is smoothed over."""
+NOISE_SHARE = 0.05
+"""Largest share of noise in the power of a column whose parameter is fitted."""
 NOISE_ONLY = 1.2
 """Smoothing that takes away more than this times the noise takes away motion."""
 
@@ -74,10 +77,28 @@ class Turns:
         beyond = rotation.multiply(rotation.conjugate(turned), self.measured)
         return rotation.rotate(self.attitude[1:], rotation.to_rotation_vector(beyond))
 
+    def shown(self, theta: Array) -> Array:
+        """(13, k) orthonormal directions of the parameters that the turns show.
+
+        A column that is mostly the noise that it is to explain pulls its parameter by the noise's
+        share of it, whatever its interval says (errors in variables): directions in which that
+        share exceeds `NOISE_SHARE` are left out. About one axis alone, say, no turn shows the
+        scales of the others, nor tells turned axes from those that are not square.
+        """
+        _, rate = corrected(self.gyro_time, self.gyro, theta)
+        smooth, width = smoothed(rate, self.gyro_noise)
+        power, noise = _gram(smooth), _gram(np.eye(3)) * np.square(self.gyro_noise) / width
+        size = np.sqrt(np.maximum(np.diag(power), np.diag(noise)))
+        ridge = 1e-12 * np.eye(len(power))
+        share, direction = eigh(noise / np.outer(size, size), power / np.outer(size, size) + ridge)
+        hidden = direction[:, share >= NOISE_SHARE] / size[:, None]
+        basis = null_space(hidden.T) if hidden.size else np.eye(len(power))
+        return block_diag(np.eye(3), basis, np.eye(1))
+
     def columns(self, theta: Array) -> Array:
         """(K, 3, 13) by how much `errors` grow a parameter."""
         time, rate = corrected(self.gyro_time, self.gyro, theta)
-        smooth = smoothed(rate, self.gyro_noise)
+        smooth, _ = smoothed(rate, self.gyro_noise)
         shown = columns(smooth, np.gradient(smooth, time, axis=0))
         flat = shown.reshape(len(time), -1)
         summed = np.zeros((len(time), flat.shape[1]))
@@ -107,12 +128,18 @@ def chained(turns: Array) -> Array:
     return rotation.normalized(chain)
 
 
-def smoothed(rate: Array, noise: float) -> Array:
-    """Means over as many samples as take away noise and no motion.
+def _gram(rate: Array) -> Array:
+    """(9, 9) mean products of the columns of scale, misalignment and skew at body rates (m, 3)."""
+    shown = columns(rate, np.zeros_like(rate))[:, :, 3:12]
+    return np.einsum("mip,miq->pq", shown, shown) / (len(rate) if len(rate) > 3 else 1)
+
+
+def smoothed(rate: Array, noise: float) -> tuple[Array, int]:
+    """Means over as many samples as take away noise and no motion, and how many these are.
 
     A column made of the noise that it shall explain would be believed too much.
     """
-    best = rate
+    best, samples = rate, WIDTHS[0]
     for width in WIDTHS[1:]:
         if width > len(rate) // 4:
             break
@@ -122,8 +149,8 @@ def smoothed(rate: Array, noise: float) -> Array:
         taken = float(np.mean(np.square(rate - wider)))
         if taken > NOISE_ONLY * noise**2 * (1.0 - 1.0 / width):
             break
-        best = wider
-    return best
+        best, samples = wider, width
+    return best, samples
 
 
 def turns_of(recording: Recording, gyro_noise: float, spacing: float = 0.0) -> Turns:
