@@ -19,6 +19,7 @@ from twin.effects import (
 )
 from twin.effects.effect import targets
 from twin.errors import TwinError
+from twin.identify.start import drives
 from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.body import Body
@@ -33,6 +34,7 @@ APART = 0.16
 """Between such frequencies, in parts of them: with a damping of 0.05 it rings to a tenth on either
 side."""
 
+_CLOCKS = ("clock_drift", "clock_lag")
 _FILTERED = ("sensor_lag",)
 """Asked for only of sensors that have a filter: on slow signals one is as good as a late clock."""
 
@@ -176,6 +178,11 @@ def _why_not(kind: type[Effect], target: str, platform: Platform, bodies: Sequen
     if kind.name in _FILTERED and np.isinf(platform.sensors[target].cutoff):
         return "not asked: the platform states no filter there, and without one it is a clock_lag"
     seen = {output.stream for body in bodies for output in body.outputs}
+    if kind.name in _CLOCKS and seen == {target} and not _driven(bodies):
+        return (
+            "not observable: it is the only clock of logs that nothing drives, and its error is "
+            "the moment at which they begin and the base's own periods"
+        )
     seen |= {name for body in bodies for name in body.inputs.used}
     hinge = platform.base.kind == "hinge"
     if target in platform.sensors and not any(target in body.recording for body in bodies):
@@ -187,6 +194,10 @@ def _why_not(kind: type[Effect], target: str, platform: Platform, bodies: Sequen
         if not any(one in seen for one in enough):
             return f"not observable: {' or '.join(enough)} has no part in the prediction"
     return ""
+
+
+def _driven(bodies: Sequence[Body]) -> bool:
+    return any(drives(body.recording, body.machine) for body in bodies)
 
 
 def _enough(effect: Effect, stream: str, *, hinge: bool) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from twin import rotation
 from twin.identify.scale import Scale
 from twin.model import Machine
 from twin.predict.log.motion import Motion
-from twin.predict.parameters.base import BaseParameters
+from twin.predict.parameters.base import BaseParameters, hinge_axis, is_upright
 from twin.recording import Recording
 
 Array = NDArray[np.float64]
@@ -57,7 +57,8 @@ class Excitation:
     """Of all combinations of J the one that is known worst: its weights, their squares adding up to
     1; those that count."""
     half_width: float
-    """Of the 95 % interval of that combination, as a share of a mean principal moment."""
+    """Of the 95 % interval of that combination, as a share of a mean principal moment; NaN where J
+    is held at its stated size."""
     condition: float
     """How many times worse it is known than the best known one; 1 is the most even excitation."""
 
@@ -77,12 +78,15 @@ def excitation_of(
 ) -> Excitation:
     """Measure it on smoothed motions and on the covariance (p, p) that they led to."""
     square = np.concatenate([np.square(motion.rate) for motion in motions])
+    rate, reach = np.sqrt(square.mean(axis=0)), max(_reach(motion.position) for motion in motions)
     tensor = [index for index, name in enumerate(base.names) if name.startswith("J")]
+    if not tensor:
+        return Excitation(rate, reach, {}, float("nan"), float("nan"))
     size, direction = np.linalg.eigh(covariance[np.ix_(tensor, tensor)])
     worst = direction[:, -1] * np.sign(direction[np.argmax(np.abs(direction[:, -1])), -1])
     return Excitation(
-        np.sqrt(square.mean(axis=0)),
-        max(_reach(motion.position) for motion in motions),
+        rate,
+        reach,
         {
             base.names[index]: float(weight)
             for index, weight in zip(tensor, worst, strict=True)
@@ -126,7 +130,8 @@ def common_scale(machine: Machine, recordings: list[Recording]) -> list[str]:
     if not machine.platform.wheels:
         if machine.platform.base.kind != "hinge":
             return [f"{what}: it is that of the stated ones; needs a known torque or mass move"]
-        return [f"{what} and damping: it is that of the stated m r; needs a known torque"]
+        stated = "J" if is_upright(hinge_axis(machine)) else "m r"
+        return [f"{what} and damping: it is that of the stated {stated}; needs a known torque"]
     if any("command_wheel_duty" in r and "wheel_speed" not in r for r in recordings):
         return [
             f"{what}, damping and the wheels: it is that of the wheels' stated torque_limit, which "

@@ -28,17 +28,20 @@ def base_of(machine: Machine, logs: Sequence[Recording]) -> tuple[BaseParameters
     """J and m r as these logs can show them, and with what the MJCF states of its joints."""
     base = base_parameters(
         machine,
-        torque=any(_drives(log, machine) for log in logs),
+        torque=any(drives(log, machine) for log in logs),
         angle=any("joint_angle" in log for log in logs),
     )
     wheels = any(name in log for log in logs for name in WHEEL_COMMANDS)
     return base, base.with_joints(joint_parameters(machine, wheels))
 
 
-def _drives(recording: Recording, machine: Machine) -> bool:
-    """Whether a log has a torque of known size, or a momentum or mass that moves."""
+def drives(recording: Recording, machine: Machine) -> bool:
+    """Whether a log has a torque of known size, or a momentum or mass that moves.
+
+    A stream that is zero throughout drives nothing.
+    """
     known = (*machine.platform.commands, "command_wheel_duty", "wheel_speed", "stage_position")
-    return any(name in recording for name in known)
+    return any(bool(np.any(recording[name].value)) for name in known if name in recording)
 
 
 def first_theta(base: BaseParameters, first: Estimate) -> Array:

@@ -79,9 +79,10 @@ def track_of(machine: Machine, recording: Recording, motion: Motion, *, raw: boo
         velocity[:, machine.wheel_dof] = recording["wheel_speed"].interpolated_at(time)
     attitude, rate = motion.position, motion.rate
     velocity[:, machine.base_dof] = rate
-    whole, moment = _as_stated(machine, position, velocity)
+    position[:, machine.base_qpos] = attitude
+    whole, moment, passive = _as_stated(machine, position, velocity)
     torque = inputs.commanded(np.append(time, 2.0 * time[-1] - time[-2]), motion)
-    torque = torque[:, machine.base_dof]
+    torque = torque[:, machine.base_dof] + passive
     stated = machine.platform.inertia
     if machine.platform.base.kind == "hinge":
         axis = hinge_axis(machine)
@@ -158,15 +159,19 @@ def _continuous(attitude: Series) -> Series:
     return Series(attitude.time, value * sign[:, None], attitude.columns, attitude.unit)
 
 
-def _as_stated(machine: Machine, position: Array, velocity: Array) -> tuple[Array, Array]:
+def _as_stated(machine: Machine, position: Array, velocity: Array) -> tuple[Array, Array, Array]:
     """Of the machine as stated, its joints at (m, nq) and (m, nv): angular momentum about the CR
-    (m, k) and m r (m, 3), body axes."""
+    (m, k), m r (m, 3), body axes, and the torque (m, k) of the base joint's springs and dampers."""
     model, data = machine.model, mujoco.MjData(machine.model)
     base, dof = machine.base_body, machine.base_dof
     whole, moment = np.empty((len(position), dof.stop - dof.start)), np.empty((len(position), 3))
-    product = np.empty(model.nv)
+    product, passive = np.empty(model.nv), np.empty_like(whole)
     for row in range(len(position)):
-        data.qpos[:] = position[row]
+        data.qpos[:], data.qvel[:] = position[row], velocity[row]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_passive(model, data)
+        passive[row] = data.qfrc_passive[dof]
         data.qpos[machine.base_qpos] = model.qpos0[machine.base_qpos]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -175,4 +180,4 @@ def _as_stated(machine: Machine, position: Array, velocity: Array) -> tuple[Arra
         whole[row] = product[dof]
         arm = data.subtree_com[base] - data.xanchor[model.body_jntadr[base]]
         moment[row] = model.body_subtreemass[base] * arm
-    return whole, moment
+    return whole, moment, passive

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from twin.identify import Identification, Misfit
 from twin.platform import taken_as_at_rest
-from twin.predict.parameters.base import NAMES
+from twin.predict.parameters.base import NAMES, hinge_axis
 from twin.recording import Recording
 from twin.report.words import pair
 from twin.units import printed, three_digits
@@ -39,7 +39,12 @@ def _entries(found: Identification) -> list[str]:
     half = found.quantile * np.sqrt(np.diag(base.map @ found.covariance @ base.map.T))
     seen = np.abs(base.map).sum(axis=1) > 0.0
     if platform.base.kind == "hinge":
-        lines = [f"J     {pair(found.theta[0], found.half_widths[0])} kg m^2 about the axis"]
+        axis = hinge_axis(base.machine)
+        if "J" in base.names:
+            size = pair(found.theta[0], found.half_widths[0])
+        else:
+            size = f"{axis @ platform.inertia @ axis:.6g} (as stated)"
+        lines = [f"J     {size} kg m^2 about the axis"]
     else:
         lines = [
             f"{name:<5} {pair(value, width)} kg m^2"

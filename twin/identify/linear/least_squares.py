@@ -55,6 +55,8 @@ def least_squares(
     Raises:
         UsageError: nothing that could be sought shows in the logs, be they too short or still.
     """
+    if not len(base.as_stated):
+        return Estimate(base.as_stated, np.zeros((0, 0)), 1.96)
     parts = [based(log, base) for log in logs]
     columns = np.concatenate([rows for rows, _ in parts])
     target = np.concatenate([value for _, value in parts])

@@ -131,7 +131,7 @@ class BaseParameters:
             return ()
         axis = hinge_axis(self.machine)
         hidden = [f"J but about the axis {_axis(axis)}"]
-        if _upright(axis):
+        if is_upright(axis):
             return (*hidden, "m r")
         return (*hidden, f"m r along the axis {_axis(axis)}")
 
@@ -142,7 +142,8 @@ def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True
     Args:
         machine: compiled.
         torque: whether they have a known torque, on a hinge. Without one only J / (m r) shows; then
-            m r keeps its stated length, for it is what a scale and a ruler tell.
+            m r keeps its stated length, for it is what a scale and a ruler tell. On an upright
+            hinge no m r shows, and J keeps its stated size.
         angle: whether they have the angle of a hinge. With its rate alone nobody knows from where
             it counts, and so not which way m r points.
     """
@@ -155,30 +156,33 @@ def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True
         return BaseParameters(machine, NAMES, units, stated, scale, np.eye(9))
     axis = hinge_axis(machine)
     about_axis = float(axis @ machine.platform.inertia @ axis)
-    # J keeps its stated proportions; only the moment about the axis is seen
-    columns = [np.concatenate([stated[:6] / about_axis, np.zeros(3)])]
-    starts, names = [about_axis], ["J"]
     directions = _across(axis)
     moment = stated[6:] - (axis @ stated[6:]) * axis
-    if _upright(axis):
+    if is_upright(axis):
         directions = ()
     elif not torque and np.linalg.norm(moment) > 0.0:
         # what is across m r turns it and keeps its length
         turned = np.cross(axis, moment) / np.linalg.norm(moment)
         directions = (turned,) if angle else ()
+    names, columns, starts = list[str](), list[Array](), list[float]()
+    if torque or not is_upright(axis):
+        # J keeps its stated proportions; only the moment about the axis is seen
+        names.append("J")
+        columns.append(np.concatenate([stated[:6] / about_axis, np.zeros(3)]))
+        starts.append(about_axis)
     for name, across in zip(("mr_1", "mr_2"), directions, strict=False):
-        columns.append(np.concatenate([np.zeros(6), across]))
-        starts.append(float(across @ stated[6:]))
         single = int(np.argmax(np.abs(across)))
         names.append(NAMES[6 + single] if across[single] > 1.0 - 1e-9 else name)
+        columns.append(np.concatenate([np.zeros(6), across]))
+        starts.append(float(across @ stated[6:]))
     reach = max(float(np.linalg.norm(stated[6:])), 1e-3 * machine.platform.mass)
     return BaseParameters(
         machine,
         tuple(names),
-        ("kg m^2", *["kg m"] * len(directions)),
+        tuple("kg m^2" if name == "J" else "kg m" for name in names),
         np.array(starts),
-        np.array([about_axis, *[reach] * len(directions)]),
-        np.stack(columns, axis=-1),
+        np.array([about_axis if name == "J" else reach for name in names]),
+        np.array(columns).reshape(-1, 9).T,
     )
 
 
@@ -190,8 +194,8 @@ def hinge_axis(machine: Machine) -> Array:
     return data.xaxis[joint].copy()
 
 
-def _upright(axis: Array) -> bool:
-    """Whether gravity has no moment about a hinge."""
+def is_upright(axis: Array) -> bool:
+    """Whether gravity has no moment about a hinge's axis."""
     return bool(abs(axis[2]) > 1.0 - 1e-9)
 
 
