@@ -18,6 +18,15 @@ from twin.platform import Platform, load_platform
 from twin.recording import Recording, Series
 from twin.stream.recorder import MemoryRecorder
 
+SLOW_LIMIT = 600.0
+"""Of a slow test [s]; the limit of all others is in pyproject.toml."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
+            item.add_marker(pytest.mark.timeout(SLOW_LIMIT))
+
 
 def pytest_collection_finish() -> None:
     """Campaigns sweep memory after every shard; thousands of collected tests need no look there."""

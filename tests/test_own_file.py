@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from tests.processes import PATIENCE
 from twin.cli.main import main
 from twin.own_file import import_alone
 from twin.recording import open_log
@@ -40,7 +41,8 @@ def path(tmp_path):
 def test_what_is_made_of_it_can_be_sent_to_another_process(path):
     sent = pickle.dumps(import_alone(path).Shear(lean=0.07))
     read = "import pickle, sys; print(pickle.loads(sys.stdin.buffer.read()).lean)"
-    told = subprocess.run([sys.executable, "-c", read], input=sent, capture_output=True, check=True)
+    command = [sys.executable, "-c", read]
+    told = subprocess.run(command, input=sent, capture_output=True, check=True, timeout=PATIENCE)
     assert told.stdout.decode().strip() == "0.07"
 
 

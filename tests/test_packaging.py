@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.processes import PATIENCE
+
 REPOSITORY = Path(__file__).parents[1]
 UV = Path(sys.executable).with_name("uv")
 SHIPPED = {".csv", ".md", ".py", ".toml", ".xml"}
@@ -17,7 +19,9 @@ SHIPPED = {".csv", ".md", ".py", ".toml", ".xml"}
 
 def run(*words: str | Path, cwd: Path) -> str:
     clean = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
-    done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, env=clean)
+    done = subprocess.run(
+        words, cwd=cwd, capture_output=True, text=True, env=clean, timeout=PATIENCE
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -45,7 +45,7 @@ class Processes:
     def __exit__(self, *_: object) -> None:
         for process in (*self.workers, self.scheduler):
             process.kill()
-            process.wait()
+            process.wait(PATIENCE)
 
     @property
     def address(self) -> str:

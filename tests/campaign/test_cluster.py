@@ -145,6 +145,7 @@ def test_the_script_for_slurm_flies_a_campaign(undisturbed, file, tmp_path):
         cwd=tmp_path,
         capture_output=True,
         text=True,
+        timeout=300.0,
     )
     assert done.returncode == 0, done.stderr
     assert shards(tmp_path / "out") == shards(undisturbed)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import pytest
 
+from tests.processes import PATIENCE
 from twin import errors
 from twin.cli import main as cli
 from twin.cli.output import print_json
@@ -18,9 +19,8 @@ HEAVY = ("matplotlib", "mujoco", "numpy", "pyarrow", "rerun", "scipy", "tyro")
 
 
 def twin(*words: str, **options: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "twin", *words], capture_output=True, text=True, **options
-    )
+    command = [sys.executable, "-m", "twin", *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, **options)
 
 
 def modules_after(*words: str) -> set[str]:
@@ -29,7 +29,8 @@ def modules_after(*words: str) -> set[str]:
         f"code = main({list(words)!r})\n"
         "print(code, *sys.modules, file=sys.stderr)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE)
     code_and_modules = done.stderr.split()
     assert code_and_modules[0] == "0"
     return set(code_and_modules[1:])
@@ -158,7 +159,8 @@ def test_a_bug_of_ours_is_not_dressed_up_as_the_users_mistake(
 
 def test_a_reader_that_leaves_early_is_no_error():
     command = f"{sys.executable} -m twin --help | true; exit ${{PIPESTATUS[0]}}"
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+    command = ["bash", "-c", command]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     assert done.stderr == ""
     assert done.returncode in (0, cli.BROKEN_PIPE), "141 if `true` was gone before the help came"
 
@@ -168,7 +170,10 @@ def test_a_closed_pipe_stays_quiet():
     os.close(read_end)
     with os.fdopen(write_end, "wb") as closed:
         done = subprocess.run(
-            [sys.executable, "-m", "twin", "--help"], stdout=closed, stderr=subprocess.PIPE
+            [sys.executable, "-m", "twin", "--help"],
+            stdout=closed,
+            stderr=subprocess.PIPE,
+            timeout=PATIENCE,
         )
     assert done.returncode == cli.BROKEN_PIPE
     assert done.stderr == b""

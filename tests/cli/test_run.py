@@ -347,6 +347,6 @@ def test_ctrl_c_closes_the_recording_properly(tmp_path):
     assert recording.repairs == ()
     assert recording.stop > 0.5
     verified = subprocess.run(
-        [Path(sys.executable).with_name("rerun"), "rrd", "verify", out], check=False
+        [Path(sys.executable).with_name("rerun"), "rrd", "verify", out], timeout=60.0
     )
     assert verified.returncode == 0

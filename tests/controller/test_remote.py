@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.processes import PATIENCE, running
 from twin.cli.controllers import Controllers
 from twin.clock import SimulatedClock
 from twin.controller import remote
@@ -109,7 +110,8 @@ def compiled_law(folder: Path, capsys: pytest.CaptureFixture[str]) -> Path:
     sources = [str(FIRMWARE / name) for name in ("law.c", "link.c")]
     strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion"]
     include = ["-I", str(FIRMWARE), "-I", str(folder)]
-    subprocess.run([str(CC), *strict, *include, "-o", str(out), *sources, "-lm"], check=True)
+    words = [str(CC), *strict, *include, "-o", str(out), *sources, "-lm"]
+    subprocess.run(words, check=True, timeout=PATIENCE)
     return out
 
 
@@ -134,12 +136,13 @@ def test_the_law_in_c_flies_as_the_same_law_in_python(
 
     def start(told: str) -> None:
         port = re.findall(r"tcp://127.0.0.1:(\d+)", told)[0]
-        processes.append(subprocess.Popen([law, "127.0.0.1", port]))
+        processes.append(ended.enter_context(running([law, "127.0.0.1", port])))
 
     processes: list[subprocess.Popen[bytes]] = []
     law = compiled_law(tmp_path, capsys)
-    outside = rms("tcp://127.0.0.1:0", start)
-    assert processes[0].wait(10) == 0
+    with ExitStack() as ended:
+        outside = rms("tcp://127.0.0.1:0", start)
+        assert processes[0].wait() == 0
     # numbers cross as float32
     assert outside == pytest.approx(rms("quaternion_pd"), rel=1e-6)
 

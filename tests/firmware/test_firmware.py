@@ -13,6 +13,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from tests.processes import PATIENCE
 from twin.plant.devices.link import (
     LONGEST_PAYLOAD,
     Arm,
@@ -56,8 +57,9 @@ COMMANDED = [n for n, channel in enumerate(SCHEMA.channels) if channel.commanded
 def compiled(out: Path, *sources: Path) -> Path:
     """A program, with sanitizers where the compiler has them."""
     words = [str(CC), *STRICT, "-I", str(FIRMWARE), "-o", str(out), *map(str, sources)]
-    if subprocess.run([*words, *SANITIZE], capture_output=True).returncode != 0:
-        subprocess.run(words, check=True)
+    with_them = subprocess.run([*words, *SANITIZE], capture_output=True, timeout=PATIENCE)
+    if with_them.returncode != 0:
+        subprocess.run(words, check=True, timeout=PATIENCE)
     return out
 
 
@@ -89,7 +91,7 @@ def in_c(harness: Path, operations: list[Operation]) -> Iterator[Seen]:
         op.encode() + struct.pack("<IH", now % 2**32, len(data)) + data
         for op, now, data in operations
     )
-    done = subprocess.run([harness], input=stdin, capture_output=True, timeout=120)
+    done = subprocess.run([harness], input=stdin, capture_output=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr.decode()
     out, place = done.stdout, 0
     for _ in operations:
@@ -247,7 +249,9 @@ def test_every_frame_of_the_vectors_is_read_and_written_alike_by_the_codec():
 def test_the_firmware_answers_the_vectors_as_they_say(tmp_path: Path):
     program = compiled(tmp_path / "check", FIRMWARE / "check_vectors.c", FIRMWARE / "link.c")
     with (FIRMWARE / "vectors.txt").open() as vectors:
-        done = subprocess.run([program], stdin=vectors, capture_output=True, text=True)
+        done = subprocess.run(
+            [program], stdin=vectors, capture_output=True, text=True, timeout=PATIENCE
+        )
     assert done.returncode == 0, done.stdout + done.stderr
     assert re.fullmatch(r"\d+ steps agree\n", done.stdout)
 
@@ -273,7 +277,9 @@ def test_ten_million_random_bytes_neither_stop_nor_arm_the_firmware(harness: Pat
     start = b"I" + struct.pack("<IH", 0, 0)
     frame = packed(hello)
     end = b"R" + struct.pack("<IH", 20000, 1 + len(frame)) + b"\0" + frame
-    done = subprocess.run([harness], input=start + noise + end, capture_output=True, timeout=300)
+    done = subprocess.run(
+        [harness], input=start + noise + end, capture_output=True, timeout=PATIENCE
+    )
     assert done.returncode == 0, done.stderr.decode()
     size = sum(1 + SCHEMA.channels[number].size for number in COMMANDED)
     counters = struct.unpack("<8I", done.stdout[-32:])
@@ -294,8 +300,9 @@ def test_a_schema_too_large_for_the_firmware_cannot_be_armed(tmp_path: Path):
         "    return link_init(&link, &schema, 0) == 0 && link.state == LINK_FAULT ? 0 : 1;\n}\n"
     )
     words = [str(CC), *STRICT, "-I", str(tmp_path), "-I", str(FIRMWARE), "-o", str(tmp_path / "a")]
-    subprocess.run([*words, str(tmp_path / "main.c"), str(FIRMWARE / "link.c")], check=True)
-    assert subprocess.run([tmp_path / "a"]).returncode == 0
+    words += [str(tmp_path / "main.c"), str(FIRMWARE / "link.c")]
+    subprocess.run(words, check=True, timeout=PATIENCE)
+    assert subprocess.run([tmp_path / "a"], timeout=PATIENCE).returncode == 0
 
 
 @pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler `c++` on this machine")
@@ -306,7 +313,7 @@ def test_a_sketch_in_cpp_may_include_the_headers(tmp_path: Path):
         "void loop() { link_init(&far_end, &schema, 0); }\n"
     )
     words = ["c++", "-Wall", "-Werror", "-fsyntax-only", "-I", str(FIRMWARE), "sketch.cpp"]
-    subprocess.run(words, cwd=tmp_path, check=True)
+    subprocess.run(words, cwd=tmp_path, check=True, timeout=PATIENCE)
 
 
 def test_the_firmware_needs_no_library_but_copies_of_memory():

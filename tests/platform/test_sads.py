@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.processes import PATIENCE
 from twin import rotation
 from twin.model import compile_model, mass_properties
 from twin.platform import load_platform, variants_of
@@ -128,6 +129,7 @@ def test_a_picture_can_be_drawn_where_there_is_something_to_draw_with(tmp_path: 
         [sys.executable, "-m", "twin", "check", "sads", "--picture", str(out)],
         capture_output=True,
         text=True,
+        timeout=PATIENCE,
     )
     if "MuJoCo cannot draw here" in done.stderr:
         assert "set MUJOCO_GL=egl" in done.stderr, "the remedy is told"

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.signals import hear
+from tests.processes import running, wait_until
 from twin.platform import load_platform
 from twin.procedures.fits import Fits
 
@@ -39,8 +39,7 @@ class Endless:
 
     def process(self) -> int:
         """In which it goes on, once it does."""
-        while not (self.folder / "begun").exists():
-            time.sleep(0.01)
+        wait_until((self.folder / "begun").exists)
         return int((self.folder / "begun").read_text())
 
 
@@ -71,14 +70,7 @@ def test_the_end_does_not_wait_for_a_fit_that_is_under_way(tmp_path):
 @pytest.mark.parametrize("word", ["identify:", "move:"])
 def test_ctrl_c_ends_a_balancing_with_a_document_whatever_its_fits_do(word):
     command = [sys.executable, "-m", "twin", "balance", "cubesat", "--random-offset", "--json"]
-    with subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-        text=True,
-        preexec_fn=hear,
-    ) as process:
+    with running(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         told = ""
         while word not in told:
             line = process.stderr.readline()

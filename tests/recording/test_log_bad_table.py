@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.processes import PATIENCE
+
 GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
 
 
@@ -236,7 +238,11 @@ def test_one_giant_line_costs_no_memory(folder_with, tmp_path: Path):
         "print(re.search(r'VmHWM:\\s+(\\d+)', open('/proc/self/status').read())[1])\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, str(folder)], capture_output=True, text=True, check=True
+        [sys.executable, "-c", code, str(folder)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=PATIENCE,
     )
     said, peak = done.stdout.splitlines()
     assert said.endswith(f"gyro.csv:1: {LONG_LINE}")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.processes import PATIENCE
 from twin.errors import RecordingError
 from twin.recording import Recording, Series, read_recording
 from twin.recording.rrd import RrdFile
@@ -61,7 +62,7 @@ def assert_same(one: Recording, other: Recording) -> None:
 
 def rerun(*words: str | Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "rerun_cli", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
 
 
 def test_what_is_written_is_read_to_the_last_bit(tmp_path: Path):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.processes import PATIENCE
 from twin import rotation
 from twin.cli.main import main
 from twin.library import library
@@ -209,7 +210,11 @@ def test_a_log_that_cannot_be_read_costs_little_memory(tmp_path: Path):
         "print(re.search(r'VmHWM:\\s+(\\d+)', open('/proc/self/status').read())[1])\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True
+        [sys.executable, "-c", code, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=PATIENCE,
     )
     exit_code, peak = done.stdout.split()
     assert exit_code == "1"

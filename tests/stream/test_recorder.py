@@ -5,7 +5,6 @@ import random
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from tests.processes import PATIENCE, wait_until
 from twin.clock import SimulatedClock
 from twin.errors import RecordingError
 from twin.loop import fly
@@ -99,7 +99,8 @@ def test_a_file_holds_what_memory_holds_to_the_last_bit(sads, tmp_path: Path):
         assert series.unit == written[name].unit == stream_named(name).unit
         assert series.columns == written[name].columns == sads.columns(name)
     assert written.repairs == ()
-    done = subprocess.run([sys.executable, "-m", "rerun_cli", "rrd", "verify", tmp_path / "a.rrd"])
+    command = [sys.executable, "-m", "rerun_cli", "rrd", "verify", tmp_path / "a.rrd"]
+    done = subprocess.run(command, timeout=PATIENCE)
     assert done.returncode == 0
 
 
@@ -168,7 +169,7 @@ def test_a_writer_that_dies_is_said_in_a_sentence_and_nothing_hangs(sads, tmp_pa
     recorder = FileRecorder(tmp_path / "a.rrd")
     recorder.start(sads, {"schema": 1})
     os.kill(recorder._writer._process.pid, signal.SIGKILL)
-    recorder._writer._process.wait()
+    recorder._writer._process.wait(PATIENCE)
 
     def record_a_second() -> None:
         for tick in range(21):
@@ -207,9 +208,7 @@ def test_reading_a_recording_that_goes_on_gives_what_there_is(sads, tmp_path: Pa
         recorder.start(sads, {"schema": 1})
         for tick in range(41):
             recorder.collect(tick_at(0.05 * tick, [1.0]))
-        deadline = time.monotonic() + 60.0
-        while path.stat().st_size < 30_000 and time.monotonic() < deadline:
-            time.sleep(0.05)
+        wait_until(lambda: path.stat().st_size >= 30_000)
         recording = read_recording(path)
     assert "still being written" in recording.repairs[0]
     assert read_recording(path).repairs == ()
