@@ -19,12 +19,22 @@ test test-slow panel: export OPENBLAS_NUM_THREADS := 1
 # and each of them would compile anew all that it imports
 test test-slow panel: export PYTHONDONTWRITEBYTECODE :=
 
-# many of them wait for the clock: three at a time fill two cores
+# What takes longest is printed. A worker that has nothing left takes the last half of what another
+# has: no file is waited for, and the tests of a file, with what they share, stay together but where
+# the halves meet.
+PYTEST := $(BIN)/pytest --dist worksteal --durations 15 --durations-min 2
+
+# Tests that wait for the clock compute little, so four at a time, and nothing of ours beside them
+# that does. Both parts run whatever the first says.
 test: $(READY)
-	$(BIN)/pytest -n 3 --dist loadfile
+	@status=0; \
+	$(PYTEST) -n 4 -m "wall_clock and not slow" \
+	  $$(grep -rl --include='test_*.py' 'mark\.wall_clock' tests) || status=1; \
+	$(PYTEST) -n 2 -m "not slow and not wall_clock" || status=1; \
+	exit $$status
 
 test-slow: $(READY)
-	$(BIN)/pytest -n 2 --dist loadfile -m slow
+	$(PYTEST) -n 2 -m slow
 
 lint: $(READY)
 	$(BIN)/ruff check

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.signals import NUMBERS
+from tests.wall_clock import pytest_runtest_protocol  # noqa: F401 (a hook)
 from twin.check import motion
 from twin.clock import SimulatedClock
 from twin.effects import parse_effects

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.signals import hear
+from tests.processes import running
 from twin.bench import Bench, open_bench
 from twin.cli.main import main
 from twin.controller.load import load_controller
@@ -34,8 +34,6 @@ from twin.signals import Reading, Tick
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 
 TILTED = InitialState(attitude=from_rotation_vector(np.array([0.05, 0.0, 0.0])))
-
-TRIES = 5
 
 
 @dataclass
@@ -258,21 +256,17 @@ def test_a_run_that_the_guard_cuts_out_has_failed(tmp_path, monkeypatch, capsys)
     assert Path("cubesat.flight-0.rrd").read_text() == "of an earlier session"
 
 
+@pytest.mark.wall_clock
 def test_emulate_prints_a_port_that_a_run_can_open_and_ends_with_ctrl_c():
     words = [sys.executable, "-m", "twin", "emulate", "cubesat", "--attitude", "3", "0", "0"]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, preexec_fn=hear) as one:
+    with running(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as one:
         assert one.stdout is not None
         device, _, port = one.stdout.readline().strip().partition(": ")
         assert device == "feather"
-        try:
-            # on the wall's clock a busy computer may be too late, which is a safe stop
-            words = ["run", "cubesat", "--plant", f"serial:{port}", "--duration", "1"]
-            assert any(main(words) == 0 for _ in range(TRIES))
-            one.send_signal(signal.SIGINT)
-            _, errors = one.communicate(timeout=20.0)
-        finally:
-            one.kill()
+        words = ["run", "cubesat", "--plant", f"serial:{port}", "--duration", "1"]
+        assert main(words) == 0
+        one.send_signal(signal.SIGINT)
+        _, errors = one.communicate()
     assert one.returncode == 0
     assert "Traceback" not in errors
     assert not Path(port).exists()

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.signals import hear
+from tests.processes import running
 from twin.bench import Bench, captured, carried, open_bench
 from twin.cli.main import main
 from twin.emulate.faults import Fault
@@ -27,7 +27,10 @@ from twin.service.jog import jog
 from twin.service.stages import home
 from twin.signals import Reading
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+pytestmark = [
+    pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals"),
+    pytest.mark.wall_clock,
+]
 
 TILTED = InitialState(attitude=from_rotation_vector(np.array([0.05, -0.02, 0.0])))
 
@@ -153,17 +156,13 @@ def test_a_run_over_three_lines_is_reported(capsys):
 
 def test_emulate_prints_a_port_for_each_device_that_another_program_can_open(capsys):
     words = [sys.executable, "-m", "twin", "emulate", "astros"]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, preexec_fn=hear) as one:
+    with running(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as one:
         assert one.stdout is not None
         ports = [one.stdout.readline().strip().replace(": ", "=") for _ in range(3)]
-        try:
-            plant = f"serial:{','.join(ports)}"
-            assert main(["hardware", "astros", "status", "--plant", plant]) == 0
-            one.send_signal(signal.SIGINT)
-            _, errors = one.communicate(timeout=20.0)
-        finally:
-            one.kill()
+        plant = f"serial:{','.join(ports)}"
+        assert main(["hardware", "astros", "status", "--plant", plant]) == 0
+        one.send_signal(signal.SIGINT)
+        _, errors = one.communicate()
     assert [port.partition("=")[0] for port in ports] == ["stages", "tilt", "imu"]
     assert "Traceback" not in errors
     told = capsys.readouterr().out

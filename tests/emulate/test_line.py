@@ -57,6 +57,7 @@ def test_a_line_of_9600_baud_needs_a_second_for_960_bytes(tmp_path):
     assert size == pytest.approx(960, abs=20), "18 bytes each 15 ms, 1200 a second, overfill it"
 
 
+@pytest.mark.wall_clock
 def test_a_host_at_another_rate_gets_garbage(tmp_path):
     with (
         EmulatedLine(EmulatedMti(), tmp_path / "port"),
@@ -67,6 +68,7 @@ def test_a_host_at_another_rate_gets_garbage(tmp_path):
     assert b"\xfa\xff\x36" not in heard
 
 
+@pytest.mark.wall_clock
 def test_a_host_at_the_same_rate_is_heard_whichever_that_is(tmp_path):
     with (
         EmulatedLine(EmulatedSolar2(baud=1_000_000), tmp_path / "port"),

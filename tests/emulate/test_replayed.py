@@ -13,6 +13,8 @@ from twin.errors import UsageError
 from twin.plant.devices.device import Sample
 from twin.plant.devices.xbus.mti import MtiSettings
 
+pytestmark = pytest.mark.wall_clock
+
 PATIENCE = 30.0
 """For which a session is listened to [s]."""
 

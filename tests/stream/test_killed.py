@@ -11,31 +11,35 @@ from pathlib import Path
 
 import pytest
 
+from tests.processes import running
 from twin.recording import read_recording
 
 VICTIM = Path(__file__).with_name("victim.py")
 STREAMS = ("gyro", "estimate_attitude", "reference_attitude", "command_wheel_torque")
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds the writer in /proc")
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="finds the writer in /proc"),
+    pytest.mark.wall_clock,
+]
 
 
 def kill_while_recording(path: Path, after: float, writer_too: bool) -> float:
     """Time of the last tick that the recorder had taken [s]."""
-    victim = subprocess.Popen([sys.executable, VICTIM, path], stdout=subprocess.PIPE, text=True)
-    assert victim.stdout is not None
-    said = [victim.stdout.readline()]
-    if writer_too:
-        # What reaches the writer before it has opened the file is in its memory only.
-        while path.stat().st_size == 0:
-            said.append(victim.stdout.readline())
-    time.sleep(after)
-    children = Path(f"/proc/{victim.pid}/task/{victim.pid}/children").read_text().split()
-    os.kill(victim.pid, signal.SIGKILL)
-    if writer_too:
-        for child in children:
-            os.kill(int(child), signal.SIGKILL)
-    said += victim.stdout.readlines()
-    victim.wait()
+    command = [sys.executable, VICTIM, path]
+    with running(command, stdout=subprocess.PIPE, text=True) as victim:
+        assert victim.stdout is not None
+        said = [victim.stdout.readline()]
+        if writer_too:
+            # What reaches the writer before it has opened the file is in its memory only.
+            while path.stat().st_size == 0 and victim.poll() is None:
+                said.append(victim.stdout.readline())
+        time.sleep(after)
+        children = Path(f"/proc/{victim.pid}/task/{victim.pid}/children").read_text().split()
+        os.kill(victim.pid, signal.SIGKILL)
+        if writer_too:
+            for child in children:
+                os.kill(int(child), signal.SIGKILL)
+        said += victim.stdout.readlines()
     return float([line for line in said if line.endswith("\n")][-1])
 
 

@@ -18,6 +18,16 @@ from twin.plant.devices.mdrive.settings import DriveSettings
 Plug = Callable[..., EmulatedLine]
 WaitFor = Callable[..., list[Sample]]
 
+LONGEST = 30.0
+"""For anything that a session should see [s]."""
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drivers wait as long for an answer as a busy computer may make an emulation take."""
+    monkeypatch.setattr("twin.plant.devices.mdrive.line._OWN_TIME", 0.3)
+    monkeypatch.setattr("twin.plant.devices.solar2.solar2._ANSWER", 0.3)
+
 
 @pytest.fixture
 def plug(tmp_path: Path) -> Iterator[Plug]:
@@ -32,35 +42,18 @@ def plug(tmp_path: Path) -> Iterator[Plug]:
 
 
 @pytest.fixture
-def collect() -> Callable[[Device, float], list[Sample]]:
-    """What a session gives within that time [s]."""
-
-    def collected(device: Device, seconds: float) -> list[Sample]:
-        samples: list[Sample] = []
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            samples += device.read()
-            time.sleep(0.005)
-        return samples
-
-    return collected
-
-
-@pytest.fixture
 def wait_for() -> WaitFor:
-    """What a session gives until something is so; fails when that takes too long."""
+    """What a session gives until something is so; fails when a busy computer had time for it."""
 
-    def waited(
-        device: Device, wanted: Callable[[list[Sample]], bool], seconds: float = 5.0
-    ) -> list[Sample]:
+    def waited(device: Device, wanted: Callable[[list[Sample]], bool]) -> list[Sample]:
         samples: list[Sample] = []
-        end = time.monotonic() + seconds
+        end = time.monotonic() + LONGEST
         while time.monotonic() < end:
             samples += device.read()
             if wanted(samples):
                 return samples
             time.sleep(0.005)
-        pytest.fail(f"not within {seconds} s; last: {samples[-3:]}, notes {list(device.notes)}")
+        pytest.fail(f"not within {LONGEST} s; last: {samples[-3:]}, notes {list(device.notes)}")
 
     return waited
 

@@ -1,17 +1,19 @@
 """A host that is killed in the middle of a move: an MDrive, which has no watchdog, rests soon."""
 
 import re
-import time
 from pathlib import Path
 
 import pytest
 
 from tests.plant.devices.hosts import killed
 from tests.plant.devices.stages import BAUD, STEP, drives
+from tests.processes import wait_until
 from twin.emulate.line import EmulatedLine
 from twin.emulate.trapezoid import Ramps, move
 from twin.plant.devices.mdrive.codec import Answer, State, frame, question
 from twin.plant.devices.port import Port
+
+pytestmark = pytest.mark.wall_clock
 
 HORIZON = 0.25
 """[s]: no move is longer than VM times this."""
@@ -55,8 +57,7 @@ def test_after_the_death_of_its_host_a_stage_ends_one_short_move_and_rests(tmp_p
         killed(HOST, line.link, "moving")
         died = log.read_text()
         port = Port("stages", str(line.link), baud=BAUD)
-        while asked(port, "MV") != (0,):
-            time.sleep(0.05)
+        wait_until(lambda: asked(port, "MV") == (0,))
         rest, speed, up, down, initial = asked(port, "P", "VM", "A", "D", "VI")
         port.close()
     sent = b"".join(bytes.fromhex(row[1:]) for row in died.splitlines() if row[0] == "<")

@@ -12,6 +12,8 @@ from twin.emulate.line import EmulatedLine
 from twin.emulate.mdrive_axis import Axis
 from twin.errors import CommandError, DeviceError, UsageError
 
+pytestmark = pytest.mark.wall_clock
+
 SWITCHES = {1: (1, 0), 2: (2, 1), 3: (3, 1)}
 
 

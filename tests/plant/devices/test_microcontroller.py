@@ -22,7 +22,10 @@ from twin.plant.devices.link import (
 )
 from twin.plant.devices.microcontroller import Microcontroller, MicrocontrollerSettings
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+pytestmark = [
+    pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals"),
+    pytest.mark.wall_clock,
+]
 
 if sys.platform != "win32":
     from twin.emulate.actuators import EmulatedStages
@@ -62,7 +65,7 @@ def device(line: "EmulatedLine") -> Iterator[Microcontroller]:
         yield session
 
 
-def until(done: Callable[[], object], longest: float = 3.0) -> bool:
+def until(done: Callable[[], object], longest: float = 30.0) -> bool:
     end = time.monotonic() + longest
     while time.monotonic() < end:
         # once a round: to read is to take
@@ -94,7 +97,8 @@ def test_a_session_measures_moves_and_says_what_was_applied(device: Microcontrol
     gyro = [sample for sample in samples if sample.stream == "gyro"]
     assert {sample.value for sample in gyro} == {(0.25, -0.5, 1.0)}
     assert all(sample.valid for sample in samples)
-    assert len(gyro) == pytest.approx(40, abs=12)
+    steps = np.diff([sample.device_time for sample in gyro])
+    assert np.median(steps) == pytest.approx(0.02, rel=1e-2), "fifty a second by its clock"
     assert device.armed
 
 
@@ -154,7 +158,7 @@ def test_a_safe_stop_works_at_once_and_more_than_once(device: Microcontroller):
     renewed(device, 0.1, dipole=[1.0, 0.0, 0.0])
     device.safe_stop(floating=True)
     device.safe_stop(floating=True)
-    assert until(lambda: any("told to be safe" in note for note in device.notes), 0.3)
+    assert until(lambda: any("told to be safe" in note for note in device.notes))
     device.disarm()
     device.close()
     device.safe_stop(floating=False)
@@ -186,14 +190,14 @@ def test_unplugged_it_is_a_fault_and_plugged_in_again_it_works_twice(
     for _ in range(2):
         device.arm()
         device.write({"command_dipole": np.array([1.0, 0.0, 0.0])})
-        line.inject(Fault("unplug", duration=0.3))
+        line.inject(Fault("unplug", duration=0.8))
         assert until(lambda: device.fault)
         assert "feather: lost" in device.fault
         samples = device.read()
         assert not samples[-1].valid
         with pytest.raises(DeviceError):
             device.connect()
-        time.sleep(0.5)
+        assert until(line.link.exists)
         device.connect()
         device.configure()
         assert until(lambda: any(sample.valid for sample in device.read()))

@@ -10,6 +10,8 @@ from twin.emulate.mti import EmulatedMti
 from twin.errors import CommandError, DeviceError, UnknownName, UsageError
 from twin.plant.devices.xbus.mti import Mti, MtiSettings
 
+pytestmark = pytest.mark.wall_clock
+
 RATE, GRAVITY = (0.01, -0.02, 0.03), (0.0, 0.0, 9.81)
 
 

@@ -10,6 +10,8 @@ from twin.emulate.solar2 import EmulatedSolar2
 from twin.errors import DeviceError, UsageError
 from twin.plant.devices.solar2.solar2 import Solar2, Solar2Settings
 
+pytestmark = pytest.mark.wall_clock
+
 TILT = (math.radians(1.5), math.radians(-2.25))
 
 
@@ -55,13 +57,14 @@ def sound(samples, degrees=0.1):
 
 
 @pytest.mark.parametrize("mode", ["binary", "text"])
-def test_asked_in_either_form_it_gives_both_angles_at_the_rate(running, collect, mode):
+def test_asked_in_either_form_it_gives_both_angles_at_the_rate(running, wait_for, mode):
     _, session = running(device=EmulatedSolar2(text=mode == "text"), mode=mode)
-    samples = collect(session, 1.0)
-    assert [each.valid for each in samples] == [False] + [True] * (len(samples) - 1)
+    samples = wait_for(session, lambda got: len(valid(got)) >= 20)
+    assert not samples[0].valid
     assert "the first" in samples[0].reason, "nothing yet supports it"
-    assert 16 <= len(samples) <= 21
     assert sound(samples)
+    # a busy computer may ask late, and never early
+    assert samples[-1].host_time - samples[0].host_time > 0.05 * (len(samples) - 1) - 0.02
 
 
 def test_a_stream_is_followed_at_twenty_hertz(running, wait_for):
@@ -138,18 +141,18 @@ def test_a_bad_cable_gives_reasons_and_no_wrong_value(running, wait_for, mode, k
 
 def test_silence_gives_reasons_and_then_values_again(running, wait_for, reasons):
     line, session = running()
-    line.inject(Fault("silence", duration=0.4))
+    line.inject(Fault("silence", duration=1.0))
     bad = wait_for(session, lambda got: "tilt: no answer" in reasons(got))
     assert all(math.isnan(number) for each in bad if not each.valid for number in each.value)
     assert sound(wait_for(session, lambda got: len(valid(got)) >= 3))
     assert session.counters.timeouts >= 1
 
 
-def test_bursts_of_the_adapter_lose_nothing(running, collect):
+def test_bursts_of_the_adapter_lose_nothing(running, wait_for):
     _, session = running(Fault("burst"))
-    samples = collect(session, 0.6)
+    samples = wait_for(session, lambda got: len(valid(got)) >= 8)
     assert sound(samples)
-    assert len(valid(samples)) == len(samples) - 1 >= 8, "the first has nothing to support it"
+    assert len(valid(samples)) == len(samples) - 1, "the first has nothing to support it"
 
 
 def test_unplugging_is_a_reason_and_connecting_anew_works(running, wait_for, reasons, tmp_path):

@@ -277,6 +277,7 @@ needs_pty = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-termin
 
 
 @needs_pty
+@pytest.mark.wall_clock
 def test_a_law_flies_on_an_emulated_board_as_on_any_plant(tmp_path: Path):
     outcome, guard = flown(tmp_path, 1.5)
     assert outcome.ended is Ended.done, outcome.reason
@@ -286,6 +287,7 @@ def test_a_law_flies_on_an_emulated_board_as_on_any_plant(tmp_path: Path):
 
 
 @needs_pty
+@pytest.mark.wall_clock
 def test_a_board_that_falls_silent_ends_the_run_safely_with_the_reason(tmp_path: Path):
     from twin.emulate.faults import Fault
 
@@ -296,6 +298,7 @@ def test_a_board_that_falls_silent_ends_the_run_safely_with_the_reason(tmp_path:
 
 
 @needs_pty
+@pytest.mark.wall_clock
 def test_a_board_that_restarts_ends_the_run_safely_with_the_reason(tmp_path: Path):
     from twin.emulate.faults import Fault
 
