@@ -4,8 +4,8 @@ The worker may be any machine with this package; nothing of the campaign is writ
 """
 
 import socket
+from collections import OrderedDict
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Lock
@@ -17,6 +17,9 @@ from twin.campaign.parcel import unpacked
 from twin.campaign.spec import Spec
 from twin.campaign.worker import Done, rows_of_shard
 from twin.errors import TwinError
+
+_REMEMBERED = 2
+"""Campaigns whose files are kept."""
 
 _one_at_a_time = Lock()
 """Flights of one process share caches; a worker with threads flies no faster for them."""
@@ -44,14 +47,27 @@ def fly_sent(campaign: bytes, shard: int) -> Sent | Refused:
     """Fly a shard of a packed campaign."""
     try:
         with _one_at_a_time:
-            spec, _ = _opened(campaign)
-            return Sent(*rows_of_shard(spec, shard), arithmetic())
+            return Sent(*rows_of_shard(_opened(campaign), shard), arithmetic())
     except (TwinError, OSError) as problem:
         return Refused(socket.gethostname(), str(problem))
 
 
-@lru_cache(maxsize=2)
-def _opened(campaign: bytes) -> tuple[Spec, TemporaryDirectory[str]]:
-    """Once a process; the folder is there as long as the campaign is remembered."""
-    folder = TemporaryDirectory(prefix="twin-campaign-", ignore_cleanup_errors=True)
-    return unpacked(campaign, Path(folder.name)), folder
+_campaigns: OrderedDict[bytes, tuple[Spec, TemporaryDirectory[str]]] = OrderedDict()
+"""Opened ones by what was sent, the one used last at the end."""
+
+
+def _opened(campaign: bytes) -> Spec:
+    """Once a process; its folder is there as long as the campaign is remembered."""
+    if campaign not in _campaigns:
+        folder = TemporaryDirectory(prefix="twin-campaign-", ignore_cleanup_errors=True)
+        try:
+            spec = unpacked(campaign, Path(folder.name))
+        except BaseException:
+            folder.cleanup()
+            raise
+        _campaigns[campaign] = spec, folder
+    _campaigns.move_to_end(campaign)
+    while len(_campaigns) > _REMEMBERED:
+        _, (_, oldest) = _campaigns.popitem(last=False)
+        oldest.cleanup()
+    return _campaigns[campaign][0]
