@@ -1,5 +1,6 @@
 """A campaign's folder with a damaged file is refused by whoever reads it, in a sentence."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -8,19 +9,30 @@ from tests.campaign.conftest import GOOD
 from twin.cli.main import main
 
 VERBS = {
-    "fly on": ["campaign", "spec.toml", "out", "--resume"],
+    "fly on": ["campaign", "spec.toml", "out", "--resume", "--workers", "1"],
     "report": ["report", "out"],
     "replay": ["replay", "out", "0"],
 }
 
 
-@pytest.fixture
-def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder in which a campaign with a recording was flown."""
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where a campaign with a recording was flown."""
+    place = tmp_path_factory.mktemp("whole")
     keep = '\n[keep]\nworst = 1\nby = "in_plane_rms"\n'
-    Path("spec.toml").write_text(GOOD.replace("duration = 1.0", "duration = 0.1") + keep)
-    assert main(VERBS["fly on"]) == 0
+    spec = GOOD.replace("duration = 1.0", "duration = 0.1") + keep
+    (place / "spec.toml").write_text(spec, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as here:
+        here.chdir(place)
+        assert main(VERBS["fly on"]) == 0
+    return place
+
+
+@pytest.fixture
+def flown(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of its folder, for one test."""
+    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
     return tmp_path / "out"
 
 

@@ -2,6 +2,7 @@
 
 import json
 import secrets
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,9 +59,9 @@ def test_offset_found_to_be_beyond_reach_stops_the_run_and_leaves_it_safe():
 
 
 def test_run_has_the_same_phases_alone_as_among_others():
-    offsets = random_offsets(CUBESAT, 5, 3)
-    together, *_ = flown(offsets, range(3), 60.0)
-    alone, *_ = flown(offsets[1:].repeat(2, axis=0)[:2], range(1, 3), 60.0)
+    offsets = random_offsets(CUBESAT, 5, 2)
+    together, *_ = flown(offsets, range(2), 60.0)
+    alone, *_ = flown(offsets[1:], range(1, 2), 60.0)
     said = [remark[1:] for remark in together[1].said]
     assert len(said) > 1
     assert said == [remark[1:] for remark in alone[0].said]
@@ -68,6 +69,7 @@ def test_run_has_the_same_phases_alone_as_among_others():
 
 def test_masses_stay_where_their_law_balances_the_body_and_not_where_noise_last_sent_them():
     procedure = balancing(CUBESAT, 1, way="masses", target=4.3e-5, workers=0)
+    procedure = replace(procedure, level_for=120.0)
     phases, left = set[Phase](), list[np.ndarray]()
 
     class AfterTheLaw:
@@ -86,7 +88,7 @@ def test_masses_stay_where_their_law_balances_the_body_and_not_where_noise_last_
         procedure,
         Hold(),
         SimulatedClock(),
-        duration=400.0,
+        duration=200.0,
         observers=[procedure.lab.logbook, AfterTheLaw()],
     )
     print(f"{left[-1] * 1e6 / CUBESAT.mass} um")
