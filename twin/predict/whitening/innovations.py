@@ -150,8 +150,9 @@ class Problem:
         Raises:
             TwinError: no rigid body has such a base, or no number holds where its motion leads.
         """
-        there = self.whiten(at, self.exact(at), intensity)
-        with np.errstate(over="ignore"):
+        # what overflows on the way is told by the columns at its end
+        with np.errstate(over="ignore", invalid="ignore"):
+            there = self.whiten(at, self.exact(at), intensity)
             beyond = not np.isfinite(np.linalg.norm(there.columns, axis=0)).all()
         if beyond or not np.isfinite(there.chi2):
             raise TwinError(
