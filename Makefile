@@ -24,17 +24,21 @@ test test-slow panel: export PYTHONDONTWRITEBYTECODE :=
 # the halves meet.
 PYTEST := $(BIN)/pytest --dist worksteal --durations 15 --durations-min 2
 
-# Tests that wait for the clock compute little, so four at a time, and nothing of ours beside them
+# Tests that wait for the clock compute little, so many at a time, and nothing of ours beside them
 # that does. Both parts run whatever the first says.
+CLOCKED = $$(grep -rl --include='test_*.py' 'mark\.wall_clock' tests)
+
 test: $(READY)
 	@status=0; \
-	$(PYTEST) -n 4 -m "wall_clock and not slow" \
-	  $$(grep -rl --include='test_*.py' 'mark\.wall_clock' tests) || status=1; \
+	$(PYTEST) -n 4 -m "wall_clock and not slow" $(CLOCKED) || status=1; \
 	$(PYTEST) -n 2 -m "not slow and not wall_clock" || status=1; \
 	exit $$status
 
 test-slow: $(READY)
-	$(PYTEST) -n 2 -m slow
+	@status=0; \
+	$(PYTEST) -n 6 -m "wall_clock and slow" $(CLOCKED) || status=1; \
+	$(PYTEST) -n 2 -m "slow and not wall_clock" || status=1; \
+	exit $$status
 
 lint: $(READY)
 	$(BIN)/ruff check
