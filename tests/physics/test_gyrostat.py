@@ -14,10 +14,21 @@ from twin.model import compile_model, mass_properties
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.reference import Multisine
-from twin.rotation import conjugate, cross, multiply, rotate, to_rotation_vector
+from twin.rotation import conjugate, multiply, to_rotation_vector
 from twin.stream.recorder import MemoryRecorder
 
 SECONDS = 300.0
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    (a1, a2, a3), (b1, b2, b3) = a.tolist(), b.tolist()
+    return np.array([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1])
+
+
+def upwards(q: np.ndarray) -> np.ndarray:
+    """The room's vertical in body axes."""
+    w, x, y, z = q.tolist()
+    return np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
 
 
 def gyrostat(platform: Platform) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
@@ -25,15 +36,19 @@ def gyrostat(platform: Platform) -> Callable[[np.ndarray, np.ndarray], np.ndarra
     axes = np.stack([wheel.axis for wheel in platform.wheels])
     rotor = np.array([wheel.inertia for wheel in platform.wheels])
     body = np.linalg.inv(platform.inertia - axes.T @ np.diag(rotor) @ axes)
-    down = np.array([0.0, 0.0, -platform.gravity])
+    inertia, offset = platform.inertia, platform.center_of_mass_offset
 
     def slope(state: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        q, rate, spin = state[:4] / np.linalg.norm(state[:4]), state[4:7], state[7:]
-        momentum = platform.inertia @ rate + (rotor * spin) @ axes
-        external = cross(platform.center_of_mass_offset, rotate(conjugate(q), down))
+        q, rate, spin = state[:4] / np.sqrt(state[:4] @ state[:4]), state[4:7], state[7:]
+        momentum = inertia @ rate + (rotor * spin) @ axes
+        external = cross(offset, -platform.gravity * upwards(q))
         acceleration = body @ (external - cross(rate, momentum) - torque @ axes)
-        turn = 0.5 * multiply(q, np.array([0.0, *rate]))
-        return np.concatenate([turn, acceleration, torque / rotor - axes @ acceleration])
+        (w, x, y, z), (a, b, c) = q.tolist(), rate.tolist()
+        turn = [-x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c,
+                w * c + x * b - y * a]  # fmt: skip
+        return np.concatenate(
+            [0.5 * np.array(turn), acceleration, torque / rotor - axes @ acceleration]
+        )
 
     return slope
 

@@ -123,7 +123,7 @@ def test_a_file_cut_at_any_byte_holds_all_that_was_written_before_the_cut(tmp_pa
     original = read_recording(whole)
     data = whole.read_bytes()
 
-    for place in sorted(rng.integers(0, len(data), 50).tolist()):
+    for place in sorted(rng.integers(0, len(data), 25).tolist()):
         cut.write_bytes(data[:place])
         due = max((stop for size, stop in written if size <= place), default=None)
         if due is None and place < empty:
