@@ -96,7 +96,8 @@ def hanging(name: str, depth: float) -> Platform:
     """With its CM `depth` [m] below the CR and a little beside: it swings clear of its stop."""
     platform = load_platform(name)
     offset = platform.mass * np.array([0.01, -0.01, -1.0]) * depth
-    sensors = platform.sensors if platform.effects else {}  # an effect may want its stream
+    wanted = ("gyro", "stage_position") if platform.effects else ()  # by stages that shake
+    sensors = {name: platform.sensors[name] for name in wanted}
     return replace(platform, center_of_mass_offset=offset, sensors=sensors)
 
 
