@@ -220,7 +220,7 @@ def mass_properties(model: mujoco.MjModel, base_body: int) -> MassProperties:
     Bodies are summed with the parallel-axis theorem about the base joint's anchor (the CR).
     """
     mass = model.body_mass[floating(model, base_body)]
-    centers, tensors = _rigid_parts(model, base_body)
+    centers, tensors = _rigid_parts(model, base_body, _at_rest(model))
     inertia = np.sum(tensors + _parallel_axis(mass, centers), axis=0)
     return MassProperties(float(mass.sum()), inertia, mass @ centers)
 
@@ -250,7 +250,8 @@ def set_mass_properties(
     """
     others = floating(model, base_body) != base_body
     mass = model.body_mass[floating(model, base_body)][others]
-    centers, tensors = _rigid_parts(model, base_body)
+    data = _at_rest(model)
+    centers, tensors = _rigid_parts(model, base_body, data)
     centers, tensors = centers[others], tensors[others]
 
     body_mass = wanted.mass - mass.sum()
@@ -268,8 +269,6 @@ def set_mass_properties(
         )
     if np.linalg.det(axes) < 0.0:
         axes = axes * np.array([1.0, 1.0, -1.0])
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
     to_body = data.xmat[base_body].reshape(3, 3).T
     anchor_in_body = model.jnt_pos[model.body_jntadr[base_body]]
     quat = np.empty(4)
@@ -307,24 +306,30 @@ def _sliding(platform: Platform, model: mujoco.MjModel, base_body: int) -> Slidi
     for row, stages in enumerate(bodies.values()):
         for number in stages:
             travel[row, number] = platform.stages[number].axis
-    return Sliding(model.body_mass[rows].copy(), _centers(model, base_body)[rows], travel)
+    centers = _centers(model, base_body, _at_rest(model))
+    return Sliding(model.body_mass[rows].copy(), centers[rows], travel)
 
 
-def _rigid_parts(model: mujoco.MjModel, base_body: int) -> tuple[Array, Array]:
+def _at_rest(model: mujoco.MjModel) -> mujoco.MjData:
+    """Where all bodies are at qpos0."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def _rigid_parts(
+    model: mujoco.MjModel, base_body: int, at_rest: mujoco.MjData
+) -> tuple[Array, Array]:
     """Centres of mass from the CR (b, 3) and inertia about them (b, 3, 3), room axes at qpos0."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
     bodies = floating(model, base_body)
-    frames = data.ximat[bodies].reshape(-1, 3, 3)
+    frames = at_rest.ximat[bodies].reshape(-1, 3, 3)
     tensors = np.einsum("bij,bj,bkj->bik", frames, model.body_inertia[bodies], frames)
-    return _centers(model, base_body)[bodies], tensors
+    return _centers(model, base_body, at_rest)[bodies], tensors
 
 
-def _centers(model: mujoco.MjModel, base_body: int) -> Array:
+def _centers(model: mujoco.MjModel, base_body: int, at_rest: mujoco.MjData) -> Array:
     """Centres of mass of all bodies from the base joint's anchor, room axes at qpos0."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    return data.xipos - data.xanchor[model.body_jntadr[base_body]]
+    return at_rest.xipos - at_rest.xanchor[model.body_jntadr[base_body]]
 
 
 def _parallel_axis(mass: Array, centers: Array) -> Array:
