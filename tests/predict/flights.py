@@ -1,5 +1,7 @@
 """Short flights of the platforms, and their predictors."""
 
+from functools import cache
+
 from twin.clock import SimulatedClock
 from twin.flight import prepare
 from twin.model import compile_model
@@ -18,6 +20,7 @@ LAWS = {
 }
 
 
+@cache
 def flown(name: str, seed: int, duration: float = 20.0, law: str = "") -> Recording:
     """A simulated flight of a platform as it is, on a multisine, by its own law or another."""
     flight = prepare(
