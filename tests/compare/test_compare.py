@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.compare import Comparison, compare, transfer
+from twin.compare import Comparison, compare
 from twin.compare.comparison import prepare
 from twin.errors import UsageError
 from twin.identify.prediction_error import fit
 from twin.library import library
-from twin.platform import Platform, platform_of
+from twin.platform import Platform
 from twin.predict.whitening.innovations import Problem
-from twin.recording import Recording, open_log
-from twin.report import document, sentences, transfer_sentences
+from twin.recording import Recording
+from twin.report import document, sentences
 
 SEED = 20260214
 LOGS = library("models") / "dfki_pendulum" / "logs"
@@ -26,7 +26,9 @@ def laws_of(comparison: Comparison) -> dict[str, float]:
     return {s.symptom.name: float(s.values[0]) for s in comparison.best.strengths}
 
 
-@pytest.mark.parametrize("seed", range(SEED, SEED + 4))
+@pytest.mark.parametrize(
+    "seed", [SEED, SEED + 1, *(pytest.param(SEED + i, marks=pytest.mark.slow) for i in (2, 3))]
+)
 def test_nothing_hidden_is_called_healthy(swing: Swings, pendulum: Platform, seed: int):
     comparison = compare(swing(seed=seed), pendulum)
     assert comparison.verdict == "healthy", sentences(comparison)
@@ -34,7 +36,9 @@ def test_nothing_hidden_is_called_healthy(swing: Swings, pendulum: Platform, see
     assert comparison.as_built.strengths == ()
 
 
-@pytest.mark.parametrize("seed", range(SEED, SEED + 3))
+@pytest.mark.parametrize(
+    "seed", [SEED, *(pytest.param(SEED + i, marks=pytest.mark.slow) for i in (1, 2))]
+)
 def test_hidden_friction_is_said_with_its_size(swing: Swings, pendulum: Platform, seed: int):
     generator = np.random.default_rng(seed)
     dry, viscous = 10.0 ** generator.uniform(-2.0, -1.0), 10.0 ** generator.uniform(-2.5, -1.7)
@@ -125,28 +129,8 @@ def test_a_push_on_one_stretch_bends_nothing_and_is_pointed_at(swing: Swings, pe
     assert "9." in pointed
 
 
-def test_another_mass_is_seen_when_a_fitted_model_is_moved(swing: Swings, pendulum: Platform):
-    first = compare(swing(seed=SEED, duration=10.0, dry=0.05), pendulum)
-    more = {"inertia": 0.1367 * 1.5, "moment": 0.273 * 1.5}
-    heavy = compare(swing(seed=SEED + 1, duration=10.0, dry=0.05, **more), pendulum)
-    moved = transfer(first, heavy)
-    said = transfer_sentences(moved, first)
-    assert not moved.explained.follows
-    assert any(s.startswith("J differs") and "1.5 times as much" in s for s in said)
-    assert said[-1].startswith("They differ by one factor: another mass at the same place")
-
-
 def test_a_log_without_the_motion_is_refused(swing: Swings, pendulum: Platform):
     log = swing(seed=SEED, duration=2.0)
     blind = Recording({k: s for k, s in log.items() if not k.startswith("joint")}, log.provenance)
     with pytest.raises(UsageError, match="the log has no stream 'joint_angle'"):
         compare(blind, pendulum)
-
-
-@pytest.mark.parametrize("name", ["sysid", "energy_shaping", "energy_shaping_1kg"])
-def test_friction_is_named_in_each_measured_log(name: str):
-    log = open_log(LOGS / name)
-    comparison = compare(log, platform_of(log))
-    assert "(dry friction)" in sentences(comparison)[0]
-    assert comparison.verdict == "unexplained", "backlash and pushes are left"
-    assert document([comparison], [])["logs"][0]["verdict"] == "unexplained"
