@@ -16,7 +16,7 @@ FINE = 1e-4
 """[rad/s, rad] of gyro and attitude."""
 
 
-@pytest.mark.parametrize("seed", [20261123, 20261124])
+@pytest.mark.parametrize("seed", [20261123, pytest.param(20261124, marks=pytest.mark.slow)])
 def test_idle_wheels_are_not_accused_of_their_unit_where_inertia_is_off(seed: int):
     rng = np.random.default_rng(seed)
     shipped = load_platform("sads")
