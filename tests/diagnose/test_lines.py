@@ -1,12 +1,14 @@
 """What pushes at one frequency is found there, be it slower than a stretch of the prediction."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from twin.clock import SimulatedClock
 from twin.diagnose.candidates import candidate, ringing
+from twin.diagnose.explanation import Explanation
 from twin.diagnose.line import search_from
 from twin.diagnose.lines import slow_line_of
 from twin.diagnose.plain import plain_of
@@ -37,21 +39,27 @@ def flown(frequency: float | None) -> Recording:
     return recorder.recording().without_truth()
 
 
+@cache
+def plain_at(frequency: float | None) -> Explanation:
+    """The machine without causes, of a log in which something pushes at a frequency."""
+    return plain_of([flown(frequency)], load_platform("sads"))
+
+
 @pytest.mark.parametrize("frequency", [0.052, 0.083])
 def test_a_push_slower_than_a_stretch_is_found_at_its_frequency(frequency: float):
-    (found,) = slow_line_of(plain_of([flown(frequency)], load_platform("sads")))
+    (found,) = slow_line_of(plain_at(frequency))
     assert abs(found - frequency) < 1.0 / 60.0
 
 
 def test_where_nothing_pushes_no_line_is_found():
     print("seed", SEED)
-    assert slow_line_of(plain_of([flown(None)], load_platform("sads"))) == ()
+    assert slow_line_of(plain_at(None)) == ()
 
 
 def test_of_where_a_push_acts_only_what_the_log_tells_is_fitted():
     platform = load_platform("sads")
     kind = next(kind for kind in catalogue() if kind.name == "room_draft")
-    plain = plain_of([flown(0.083)], platform)
+    plain = plain_at(0.083)
     asked = ringing([candidate(kind.typical().absent(), platform)], [0.08], plain.bodies)
     search = search_from(plain, asked)
     (index,) = search.best()

@@ -21,7 +21,7 @@ from twin.reference import Multisine
 from twin.report.diagnosed import diagnosed
 from twin.stream.recorder import MemoryRecorder
 
-LENGTH = 60.0
+LENGTH = 5.0 * LONGEST
 
 
 @dataclass(frozen=True)

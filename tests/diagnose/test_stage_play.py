@@ -8,6 +8,7 @@ import pytest
 
 from twin.controller import AnyController, Controller, load_controller
 from twin.diagnose.candidates import candidate
+from twin.diagnose.explanation import Explanation
 from twin.diagnose.plain import plain_of
 from twin.effects import with_effects
 from twin.effects.clocks.clock_drift import ClockDrift
@@ -67,10 +68,20 @@ def log(platform: Platform, play: StageBacklash) -> Recording:
     return run.recordings[0].without_truth()
 
 
+@pytest.fixture(scope="module")
+def plain(platform: Platform, log: Recording) -> Explanation:
+    return plain_of([log], platform)
+
+
+@pytest.fixture(scope="module")
+def fitted(plain: Explanation, play: StageBacklash) -> Explanation:
+    return plain.instead([play])
+
+
 @pytest.mark.slow
-def test_a_play_is_sized_to_a_fraction_of_the_counter_s_digit(platform, log, play):
+def test_a_play_is_sized_to_a_fraction_of_the_counter_s_digit(plain, play):
     guess = play.with_values(1.1 * play.values)
-    found = plain_of([log], platform).instead([guess])
+    found = plain.instead([guess])
     (effect,), (spread,) = found.effects, found.covariances
     sigma = float(np.sqrt(spread[0, 0]))
     off = float(effect.values[0] - play.width)
@@ -79,19 +90,15 @@ def test_a_play_is_sized_to_a_fraction_of_the_counter_s_digit(platform, log, pla
     assert abs(off) < 4.0 * sigma
 
 
-def test_it_is_missed_by_all_of_its_evidence(platform, log, play):
-    plain = plain_of([log], platform)
-    found = plain.instead([play])
-    weighed = found.weigh([], []).weigh(found.own)
-    assert weighed.gain == pytest.approx(plain.cost - found.cost, rel=0.2)
+def test_it_is_missed_by_all_of_its_evidence(plain, fitted):
+    weighed = fitted.weigh([], []).weigh(fitted.own)
+    assert weighed.gain == pytest.approx(plain.cost - fitted.cost, rel=0.2)
 
 
-def test_unfitted_it_promises_what_its_fit_brings(platform, log, play):
-    plain = plain_of([log], platform)
+def test_unfitted_it_promises_what_its_fit_brings(platform, plain, fitted, play):
     usual = candidate(play.typical("s2").absent(), platform)
     promised = plain.weighing([usual]).weigh((0,)).gain
-    brought = plain.cost - plain.instead([play]).cost
-    assert promised == pytest.approx(brought, rel=0.2)
+    assert promised == pytest.approx(plain.cost - fitted.cost, rel=0.2)
 
 
 @pytest.mark.slow

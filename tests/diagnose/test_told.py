@@ -21,9 +21,9 @@ SEED = 20261124
 SADS = load_platform("sads")
 
 
-def fitted(hidden, guess):
+def fitted(hidden, guess, seconds=40.0):
     """An effect of the catalogue as a log of it has it, begun from a guess."""
-    excitation = Excitation(SADS, "quaternion_pd", 60.0, "multisine:5")
+    excitation = Excitation(SADS, "quaternion_pd", seconds, "multisine:5")
     log = excitation.flown(with_effects(SADS, (hidden,)), seed=1)
     assert log is not None
     return plain_of([log.without_truth()], SADS).instead([guess])
@@ -93,7 +93,7 @@ def test_a_wheel_askew_is_told_by_the_smallest_turn_whatever_the_guess_turned_ab
     hidden, guess = (
         replace(kind, target="w1", rotation=turn) for turn in (across, (0.5, *across[1:]))
     )
-    found = fitted(hidden, guess)
+    found = fitted(hidden, guess, 60.0)
     (known,), least = told(found), found.effects[0].least(SADS)
     print(least.words(), known)
     assert np.isnan(known.deviations).tolist() == [True, False, False]
