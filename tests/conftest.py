@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.signals import NUMBERS
-from tests.wall_clock import pytest_runtest_protocol  # noqa: F401 (a hook)
+from tests.wall_clock import patient_drivers, pytest_runtest_protocol  # noqa: F401 (for all)
 from twin.check import motion
 from twin.clock import SimulatedClock
 from twin.effects import parse_effects
@@ -24,6 +24,13 @@ SLOW_LIMIT = 600.0
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Slow tests have a longer limit, and those that say how long they take [s] come first."""
+
+    def seconds(item: pytest.Item) -> float:
+        mark = item.get_closest_marker("slow")
+        return mark.args[0] if mark and mark.args else 0.0
+
+    items.sort(key=seconds, reverse=True)
     for item in items:
         if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(SLOW_LIMIT))

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes import PATIENCE
-
 REPOSITORY = Path(__file__).parents[1]
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
 MAKEFILE = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
@@ -47,7 +45,7 @@ def run(line: str, checkout: Path) -> None:
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=PATIENCE,
+        timeout=300.0,
     )
     assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
 
@@ -63,7 +61,7 @@ def test_every_make_target_of_the_readme_exists(target: str):
     assert re.search(rf"^{target}:", MAKEFILE, re.MULTILINE)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(150)
 def test_every_command_of_the_readme_runs_in_its_order_and_those_of_make_demo(checkout: Path):
     assert DEMO
     ran = set()

@@ -14,6 +14,14 @@ TRIES = 6
 BUSY = 0.05
 """For which processes of the computer have waited for a core during a test of a busy one [s]."""
 
+PATIENT = {
+    "mdrive.line._OWN_TIME": 0.3,
+    "microcontroller._ANSWER": 3.0,
+    "solar2.solar2._ANSWER": 0.3,
+    "xbus.mti._TRIES": 100,
+}
+"""What drivers give a device to answer [s], or as often as they ask."""
+
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
@@ -35,6 +43,14 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
         item.ihook.pytest_runtest_logreport(report=report)
     item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
     return True
+
+
+@pytest.fixture(autouse=True)
+def patient_drivers(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They wait as long for an answer as a busy computer may make an emulation take."""
+    if request.node.get_closest_marker("wall_clock") is not None:
+        for constant, longer in PATIENT.items():
+            monkeypatch.setattr(f"twin.plant.devices.{constant}", longer)
 
 
 def _waited() -> float:

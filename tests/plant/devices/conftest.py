@@ -22,13 +22,6 @@ LONGEST = 30.0
 """For anything that a session should see [s]."""
 
 
-@pytest.fixture(autouse=True)
-def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Drivers wait as long for an answer as a busy computer may make an emulation take."""
-    monkeypatch.setattr("twin.plant.devices.mdrive.line._OWN_TIME", 0.3)
-    monkeypatch.setattr("twin.plant.devices.solar2.solar2._ANSWER", 0.3)
-
-
 @pytest.fixture
 def plug(tmp_path: Path) -> Iterator[Plug]:
     """Puts an emulated device on a line; `plug(device, faults...)`."""

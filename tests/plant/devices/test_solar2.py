@@ -70,9 +70,11 @@ def test_asked_in_either_form_it_gives_both_angles_at_the_rate(running, wait_for
 def test_a_stream_is_followed_at_twenty_hertz(running, wait_for):
     device = EmulatedSolar2(text=True, streaming=True, interval=0.05)
     _, session = running(device=device, mode="stream")
-    samples = wait_for(session, lambda got: len(valid(got)) >= 15)
+    samples = wait_for(session, lambda got: len(valid(got)) >= 30)
     assert sound(samples)
-    assert np.median(np.diff([each.host_time for each in samples])) == pytest.approx(0.05, abs=0.02)
+    # those that a busy computer hands over late come together
+    steps = np.diff([each.host_time for each in samples])
+    assert np.mean(steps) == pytest.approx(0.05, abs=0.02)
 
 
 def test_a_stream_is_started_only_when_it_may_be(plug, solar, wait_for):
