@@ -3,54 +3,40 @@
 `panel.py` beside this file does the same many times and counts.
 """
 
-import secrets
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from twin.diagnose import Diagnosis, diagnose
 from twin.diagnose.plain import plain_of
 from twin.diagnose.remainder import remainder
-from twin.effects import SensorLaw, effect_named, parameter
+from twin.effects import effect_named
 
 SEED = 20261121
 
 sys.path.insert(0, str(Path(__file__).parent))
-import case  # noqa: E402
 import hidden  # noqa: E402
-import outside  # noqa: E402
 import scoring  # noqa: E402
+from asked import LONG, diagnosed, named  # noqa: E402
 from benches import SHAKEN, Bench, yardstick  # noqa: E402
 
 SHORT = Bench(duration=60.0)
-LONG = Bench(duration=120.0)
-
-
-def diagnosed(bench, effects, seed: int) -> Diagnosis:
-    print(f"hidden: {[effect.words() for effect in effects]}, seed {seed}")
-    secret = hidden.hide(bench, tuple(effects), seed)
-    found = diagnose([secret.log], secret.believed)
-    print(found.verdict, [cause.effect.words() for cause in found.causes])
-    return found
-
-
-def named(found: Diagnosis) -> list[set[str]]:
-    return [{cause.effect.label, *(t.label for t in cause.ties)} for cause in found.causes]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [SEED + i for i in range(5)])
+@pytest.mark.parametrize("seed", [SEED + i for i in range(3)])
 def test_an_effect_drawn_at_random_is_named_and_sized(seed):
     effect = hidden.any_of(SHORT, 6000.0, np.random.default_rng(seed))
     is_named_and_sized(effect, seed)
 
 
+@pytest.mark.slow
 def test_a_scale_factor_of_the_gyro_is_named_and_sized():
     rng = np.random.default_rng(SEED)
-    is_named_and_sized(hidden.drawn(SHORT, "gyro_scale_factor", 6000.0, rng), SEED)
+    effect = hidden.drawn(SHORT, "gyro_scale_factor", 6000.0, rng)
+    is_named_and_sized(effect, SEED)
 
 
 def test_a_wheel_far_from_its_stated_inertia_is_sized_along_the_motion_that_it_makes():
@@ -160,14 +146,14 @@ def test_what_a_control_law_makes_good_is_hidden_all_the_same():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [SEED + 10, SEED + 11, SEED + 12])
+@pytest.mark.parametrize("seed", [SEED + 10, SEED + 11])
 def test_where_nothing_is_hidden_nothing_is_named(seed):
     found = diagnosed(LONG, [], seed)
     assert found.verdict == "healthy"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [SEED + 20, SEED + 21])
+@pytest.mark.parametrize("seed", [SEED + 20])
 def test_of_a_pair_both_are_named(seed):
     rng = np.random.default_rng(seed)
     one, other = (hidden.any_of(LONG, 6000.0, rng) for _ in range(2))
@@ -176,62 +162,6 @@ def test_of_a_pair_both_are_named(seed):
     found = diagnosed(LONG, [one, other], seed)
     for effect in (one, other):
         assert any(effect.label in members for members in named(found))
-
-
-@pytest.mark.slow
-def test_what_the_catalogue_lacks_is_unexplained_and_given_as_an_equation():
-    found = diagnosed(LONG, [outside.Nameless(size=6.0)], SEED + 30)
-    assert found.verdict == "unexplained"
-    assert found.equation is not None
-    law = found.equation.laws[int(np.argmax(np.abs(found.equation.coefficients)))]
-    assert law.label == "torque_x ~ rate_x rate_z"
-    assert found.held_out.log_likelihood > 0.0
-    assert all(cause.confidence < 0.9 for cause in found.causes)
-
-
-@dataclass(frozen=True)
-class Shear(SensorLaw):
-    """Two axes of a gyro that lean towards each other: the catalogue has only that all turn."""
-
-    name = "shear"
-    observable = "a rate about one axis shows in another, and the other way round"
-    streams = ("gyro",)
-    acts_on = "gyro"
-    products = (("x", ("gyro_y",)), ("y", ("gyro_x",)))
-
-    in_x: float = parameter("of y", "1", 0.02, source="any")
-    in_y: float = parameter("of x", "1", 0.02, source="any")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("drawn", [None, 3262686007], ids=["any", "half of it looks like a turn"])
-def test_an_error_of_a_sensor_that_the_catalogue_lacks_is_given_as_an_equation(drawn):
-    seed = drawn or secrets.randbits(32)
-    lean = np.random.default_rng(seed).choice([-1.0, 1.0]) * 0.05
-    found = diagnosed(LONG, [Shear(in_x=lean, in_y=lean)], seed)
-    assert found.verdict == "unexplained"
-    assert all(cause.confidence < 0.9 for cause in found.causes)
-    assert found.equation is not None
-    sizes = zip(found.equation.coefficients, found.equation.half_widths, strict=True)
-    told = {law.label: size for law, size in zip(found.equation.laws, sizes, strict=True)}
-    for label in ("gyro_x ~ gyro_y", "gyro_y ~ gyro_x"):
-        value, half = told[label]
-        # four sigma of each
-        assert abs(value - lean) < 2.0 * half
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("law", outside.LAWS, ids=lambda law: law.name)
-def test_laws_outside_the_catalogue_are_explained_by_none_of_its_causes(law):
-    bench = Bench(controller=SHAKEN)
-    try:
-        found = outside.law_for(bench, law, 600.0)
-    except hidden.OutOfReach as why:
-        pytest.skip(str(why))
-    whole, share, label = outside.explained(bench, law.typical())
-    assert share <= outside.MOST, label
-    left = whole * (found.values[0] / law.typical().values[0]) ** 2 * (1.0 - share)
-    assert left == pytest.approx(600.0, rel=1e-6)
 
 
 def test_an_answer_counts_in_full_only_where_nobody_could_know_more():
@@ -255,11 +185,3 @@ def test_two_causes_that_one_of_them_could_be_alone_are_no_pair():
     )
     assert "residual_dipole" in scoring.stand_ins(yardstick(SHORT), [swirl, dipole])
     assert not scoring.stand_ins(yardstick(SHORT), [swirl, scale])
-
-
-@pytest.mark.slow
-def test_an_effect_that_is_not_asked_for_gets_no_sure_wrong_name():
-    row = case.run(case.Case("left_out", 6000, 3))
-    print(row)
-    assert "failed" not in row, row["failed"]
-    assert "skipped" in row or scoring.score(row) == 1.0
