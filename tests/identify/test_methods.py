@@ -153,7 +153,7 @@ def test_the_command_line_has_every_method():
 
 
 def test_all_methods_stand_in_one_table(tmp_path, capsys):
-    run = ["run", "sads", "--controller", "quaternion_pd", "--duration", "8", "--seed", "3"]
+    run = ["run", "sads", "--controller", "quaternion_pd", "--duration", "5", "--seed", "3"]
     assert main([*run, "--rrd", str(tmp_path / "run.rrd")]) == 0
     capsys.readouterr()
     assert main(["identify", str(tmp_path / "run.rrd"), "--method", "all"]) == 0
