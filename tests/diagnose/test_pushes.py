@@ -65,7 +65,7 @@ def flown(
     memory = MemoryRecorder(platform)
     fly(
         SimulatedPlant(with_effects(platform, effects), seed=int(draw.integers(1 << 30))),
-        load_estimator("filter"),
+        load_estimator("passthrough"),
         load_controller("quaternion_pd"),
         Multisine(),
         SimulatedClock(),
