@@ -14,7 +14,7 @@ from twin.emulate.emulated import EmulatedDevice
 from twin.emulate.faults import Fault
 from twin.emulate.server import BEAT, Server
 from twin.errors import DeviceError, TwinError
-from twin.stop import blocked, ignore, until
+from twin.stop import LOOK, blocked, ignore, until
 
 _START = 60.0
 """Longest wait for the process [s]: it may have a machine to compile."""
@@ -68,7 +68,7 @@ class EmulatedLines:
             self._process.start()
         said = self._not_there(f"did not start within {_START:g} s")
         try:
-            there = until(lambda: self._pipe.poll(0.1), _START)
+            there = until(lambda: self._pipe.poll(min(LOOK, _START)), _START)
         except BaseException:
             self.kill()
             raise

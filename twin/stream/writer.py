@@ -49,7 +49,11 @@ class RecordingWriter:
         self._path = None if path is None else Path(path)
         self._litter = self._path is not None and not self._path.exists()
         self._words = tempfile.TemporaryFile()  # noqa: SIM115 - what the process says
-        self._process = self._start_process(viewer)
+        try:
+            self._process = self._start_process(viewer)
+        except BaseException:
+            self._words.close()
+            raise
         assert self._process.stdin is not None
         self._pipe = self._process.stdin.fileno()
         os.set_blocking(self._pipe, False)
@@ -112,7 +116,17 @@ class RecordingWriter:
         if self._closed:
             return
         self._closed = True
-        deadline = time.monotonic() + CLOSE_TIMEOUT
+        try:
+            self._finish(time.monotonic() + CLOSE_TIMEOUT)
+        finally:
+            self._words.close()
+            if self._process.stdout is not None:
+                self._process.stdout.close()
+        if self._litter and self._path is not None:
+            self._path.unlink(missing_ok=True)
+
+    def _finish(self, deadline: float) -> None:
+        """Have the file completed until then; raises as `close`."""
         try:
             self._send("close")
             while self._backlog and time.monotonic() < deadline:
@@ -133,11 +147,6 @@ class RecordingWriter:
             raise self._failure()
         for remark in self._said():
             logging.getLogger(__name__).warning(remark)
-        self._words.close()
-        if self._process.stdout is not None:
-            self._process.stdout.close()
-        if self._litter and self._path is not None:
-            self._path.unlink(missing_ok=True)
 
     def _send(self, *message: Any) -> None:
         payload = pickle.dumps(message, protocol=5)
