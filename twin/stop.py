@@ -168,7 +168,12 @@ def blocked() -> Generator[None, None, None]:
     if sys.platform == "win32":
         yield
         return
+    from multiprocessing import resource_tracker
+
     before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    # the first process of its kind starts this one too, which lifts the mask
+    resource_tracker.ensure_running()
+    signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
         yield
     finally:
@@ -195,9 +200,9 @@ def listen() -> None:
 
 def over(status: int) -> None:
     """The work is done: a signal no longer changes the status, with which the process ends soon."""
-    if sys.platform != "win32":
-        # the interpreter puts the usual handlers back before it ends
-        signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    for number in SIGNALS:
+        # a handler of ours would give way to the default before the interpreter ends
+        signal.signal(number, signal.SIG_IGN)
     if _state.pipe is not None:
         with contextlib.suppress(OSError):
             os.write(_state.pipe, bytes([_OVER, status]))

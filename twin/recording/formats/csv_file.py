@@ -71,6 +71,8 @@ class CsvFile(NumberFile):
             if name not in self.header:
                 problem = str(UnknownName("column", name, self.header))
                 raise LogError(self.path, problem, "name a column of its first row", line=1)
+        # its own handler of Ctrl-C would raise in the middle of the work (twin/stop.py)
+        pa.enable_signal_handlers(False)
         try:
             table = arrow_csv.read_csv(
                 pa.BufferReader(self._content),
