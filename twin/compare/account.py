@@ -19,7 +19,6 @@ from twin.identify.prediction_error import NORMAL, fit
 from twin.predict.body import Exact
 from twin.predict.whitening.apart import Apart, apart, fit_apart
 from twin.predict.whitening.innovations import Innovations, Problem
-from twin.predict.whitening.noise_model import QUIET
 from twin.predict.whitening.unknowns import Eliminated, Unknowns
 
 Array = NDArray[np.float64]
@@ -88,15 +87,11 @@ class Account:
 
     @cached_property
     def left(self) -> list[list[Array]]:
-        """Of each log and output (m, k): what is left, in units of the noise; of what is noise
-        besides the sensors' own, what the samples before do not foretell."""
-        if isinstance(self.now, Innovations) and self.now.noise != QUIET:
-            pairs = zip(self.problem.bodies, self.now.left(), strict=True)
-            return [body.cells.gather(rows) for body, rows in pairs]
+        """Of each log and output (m, k): what is left, in units of the noise."""
         parts: list[list[Array]] = []
         for body, exact, link in zip(self.problem.bodies, self.now.exact, self.links, strict=True):
             linear = exact.linear
-            states = link.states(np.zeros(linear.shared.shape[-1]))[:, : linear.state.shape[-1]]
+            states = link.states(np.zeros(linear.shared.shape[-1]))
             rows = linear.residual + np.einsum("snx,sx->sn", linear.state, states)
             parts.append(body.cells.gather(rows))
         return parts

@@ -85,11 +85,11 @@ def _filtered(account: Account, chosen: NDArray[np.intp]) -> tuple[States, Array
     linear = exact.linear
     before = chosen - 1
     if isinstance(account.now, Innovations):
-        link, x = account.now.chains[0], linear.state.shape[-1]
-        mean = np.stack([link.seen[s][:x, 0] for s in before])
+        link = account.now.chains[0]
+        mean = np.stack([link.seen[s][:, 0] for s in before])
         # the fitted path is known with hindsight, and shares with the start what came before it
         known = link.hindsight() if account.follows else np.stack(link.seen_spread)
-        spread = known[before][:, :x, :x]
+        spread = known[before]
     else:
         link = account.now.links[0]
         mean = link.states(np.zeros(linear.shared.shape[-1]))[before]

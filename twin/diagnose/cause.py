@@ -93,12 +93,7 @@ class Equation:
 
 
 def causes_of(
-    now: Explanation,
-    search: Search,
-    rivals: Mapping[str, float],
-    worth: Mapping[str, float],
-    *,
-    unexplained: bool,
+    now: Explanation, search: Search, rivals: Mapping[str, float], *, unexplained: bool
 ) -> tuple[Cause, ...]:
     """The effects of an explanation, the surest first.
 
@@ -106,7 +101,6 @@ def causes_of(
         now: the explanation.
         search: where it stands.
         rivals: by how much those are behind that were fitted in an only cause's place, by label.
-        worth: evidence of those that were held against a fit without them, by label.
         unexplained: something is at work that has no name; it may be all of what a cause was
             found for.
     """
@@ -116,7 +110,6 @@ def causes_of(
     ):
         rest = tuple(other for other in now.own if other != index)
         evidence = search.evidence(now.own) - search.evidence(rest)
-        evidence = min(evidence, worth.get(effect.label, evidence))
         instead = _as_fitted(search, search.instead(now.own, index), rivals)
         behind = [far for _, far in instead] + [max(evidence, 0.0)]
         beside = NORMAL * known.deviations

@@ -20,8 +20,6 @@ from twin.diagnose.reasoning import ROUGH, onward, reason
 from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.rivals import against_rivals
 from twin.diagnose.scatter import scatter_causes
-from twin.diagnose.sets import best_set
-from twin.diagnose.wander import is_usual
 from twin.effects import BiasEffect, Effect
 from twin.errors import UsageError
 from twin.noise import NoiseFinding, noise_findings
@@ -121,7 +119,7 @@ def diagnose(
     plain, candidates, line = reasoned.plain, reasoned.candidates, reasoned.line
     now = line.now
     causes = (
-        *causes_of(now, line.search, line.rivals, line.worth, unexplained=reasoned.unexplained),
+        *causes_of(now, line.search, line.rivals, unexplained=reasoned.unexplained),
         *scatter_causes(now, unexplained=reasoned.unexplained),
     )
     experiment = next_experiment(platform, now, causes, line.asked, say)
@@ -194,9 +192,6 @@ def _explained(
     Where the rest is as the machine is stated, and no cause does what was seen in the moments, the
     whole need not be reasoned over, which takes longest where it comes to nothing.
     """
-    beside = _beside_what_wanders(plain, say)
-    if beside is not None:
-        return beside, ()
     pushes = () if _is_noise(plain) else _pushes(logs, plain.base.machine.platform, say)
     if not pushes:
         return _reasoned(plain, logs, say), ()
@@ -209,22 +204,6 @@ def _explained(
     if not found.unexplained:
         return found, pushes
     return whole or _reasoned(plain, logs, say), ()
-
-
-def _beside_what_wanders(plain: Explanation, say: Say) -> _Reasoned | None:
-    """What explains logs beside torques and errors that wander as they do in any room; None where
-    nothing wanders, or that is not enough."""
-    if not plain.follows or not plain.converged:
-        return None
-    say("what wanders")
-    room = plain.settled(look=True)
-    if room is plain:
-        return None
-    candidates = candidates_of(room.bodies)
-    line = best_set(room, candidates.asked, say)
-    if line.left.doubtful or not is_usual(line):
-        return None
-    return _Reasoned(plain, candidates, line, held_out(line.now))
 
 
 def _is_noise(plain: Explanation) -> bool:

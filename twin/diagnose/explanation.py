@@ -18,7 +18,6 @@ from twin.diagnose.moves import between, farthest, held, in_sigmas, largest, uns
 from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import BiasEffect, Effect
-from twin.identify.noise_fit import AS_PROMISED, CONVERGED, cost_of, likeliest
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
 from twin.predict.body import Body, Exact
 from twin.predict.effects.added import Formed, formed, with_formed
@@ -29,7 +28,6 @@ from twin.predict.effects.retrace import retraced
 from twin.predict.parameters.base import BaseParameters
 from twin.predict.whitening.apart import Apart, apart, fit_apart
 from twin.predict.whitening.innovations import Innovations, Problem
-from twin.predict.whitening.noise_model import QUIET, NoiseModel
 from twin.predict.whitening.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -42,8 +40,6 @@ IDLE = 0.5
 """Change of the cost that says that the columns were right."""
 LEAST = 0.1
 """Share of such a move below which no more is tried."""
-SETTLINGS = 3
-"""Times that a fit and its noise follow each other."""
 AGAIN = 2
 """Times that a fit begins anew where it ended, AWAY standard deviations from where columns were
 formed: a push's force and place may add up to its torque along their columns, and not in truth."""
@@ -89,11 +85,6 @@ class Explanation:
         """Whether the motion follows the model."""
         return isinstance(self.now, Innovations)
 
-    @property
-    def noise(self) -> NoiseModel:
-        """Besides the sensors' white one, taken into account."""
-        return self.now.noise if isinstance(self.now, Innovations) else QUIET
-
     @cached_property
     def account(self) -> Account:
         """The same as a comparison has it: what each stream leaves, and how that is correlated."""
@@ -136,51 +127,13 @@ class Explanation:
         strengths = self.covariance[-layout.count :, -layout.count :]
         return tuple(strengths[own, own] for own in layout.of_free)
 
-    def instead(
-        self, effects: Sequence[Effect], laws: Sequence[Law] = (), noise: NoiseModel | None = None
-    ) -> "Explanation":
-        """Other effects and laws, fitted from where this one stands, beside its or other noise."""
-        noise = self.noise if noise is None else noise
-        found = explain(
-            self.following, self.base, effects, self.at, laws, follows=self.follows, noise=noise
-        )
+    def instead(self, effects: Sequence[Effect], laws: Sequence[Law] = ()) -> "Explanation":
+        """Other effects and laws, fitted from where this one stands."""
+        found = explain(self.following, self.base, effects, self.at, laws, follows=self.follows)
         follow = isinstance(self.now, Innovations) and isinstance(found.now, Innovations)
         if follow and abs(self.cost - found.cost) < NEAR * self.samples:
             found._formed.update(self._formed)
         return found
-
-    def settled(self, *, look: bool = False, among: Sequence[NoiseModel] = ()) -> "Explanation":
-        """The same beside the likeliest noise, both fitted in turn.
-
-        Args:
-            look: also for what wanders that does not yet.
-            among: noise to start from, if it is likelier.
-        """
-        now = self
-        for round_ in range(SETTLINGS):
-            assert isinstance(now.now, Innovations)
-            first = round_ == 0
-            there = likeliest(
-                now.problem, now.now, look=look and first, among=among if first else ()
-            )
-            promised = cost_of(now.problem, there)
-            if not promised < now.marginal - CONVERGED:
-                break
-            after = now.instead(now.effects, now.laws, there.noise)
-            if not after.marginal < now.marginal:
-                break
-            now = after
-            if abs(after.marginal - promised) < AS_PROMISED:
-                break
-        return now
-
-    def beside(self, noise: NoiseModel) -> "Explanation":
-        """Where it stands, weighed with another noise."""
-        assert isinstance(self.now, Innovations)
-        other = replace(self, now=self.problem.whiten(self.at, self.now.exact, noise))
-        # what noise there is changes neither the motion nor what was formed along it
-        other.__dict__.update(following=self.following, _formed=self._formed)
-        return other
 
     def disturbed(self) -> "Explanation":
         """The same under a white torque, as large as the logs ask for, that draws the motion to
@@ -201,13 +154,6 @@ class Explanation:
     def cost(self) -> float:
         """-2 log L up to a constant."""
         return self.now.cost / self.account.inflation
-
-    @property
-    def marginal(self) -> float:
-        """-2 log of the marginal likelihood up to a constant, and what its noise costs: to be held
-        against fits beside other noise."""
-        assert isinstance(self.now, Innovations)
-        return cost_of(self.problem, self.now)
 
     @property
     def samples(self) -> int:
@@ -339,7 +285,6 @@ def explain(
     laws: Sequence[Law] = (),
     *,
     follows: bool = True,
-    noise: NoiseModel = QUIET,
 ) -> Explanation:
     """Fit a model with these effects.
 
@@ -350,21 +295,18 @@ def explain(
         start: where the base, the biases and the states start; its strengths are not used.
         laws: without a name, fitted besides.
         follows: whether the motion is to follow the model; else segments are fitted apart.
-        noise: of a motion that follows, besides its sensors'.
 
     Raises:
         TwinError: no rigid body has the base that the iteration starts from.
     """
     effects = tuple(effect.least(bodies[0].machine.platform) for effect in effects)
-    now, away = _explained(tuple(bodies), base, effects, start, laws, follows=follows, noise=noise)
+    now, away = _explained(tuple(bodies), base, effects, start, laws, follows=follows)
     shaped = any(not amplitudes(effect).all() for effect in effects)
     for _ in range(AGAIN if shaped and follows else 0):
         if away < AWAY:
             break
         # what is held is chosen anew, too
-        there, far = _explained(
-            now.following, base, now.effects, now.at, now.laws, follows=True, noise=noise
-        )
+        there, far = _explained(now.following, base, now.effects, now.at, now.laws, follows=True)
         if far > away and not there.cost < now.cost:
             break
         now, away = there, far
@@ -379,10 +321,9 @@ def _explained(
     laws: Sequence[Law],
     *,
     follows: bool,
-    noise: NoiseModel,
 ) -> tuple[Explanation, float]:
     """Such a fit, and how far its effects ended from where their columns were formed."""
-    now = _fitted(bodies, base, effects, tuple(laws), start, follows=follows, noise=noise)
+    now = _fitted(bodies, base, effects, tuple(laws), start, follows=follows)
     formed_at, share = effects, 1.0
     sigmas = in_sigmas(now.effects, now.free, now.covariances)
     for rounds in range(ROUNDS if effects else 0):
@@ -391,9 +332,7 @@ def _explained(
         if (as_foretold and _far(formed_at, now) < SETTLED) or share < LEAST:
             break
         there = between(formed_at, now.effects, share)
-        tried = _fitted(
-            now.following, base, there, now.laws, now.at, follows=follows, noise=noise, before=now
-        )
+        tried = _fitted(now.following, base, there, now.laws, now.at, follows=follows, before=now)
         settled = _far(there, tried) < SETTLED
         if follows and not settled and tried.cost > now.cost + WORSE + IN_ALL * sigmas**2:
             share *= 0.5
@@ -418,7 +357,6 @@ def _fitted(
     start: Unknowns,
     *,
     follows: bool,
-    noise: NoiseModel,
     before: Explanation | None = None,
 ) -> Explanation:
     """With the columns of the effects as they are where they are now; `before` with them as they
@@ -447,7 +385,7 @@ def _fitted(
     strengths = np.concatenate([stays[: layout.rests], *first, stays[layout.of_laws]])
     at = replace(start, strengths=strengths)
     if follows:
-        found = fit(problem, at, noise)
+        found = fit(problem, at)
         now, converged = found.innovations, found.converged
     else:
         now, converged = fit_apart(problem, at), True

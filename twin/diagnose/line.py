@@ -24,8 +24,6 @@ class Line:
     """Evidence that laws without a name brought beyond the catalogue's causes; 0 without any."""
     rivals: Mapping[str, float] = field(default_factory=dict[str, float])
     """By how much causes that were fitted in an only one's place are behind, by label."""
-    worth: Mapping[str, float] = field(default_factory=dict[str, float])
-    """Evidence of causes against a fit without each, beside the noise that fit takes, by label."""
 
     @cached_property
     def left(self) -> Remainder:
@@ -35,16 +33,11 @@ class Line:
     @property
     def score(self) -> float:
         """-2 log L, and the price of all that was set to have it so; the lower the better."""
-        return self.now.cost + self.price
-
-    @cached_property
-    def price(self) -> float:
-        """Of all that was set, in units of -2 log L."""
         own = self.now.own
         price = self.search.weighing.weigh(own).gain - self.search.evidence(own)
         if self.now.laws:
             price += len(self.now.laws) * unlikely(laws_of(self.now.bodies))
-        return price
+        return self.now.cost + price
 
 
 def search_from(now: Explanation, asked: Sequence[Candidate]) -> Search:

@@ -18,7 +18,6 @@ from twin.platform import taken_as_at_rest
 from twin.predict.effects.columns import amplitudes
 from twin.report.next_experiment import experiment_sentence
 from twin.report.one_clock import one_clock_sentences
-from twin.report.wandering import wander_sentences
 from twin.report.words import MEANINGFUL, pair, quiet_sentences
 from twin.units import fitting, printed, three_digits
 
@@ -37,7 +36,6 @@ def diagnosed(found: Diagnosis) -> list[str]:
     said.append(verdict_sentence(found))
     said += [push_sentence(found.pushes)] if found.pushes else []
     said += [cause_sentence(cause) for cause in found.causes]
-    said += wander_sentences(found.explained.noise)
     said += one_clock_sentences(found)
     if found.next_experiment is not None:
         said.append(experiment_sentence(found.next_experiment))
