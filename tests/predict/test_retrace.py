@@ -69,7 +69,7 @@ def test_a_motion_that_the_model_explains_is_known_far_better_than_smoothed(sads
 def test_a_torque_that_the_model_lacks_is_in_the_motion_all_the_same(sads):
     log = kicked(sads, "harness_stiffness=0.2")
     problem, found = fitted(log, sads)
-    assert found.innovations.noise.white_torque > 0.0, "the torque is too small to be asked for"
+    assert found.innovations.intensity > 0.0, "the torque is too small to be asked for"
     smoothed, followed = problem.bodies[0], retraced(problem, found.innovations, 0)
     assert error(followed, log) < 0.5 * error(smoothed, log)
 

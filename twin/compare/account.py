@@ -136,7 +136,7 @@ class Account:
         more = [p for symptom in symptoms for p in symptom.perturbations]
         exact = self.problem.with_perturbations(self.now.exact, more)
         if isinstance(self.now, Innovations):
-            return White(self.problem.whiten(self.at, exact, self.now.noise))
+            return White(self.problem.whiten(self.at, exact, self.now.intensity))
         return apart(self.problem, self.at, exact)
 
 

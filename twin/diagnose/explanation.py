@@ -232,7 +232,7 @@ class Explanation:
         self._formed.update(zip(new, formed(self.following, self.now.exact, new), strict=True))
         exact = with_formed(exact, [self._formed[one] for one in perturbations])
         if isinstance(self.now, Innovations):
-            return self._rows(self.problem.whiten(self.at, exact, self.now.noise))
+            return self._rows(self.problem.whiten(self.at, exact, self.now.intensity))
         return self._rows(apart(self.problem, self.at, exact))
 
     @cached_property

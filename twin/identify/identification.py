@@ -104,7 +104,7 @@ class Identification:
     def disturbance(self) -> float:
         """Of the white torque about each base axis that stands for what the model lacks
         [N m s^0.5]; 0 where it lacks nothing."""
-        return 0.0 if self.fit is None else float(np.sqrt(self.fit.innovations.noise.disturbance))
+        return 0.0 if self.fit is None else float(np.sqrt(self.fit.innovations.intensity))
 
     @property
     def half_widths(self) -> Array:

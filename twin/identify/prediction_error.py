@@ -16,7 +16,6 @@ from scipy.stats import t as student
 
 from twin.errors import TwinError
 from twin.predict.whitening.innovations import Innovations, Problem
-from twin.predict.whitening.noise_model import QUIET, NoiseModel
 from twin.predict.whitening.unknowns import Unknowns
 from twin.stop import check
 
@@ -87,7 +86,7 @@ class Fit:
         inverse = now.covariance
         _, cluster = np.unique(now.cluster, return_inverse=True)
         clusters = int(cluster.max()) + 1
-        if now.noise.white_torque == 0.0 or clusters < ENOUGH * len(inverse):
+        if now.intensity == 0.0 or clusters < ENOUGH * len(inverse):
             return inverse, NORMAL
         scores = np.zeros((clusters, len(inverse)))
         np.add.at(scores, cluster, now.columns * now.residual[:, None])
@@ -98,18 +97,13 @@ class Fit:
         return scaled, float(student.ppf(0.975, freedom))
 
 
-def fit(problem: Problem, start: Unknowns, noise: NoiseModel = QUIET) -> Fit:
-    """Fit the base, the biases and the states of a motion that follows the model exactly, or as
-    far as noise lets it.
+def fit(problem: Problem, start: Unknowns) -> Fit:
+    """Fit the base, the biases and the states of a motion that follows the model exactly.
 
     Raises:
         TwinError: no rigid body has the base that the iteration starts from.
     """
-
-    def innovations(at: Unknowns) -> Innovations:
-        return problem.innovations(at, noise)
-
-    return _iterate(problem, innovations(start), innovations)
+    return _iterate(problem, problem.innovations(start), problem.innovations)
 
 
 def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
@@ -130,7 +124,7 @@ def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
     if exact.converged and roughly.cost > now.cost - 0.5 * WORTHWHILE:
         return exact
     size = float(np.max(problem.base.scale)) ** 2
-    decade = float(np.log10(roughly.noise.white_torque / size))
+    decade = float(np.log10(roughly.intensity / size))
     near = (max(decade - NEAR, DECADES[0]), min(decade + NEAR, DECADES[1]))
     first = most_likely(problem, now, near)
     if exact.converged and first.cost > now.cost - WORTHWHILE:
@@ -181,10 +175,10 @@ def _iterate(
         size = _size(now)
         idle = 0 if size < SHRINKING * smallest else idle + 1
         smallest = min(size, smallest)
-        if idle > 3 and not now.noise.pushes and size < SETTLED:
+        if idle > 3 and now.intensity == 0.0 and size < SETTLED:
             now = best
             break
-    return Fit(now, converged=now.noise.pushes and size < SETTLED)
+    return Fit(now, converged=now.intensity > 0.0 and size < SETTLED)
 
 
 def _size(now: Innovations) -> float:
@@ -213,7 +207,7 @@ def _moved(
         before, after = now.chi2 + now.logarithm, tried.chi2 + tried.logarithm
         # Paths that follow the model exactly may part from the logs first; disturbed ones need not,
         # nor those that are there already.
-        settled = now.noise.pushes or bool(now.tilt.any())
+        settled = now.intensity > 0.0 or bool(now.tilt.any())
         room = 0.0 if settled else (WORSE - 1.0) * max(now.chi2, float(now.samples))
         if after <= before + room:
             return tried, 0.5**halving
@@ -266,7 +260,7 @@ def _strays(problem: Problem, exact: Innovations) -> bool:
 def _under(problem: Problem, exact: Innovations, decade: float) -> Innovations:
     """Under a torque of that intensity, per squared scale of the base."""
     size = float(np.max(problem.base.scale)) ** 2
-    return problem.whiten(exact.at, exact.exact, NoiseModel(size * 10.0**decade))
+    return problem.whiten(exact.at, exact.exact, size * 10.0**decade)
 
 
 def _restricted(now: Innovations) -> float:

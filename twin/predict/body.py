@@ -35,7 +35,7 @@ from twin.predict.path.tangent import carried_forces
 from twin.predict.sensors.cells import Cells
 from twin.predict.sensors.outputs import Grid, digits_of, outputs_of
 from twin.predict.sensors.sensed import senses_of
-from twin.predict.whitening.augmented import Local
+from twin.predict.whitening.kalman import Local
 from twin.predict.whitening.linearised import Linearised
 from twin.recording import Recording, Series
 from twin.signals import DERIVED
@@ -300,18 +300,8 @@ class Body:
             push = pushed(self.machine, doubt, self.begins, path.position[0, :, :-1])
             turned = answer[..., self.machine.base_dof]
             noise = noise + turned @ (grid.step * push) @ turned.swapaxes(-1, -2)
-        row, shown = self.cells.row, self._shown()
-        return Local(measured, row, carried, self._pushed, grid.step, noise, drift, shown)
-
-    def _shown(self) -> dict[str, Array]:
-        """(S, N, k) d(measured / noise) / d(error of each column), of each stream of sensors."""
-        found: dict[str, Array] = {}
-        for output, (segment, row) in zip(self.outputs, self.cells.places, strict=True):
-            if output.told is None:
-                rows = np.zeros((self.grid.segments, self.cells.count, row.shape[1]))
-                rows[segment, row, np.arange(row.shape[1])] = 1.0 / output.sigma
-                found[output.stream] = rows
-        return found
+        row = self.cells.row
+        return Local(measured, row, carried, self._pushed, grid.step, noise, drift)
 
     def _walks(self) -> tuple[Array, Array]:
         """Intensities of what nobody recorded: (wheels,) of torques on them [(N m)^2 s], (gimbals,)

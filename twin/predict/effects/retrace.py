@@ -32,7 +32,7 @@ def retraced(problem: Problem, now: Innovations, log: int) -> Body:
     if body.inputs.wheels_undriven or (gimbals and body.inputs.gimbals_undriven):
         return body
     path = _path(problem, now, log)
-    pushes = None if now.noise.pushes else problem.pushes(log, now.at)
+    pushes = None if now.intensity > 0.0 else problem.pushes(log, now.at)
     followed = body.following(path, pushes)
     followed.start = path[0, :, 0]
     return followed
@@ -42,10 +42,9 @@ def _path(problem: Problem, now: Innovations, log: int) -> States:
     """(1, S, ...) from starts at their best, under the torque that the fit leaves unexplained."""
     body, exact = problem.bodies[log], now.exact[log]
     none = np.zeros(exact.linear.shared.shape[-1])
-    start = now.at.starts[log]
-    start = start.moved(now.chains[log].states(none)[:, : start.width])
+    start = now.at.starts[log].moved(now.chains[log].states(none))
     push = problem.push(log, now.at)
-    if now.noise.pushes:
+    if now.intensity > 0.0:
         base, k = body.machine.base_dof, exact.path.rate.shape[-1]
         # It is a torque on the machine as stated, and the path is that of the machine as fitted.
         rate = slice(k, 2 * k)

@@ -16,7 +16,6 @@ from twin.predict.path.push import Push
 from twin.predict.whitening.chain import Chain, chain, growth
 from twin.predict.whitening.kalman import whitened
 from twin.predict.whitening.linearised import Linearised
-from twin.predict.whitening.noise_model import QUIET, NoiseModel
 from twin.predict.whitening.unknowns import Eliminated, Unknowns
 
 Array = NDArray[np.float64]
@@ -43,12 +42,13 @@ class Innovations:
     at: Unknowns
     exact: tuple[Exact, ...]
     """Of each log."""
-    noise: NoiseModel
-    """That is taken into account, of the machine as stated."""
+    intensity: float
+    """Of the white torque about each base axis of the machine as stated that is taken into account
+    [(N m)^2 s]."""
     linear: tuple[Linearised, ...]
-    """Of each log, with that noise; its states after those of the motion."""
+    """Of each log, with that torque and its states."""
     chains: tuple[Chain, ...]
-    """Of each log, the states gone."""
+    """Of each log, without."""
     residual: Array
     """(m,)."""
     columns: Array
@@ -144,7 +144,7 @@ class Problem:
         )
         return Unknowns(theta, own, tuple(body.start for body in self.bodies), strengths)
 
-    def innovations(self, at: Unknowns, noise: NoiseModel = QUIET) -> Innovations:
+    def innovations(self, at: Unknowns, intensity: float = 0.0) -> Innovations:
         """Predict and linearise.
 
         Raises:
@@ -152,7 +152,7 @@ class Problem:
         """
         # what overflows on the way is told by the columns at its end
         with np.errstate(over="ignore", invalid="ignore"):
-            there = self.whiten(at, self.exact(at), noise)
+            there = self.whiten(at, self.exact(at), intensity)
             beyond = not np.isfinite(np.linalg.norm(there.columns, axis=0)).all()
         if beyond or not np.isfinite(there.chi2):
             raise TwinError(
@@ -225,7 +225,7 @@ class Problem:
             replace(one, linear=one.linear.with_columns(more))
             for one, more in zip(now.exact, columns, strict=True)
         ]
-        more = self.whiten(now.at, exact, now.noise)
+        more = self.whiten(now.at, exact, now.intensity)
         none = np.zeros(more.columns.shape[1] - len(now.tilt))
         return replace(more, tilt=np.concatenate([now.tilt, none]))
 
@@ -235,10 +235,10 @@ class Problem:
         Where a motion is unstable, each sample of it is predicted from those before it the worse
         the faster it grows, so a likelihood that leaves this out takes its base for one that grows
         faster than it does: by a standard deviation where the sensors are coarse. A stable one has
-        no such slope, and is given none; nor is one beside noise that wanders, whose size takes
-        its share of it.
+        no such slope, and is given none; nor is one that a torque disturbs, where the intensity of
+        that torque takes its share of it.
         """
-        if now.noise.wanders:
+        if now.intensity > 0.0:
             return now
         sigma = np.sqrt(np.diag(now.covariance))[: len(now.at.theta)]
         growing = sum(growth(one.linear) for one in now.exact)
@@ -246,25 +246,25 @@ class Problem:
         for index in np.flatnonzero(growing * sigma / self.base.scale >= NO_GROWTH):
             change = np.zeros(len(tilt))
             change[index] = NEARBY * sigma[index]
-            nearby = self._logarithm(now.moved(change), now.noise)
+            nearby = self._logarithm(now.moved(change), now.intensity)
             tilt[index] = (nearby - now.logarithm) / change[index]
         return replace(now, tilt=tilt)
 
-    def _logarithm(self, at: Unknowns, noise: NoiseModel) -> float:
+    def _logarithm(self, at: Unknowns, intensity: float) -> float:
         """Log-determinant of the covariance at some unknowns."""
         total = 0.0
         for log, (body, start) in enumerate(zip(self.bodies, at.starts, strict=True)):
             exact = body.along(self.base, at.theta, start, self.push(log, at))
-            linear, own = whitened(exact.linear, exact.local, noise)
+            linear, own = _disturbed(exact, intensity)
             total += own + chain(linear).logarithm
         return total
 
-    def whiten(self, at: Unknowns, exact: Sequence[Exact], noise: NoiseModel) -> Innovations:
-        """What was linearised at some unknowns, with this noise taken into account."""
+    def whiten(self, at: Unknowns, exact: Sequence[Exact], intensity: float) -> Innovations:
+        """What was linearised at some unknowns, under a white torque of this intensity."""
         linear: list[Linearised] = []
         logarithm = 0.0
         for one in exact:
-            white, own = whitened(one.linear, one.local, noise)
+            white, own = _disturbed(one, intensity)
             logarithm += own
             linear.append(white)
         chains = [chain(one) for one in linear]
@@ -274,7 +274,7 @@ class Problem:
         return Innovations(
             at,
             tuple(exact),
-            noise,
+            intensity,
             tuple(linear),
             tuple(chains),
             stacked[:, 0],
@@ -338,6 +338,13 @@ def _with(one: Exact, added: Added, strengths: Array) -> Exact:
     if not len(strengths):
         return one
     return replace(one, linear=one.linear.with_columns(*added.columns(one, strengths)))
+
+
+def _disturbed(one: Exact, intensity: float) -> tuple[Linearised, float]:
+    """Under a white torque of this intensity about each base axis; the log-determinant."""
+    if intensity == 0.0 and not one.local.wander.any():
+        return one.linear, 0.0
+    return whitened(one.linear, one.local, np.full(one.local.pushed.shape[-1], intensity))
 
 
 def _prior(bias: Array, scale: Array, p: int, added: int) -> Array:
