@@ -248,14 +248,14 @@ def _enforce(reader: int) -> None:
     """Wait for a request, then for a second one or the end of the grace."""
     with open(reader, "rb", buffering=0) as requests:
         first = requests.read(1)[0]
-        if first != _OVER and (not _asked_again(requests) or requests.read(1)[0] != _OVER):
+        if first != _OVER and (not _second_request(requests) or requests.read(1)[0] != _OVER):
             _end_at_once(first)
         status = requests.read(1)[0]
     time.sleep(GRACE)
     os._exit(status)
 
 
-def _asked_again(requests: IO[bytes]) -> bool:
+def _second_request(requests: IO[bytes]) -> bool:
     """Whether something comes before the grace is over, which begins anew after a shield."""
     started = time.monotonic()
     end = started + GRACE

@@ -151,7 +151,8 @@ class Trials:
         found += _of_files(work)
         if drawn.name == "campaign":
             found += self._resumed(work)
-        found += [f"{line}" for line in found and words.strip().splitlines()[-8:]]
+        if found:
+            found += words.strip().splitlines()[-8:]
         shutil.rmtree(work)
         return found, code, took
 

@@ -13,9 +13,9 @@ from twin.campaign.merit import Merits, selected
 from twin.campaign.spec import Arm, Spec
 from twin.clock import SimulatedClock
 from twin.controller import AnyController
-from twin.errors import FileError, TwinError
+from twin.errors import ControllerError, FileError, TwinError
 from twin.estimators import load_estimator
-from twin.loop import Observer, fly
+from twin.loop import Ended, Observer, fly
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.procedures import Notes, Phase, balancing
@@ -121,6 +121,8 @@ def _batch(
             )
     if outcome.asked:
         raise Stopped(outcome.asked)  # runs that were cut short are no results
+    if outcome.ended is Ended.safe_stop:
+        raise ControllerError(f"{arm.name}: {outcome.reason} at {outcome.duration:g} s")
     rows = selected(merits.rows(), spec.metrics, n)
     came: dict[int, Came] = {}
     for row, run in enumerate(runs):

@@ -188,7 +188,7 @@ class Balance:
         again = "balancing begins anew from where the masses stand"
         if self.rrd is None or not self.rrd.exists():
             return again
-        return f"{self.rrd} holds what was recorded until then, {again}"
+        return f"{self.rrd} holds what was recorded, if it had begun; {again}"
 
     def _check(self) -> None:
         from twin.clock import check_duration

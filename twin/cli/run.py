@@ -161,7 +161,7 @@ class Run:
         """What is there of a run that was stopped before its law began, or at once."""
         if self.rrd is None or not self.rrd.exists():
             return "nothing was recorded"
-        return f"{self.rrd} holds what was recorded until then"
+        return f"{self.rrd} holds what was recorded; a run that had not begun has not changed it"
 
     def _check(self) -> None:
         from twin.errors import UsageError

@@ -68,11 +68,11 @@ class EmulatedLines:
             self._process.start()
         said = self._not_there(f"did not start within {_START:g} s")
         try:
-            there = until(lambda: self._pipe.poll(min(LOOK, _START)), _START)
+            ready = until(lambda: self._pipe.poll(min(LOOK, _START)), _START)
         except BaseException:
             self.kill()
             raise
-        if there:
+        if ready:
             try:
                 said = self._pipe.recv()
             except EOFError:
