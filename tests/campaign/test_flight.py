@@ -9,6 +9,7 @@ from twin.campaign import laws
 from twin.campaign.draw import draw
 from twin.campaign.flight import flown
 from twin.controller import load_controller
+from twin.errors import ControllerError
 from twin.platform import load_platform
 
 ARMS = """
@@ -63,6 +64,14 @@ def test_a_run_whose_machine_cannot_be_is_a_row_with_a_reason(spec_of):
         assert str(flown(spec, draw(spec, [run]))[run]) == str(one)
     good = next(run for run in came if run not in failed)
     assert flown(spec, draw(spec, [good]))[good] == came[good]
+
+
+def test_runs_of_a_law_that_gives_up_are_no_results(spec_of, monkeypatch):
+    law = load_controller("mass_magnetic_pid")
+    monkeypatch.setattr(type(law), "lost", lambda self, state: "it has given up")
+    spec = spec_of()
+    with pytest.raises(ControllerError, match="it has given up"):
+        flown(spec, draw(spec, range(4)))
 
 
 def test_a_run_that_diverges_is_a_row_with_a_reason(spec_of):
