@@ -185,6 +185,35 @@ def test_a_worker_ends_with_a_parent_that_is_killed(tmp_path):
     assert_gone(worker)
 
 
+TRACKED = """
+import os, signal, time
+from twin import stop
+from twin.processes import Pool
+
+if __name__ == "__main__":
+    with stop.listening(), Pool(1) as pool:
+        pool.submit(os.getpid).result()
+        os.killpg(0, signal.SIGHUP)
+        time.sleep(0.5)
+"""
+
+
+def test_the_tracker_of_a_pools_locks_survives_a_signal_to_the_group(tmp_path):
+    """Begun again, it would print a traceback for each lock that it never had."""
+    program = tmp_path / "tracked.py"
+    program.write_text(TRACKED, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(program)],
+        capture_output=True,
+        text=True,
+        start_new_session=True,
+        preexec_fn=hear,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])},
+        timeout=60.0,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 def test_another_program_ends_with_all_it_has_started_when_a_stop_is_requested(hears, tmp_path):
     mark = tmp_path / "child"
     script = f"sleep 600 & echo $! > {mark}; wait"

@@ -41,12 +41,13 @@ class Pool:
             initializer: called once in each with `initargs`.
             initargs: as they travel by pickle.
         """
-        self._pool = ProcessPoolExecutor(
-            workers,
-            mp_context=get_context("spawn"),
-            initializer=_begin,
-            initargs=(initializer, initargs),
-        )
+        with stop.blocked():  # its queues' locks start a process too
+            self._pool = ProcessPoolExecutor(
+                workers,
+                mp_context=get_context("spawn"),
+                initializer=_begin,
+                initargs=(initializer, initargs),
+            )
         self._forced = ExitStack()
         self._forced.enter_context(stop.at_last(self._kill))
 
