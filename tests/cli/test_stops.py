@@ -19,5 +19,5 @@ def test_every_verb_keeps_its_promises_when_a_signal_comes_at_a_drawn_moment(tmp
     chance, trials = random.Random(seed), Trials(tmp_path)
     for name in VERBS:
         drawn = draw([name], chance)
-        broken, code, took = trials.broken(drawn)
-        assert not broken, f"{drawn.words()}: {code} after {took:.2f} s: {broken}"
+        ended = trials.outcome(drawn)
+        assert not ended.broken, f"{drawn.words()}: {ended.words()}"
