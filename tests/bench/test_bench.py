@@ -209,14 +209,14 @@ def test_a_port_of_its_own_needs_a_calibration_before_it_is_armed(cubesat):
 def test_a_run_over_the_line_tries_what_it_commands_and_is_recorded(tmp_path, capsys):
     out = tmp_path / "out.rrd"
     words = ["cubesat", "--plant", "pty", "--lockstep", "--arm", "floating", "--rrd", str(out)]
-    law = ["--controller", "mass_magnetic_pid", "--duration", "3"]
+    law = ["--controller", "mass_magnetic_pid", "--duration", "1"]
     assert main(["run", *words, *law]) == 0
     told = capsys.readouterr()
     assert "armed as floating" in told.err
     assert "first use of s1 (command_stage_position): predicted a turn of" in told.err
     assert "feather:" in told.out
     recording = open_log(out)
-    assert recording.stop == pytest.approx(3.0, abs=0.1)
+    assert recording.stop == pytest.approx(1.0, abs=0.1)
     assert {"gyro", "attitude", "stage_position", "command_stage_position"} <= set(recording)
     assert not [name for name in recording if name.startswith("truth")]
 

@@ -30,6 +30,8 @@ from twin.cli.main import main
 from twin.errors import CampaignError
 from twin.recording import open_log
 
+KILLS = 12
+
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory) -> Path:
@@ -109,7 +111,7 @@ def test_one_process_owns_the_folder(file, tmp_path):
 
 def test_memory_does_not_grow_with_the_number_of_runs(tmp_path):
     peaks: list[int] = []
-    for runs in (24, 24, 96):  # the first flight imports what all of them keep
+    for runs in (6, 24, 96):  # the first flight imports what all of them keep
         spec = tmp_path / f"{len(peaks)}.toml"
         text = GOOD.replace("runs = 24", f"runs = {runs}").replace(
             "duration = 1.0", "duration = 0.1"
@@ -297,21 +299,21 @@ def wait_for_a_shard(process: subprocess.Popen[bytes], folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_campaign_killed_fifty_times_is_byte_for_byte_the_undisturbed_one(tmp_path):
+def test_a_campaign_killed_again_and_again_is_byte_for_byte_the_undisturbed_one(tmp_path):
     spec = tmp_path / "spec.toml"
-    text = GOOD.replace("runs = 24", "runs = 1000").replace("duration = 1.0", "duration = 6.0")
+    text = GOOD.replace("runs = 24", "runs = 300").replace("duration = 1.0", "duration = 6.0")
     spec.write_text(text.replace("shard = 6", "shard = 12"), encoding="utf-8")
     execute(read_spec(spec), Folder(tmp_path / "whole"), workers=2, tell=silent)
     folder, draw = tmp_path / "out", random.Random(2)
     killed = 0
-    for _ in range(50):
+    for _ in range(KILLS):
         with begun(spec, folder, workers=2) as process:
             with suppress(subprocess.TimeoutExpired):
                 process.wait(draw.uniform(0.5, 4.0))
             killed += process.poll() is None
             process.send_signal(signal.SIGKILL)
-    print(f"{killed} of 50 were killed at work")
-    assert killed > 25, "else it was done before"
+    print(f"{killed} of {KILLS} were killed at work")
+    assert killed > KILLS // 2, "else it was done before"
     while Folder(folder).missing(read_spec(spec)):
         with begun(spec, folder, workers=2) as process:
             process.wait(timeout=300.0)

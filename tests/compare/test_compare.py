@@ -30,7 +30,7 @@ def laws_of(comparison: Comparison) -> dict[str, float]:
     "seed", [SEED, SEED + 1, *(pytest.param(SEED + i, marks=pytest.mark.slow) for i in (2, 3))]
 )
 def test_nothing_hidden_is_called_healthy(swing: Swings, pendulum: Platform, seed: int):
-    comparison = compare(swing(seed=seed), pendulum)
+    comparison = compare(swing(seed=seed, duration=12.0), pendulum)
     assert comparison.verdict == "healthy", sentences(comparison)
     assert sentences(comparison)[0].startswith("Healthy")
     assert comparison.as_built.strengths == ()

@@ -17,9 +17,9 @@ Swings = Callable[..., Recording]
 
 
 def test_another_mass_is_seen_when_a_fitted_model_is_moved(swing: Swings, pendulum: Platform):
-    first = compare(swing(seed=SEED, duration=10.0, dry=0.05), pendulum)
+    first = compare(swing(seed=SEED, duration=6.0, dry=0.05), pendulum)
     more = {"inertia": 0.1367 * 1.5, "moment": 0.273 * 1.5}
-    heavy = compare(swing(seed=SEED + 1, duration=10.0, dry=0.05, **more), pendulum)
+    heavy = compare(swing(seed=SEED + 1, duration=6.0, dry=0.05, **more), pendulum)
     moved = transfer(first, heavy)
     said = transfer_sentences(moved, first)
     assert not moved.explained.follows

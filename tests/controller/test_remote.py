@@ -221,7 +221,7 @@ def test_beside_the_wall_clock_what_it_said_last_holds_for_as_long_as_it_said():
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 def test_it_flies_a_machine_over_its_line():
     program = Program("cubesat", "command_dipole", valid_for_ms=500, gain=10.0)
-    flight = flight_of(program, 3.0, "pty", Held.floating)
+    flight = flight_of(program, 1.0, "pty", Held.floating)
     recorder = MemoryRecorder(flight.platform, {})
     with flight.plant:
         # which the bench replaces by its own

@@ -28,7 +28,7 @@ def test_masses_empty_wheels_across_the_vertical_while_the_attitude_holds(name):
     """h'' + k h' + k_I h = 0 with h' = m r x g at the start: its solution, and the balance left."""
     # An attitude loop so fast that the body holds nothing of the momentum.
     law = load_controller("momentum_unloading", {"proportional": 50.0, "derivative": 40.0})
-    platform = perfect(load_platform(name))
+    platform = replace(perfect(load_platform(name)), control_rate=20.0)
     start = InitialState(wheel_speed=SPEEDS / [wheel.inertia for wheel in platform.wheels])
     run = simulate(law, platform, 150.0, start=start)
     held = wheel_momentum(platform, run)

@@ -60,7 +60,7 @@ def test_body_points_within_what_the_shortest_pulses_do(name):
     shipped = perfect(load_platform(name))
     platform = replace(shipped, center_of_mass_offset=np.zeros(3), tilt_limit=np.inf)
     start = from_rotation_vector(np.radians([3.0, -2.0, 4.0]))
-    run = simulate(law, platform, 90.0, start=InitialState(attitude=start))
+    run = simulate(law, platform, 75.0, start=InitialState(attitude=start))
     off = np.abs(to_rotation_vector(run.true["attitude"]))[run.time > 60.0]
     torque, _ = effect(platform)
     limit = np.array([thruster.force_limit for thruster in platform.thrusters])

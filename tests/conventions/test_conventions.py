@@ -93,7 +93,7 @@ def test_a_wrong_unit_is_named_in_a_short_log_too(sads, right_logs, stream, unit
 )
 def test_the_unit_of_a_field_or_a_slope_is_told_by_its_size(tmp_path, machine, stream, unit):
     log = tmp_path / "log.rrd"
-    words = ["run", machine, "--controller", "free_float", "--duration", "20"]
+    words = ["run", machine, "--controller", "free_float", "--duration", "12"]
     assert main([*words, "--attitude", "4", "-6", "10", "--rrd", str(log)]) == 0
     platform, right = load_platform(machine), open_log(log)
     assert [str(finding) for finding in check_conventions(right, platform)] == []
@@ -120,7 +120,7 @@ def test_times_that_are_all_of_them_in_another_unit_are_named(sads, right_logs, 
 def test_most_of_a_panel_is_recognised_and_no_right_log_is_accused(sads):
     seed = secrets.randbits(32)
     print("seed", seed)
-    order = np.random.default_rng(seed).permutation(len(panel.CELLS))[:12]
+    order = np.random.default_rng(seed).permutation(len(panel.CELLS))[:8]
     rows = [row for cell in order for row in panel.fly_and_check(sads, int(cell), seed + int(cell))]
     print(panel.table(rows))
     assert not [row for row in rows if row["verdict"] == "accused"]

@@ -19,7 +19,7 @@ def without(log: Recording, *names: str) -> Recording:
 
 @pytest.mark.slow
 def test_gyro_and_accelerometer_are_enough_though_nothing_tells_the_heading(flight_of, drawn_seed):
-    log = without(flight_of("tas2", "cmg_pd", "multisine:3", 40.0, drawn_seed), *TELL_MORE)
+    log = without(flight_of("tas2", "cmg_pd", "multisine:3", 20.0, drawn_seed), *TELL_MORE)
     found = diagnose([log], load_platform("tas2"))
     assert found.verdict == "healthy"
 

@@ -108,7 +108,7 @@ def test_the_moment_of_a_push_is_found(sads, draw, length, middle):
 def test_what_is_at_work_all_the_time_is_no_push(sads, draw):
     drag = effect_named("bearing_viscous_friction")(damping=0.1)
     for effects in ((), (drag,)):
-        log = flown(sads, draw, *effects)
+        log = flown(sads, draw, *effects, length=3.0 * LONGEST)
         assert not pushes_of([log], sads)
 
 
@@ -124,8 +124,8 @@ def test_what_is_left_of_a_log_are_its_parts_between_pushes_long_enough_to_be_lo
 
 @pytest.mark.slow
 def test_the_verdict_is_on_the_rest_and_the_push_is_told(sads, draw):
-    shove = a_shove(draw)
-    found = diagnose([flown(sads, draw, shove)], sads)
+    shove = a_shove(draw, 1.5 * LONGEST)
+    found = diagnose([flown(sads, draw, shove, length=3.0 * LONGEST)], sads)
     assert found.verdict == "unexplained"
     assert not found.causes
     (push,) = found.pushes

@@ -64,7 +64,7 @@ def play() -> StageBacklash:
 @pytest.fixture(scope="module")
 def log(platform: Platform, play: StageBacklash) -> Recording:
     law = Swaying(load_controller("quaternion_pd"))
-    run = flown(with_effects(platform, [play]), law, 60.0, record=True)
+    run = flown(with_effects(platform, [play]), law, 40.0, record=True)
     return run.recordings[0].without_truth()
 
 

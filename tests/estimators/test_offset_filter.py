@@ -69,7 +69,7 @@ CASES = {
 
 @pytest.mark.parametrize(("machine", "law", "reference"), CASES.values(), ids=CASES)
 def test_offset_is_as_far_off_as_its_covariance_says(machine, law, reference):
-    runs = 30
+    runs = 20
     last = flown(machine_with(*machine), law, 15.0, runs, reference)
     low, high = chi2.ppf([0.005, 0.995], 3 * runs) / runs
     mean = squared_in_sigmas(last).mean()
@@ -100,7 +100,7 @@ def test_white_torque_that_nobody_stated_leaves_the_estimate_within_its_wider_co
 
 
 def test_attitude_rate_and_bias_are_those_of_the_machine():
-    last = flown(machine_with("astros", (-5e-6, 5e-6, -5e-5)), "free_float", 30.0, 5)
+    last = flown(machine_with("astros", (-5e-6, 5e-6, -5e-5)), "free_float", 20.0, 3)
     attitude, rate = (last.truth[name].value[:, 0] for name in ("truth_attitude", "truth_rate"))
     off = to_rotation_vector(multiply(conjugate(last.estimate.attitude), attitude))
     assert np.abs(off).max() < 1e-4

@@ -52,7 +52,7 @@ def swung(machine, duration, runs=1, seed=3):
 
 
 def test_offset_is_found_without_bias_where_nothing_else_acts(machine):
-    kept = swung(machine, 90.0, runs=2)
+    kept = swung(machine, 60.0)
     late = [e.center_of_mass_offset for e in kept.estimates if e.time > 40.0]
     height = np.mean(late, axis=(0, 1)) / machine.mass
     np.testing.assert_allclose(height, [0.0, 0.0, -5e-5], rtol=0.04, atol=1e-12)

@@ -13,7 +13,7 @@ from twin.predict.sensors.outputs import digits_of
 from twin.recording import Recording, Series
 
 PERIOD = 0.05
-TIME = PERIOD * np.arange(4800)
+TIME = PERIOD * np.arange(2400)
 TAS2 = load_platform("tas2")
 DIGIT = TAS2.sensors["gimbal_angle"].resolution
 

@@ -13,7 +13,7 @@ from twin.platform import load_platform
 from twin.recording import Recording
 
 SEED = 20261121
-SECONDS = 30.0
+SECONDS = 20.0
 
 MACHINES = {
     "tas2": "control moment gyros, masses",

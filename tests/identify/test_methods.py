@@ -23,6 +23,9 @@ from twin.rotation import from_rotation_vector, multiply
 SEED = 20261122
 SIZE = np.array([12.0] * 6 + [0.05] * 3)
 """Of the errors that follow, parameter by parameter."""
+HALF = 30.0
+"""Of the quiet log [s]: as much as the costly methods need."""
+COSTLY = ("prediction-error", "levenberg-marquardt", "ekf", "ukf")
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +56,8 @@ def worst(found, campaign) -> float:
 )
 def test_without_noise_every_method_finds_the_base(quiet, method, within):
     print(f"seed {SEED}")
-    assert worst(identify(quiet.logs, quiet.stated, method), quiet) < within
+    logs = [log.between(0.0, HALF) for log in quiet.logs] if method in COSTLY else quiet.logs
+    assert worst(identify(logs, quiet.stated, method), quiet) < within
 
 
 @pytest.mark.parametrize("shift", [1, 2, 3])

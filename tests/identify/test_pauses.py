@@ -29,9 +29,9 @@ def test_the_base_is_found_in_a_log_that_paused_and_nothing_in_it_looks_misread(
     seed = secrets.randbits(31)
     print("seed", seed)
     stated = dataclasses.replace(SADS, tilt_limit=np.pi, effects=())
-    flown = excited(stated, 1, seed, 60.0)
+    flown = excited(stated, 1, seed, 36.0)
     whole = flown.logs[0]
-    parted = paused(whole, whole["gyro"].time[0] + 31.0, pause)
+    parted = paused(whole, whole["gyro"].time[0] + 19.0, pause)
     assert not check_conventions(parted, stated)
     found = identify([parted], stated)
     assert len(found.recordings) == 2

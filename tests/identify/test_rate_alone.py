@@ -58,13 +58,15 @@ def a_log(name: str, rate: np.ndarray, every: int, unit: str, noise: float) -> d
     }
 
 
-def swinging(seed: int, amplitude: float) -> tuple[Platform, Recording, mujoco.MjModel, float]:
+def swinging(
+    seed: int, amplitude: float, steps: int = 4000
+) -> tuple[Platform, Recording, mujoco.MjModel, float]:
     """A fork let go at some angle, its gyro in volts with an offset."""
     print("seed", seed)
     rng = np.random.default_rng(seed)
     stated = load_platform("bicycle_fork")
     model, inertia = hidden(stated, rng)
-    rate = rolled(model, amplitude, np.zeros(6000), 2)
+    rate = rolled(model, amplitude, np.zeros(steps), 2)
     volts = 1.3 + GAIN * rate + rng.normal(0.0, 0.003, len(rate))
     return stated, Recording(**a_log("axle", volts, 2, "V", 0.003)), model, inertia
 
@@ -109,7 +111,7 @@ def test_inertia_damping_and_scale_of_a_swinging_fork(seed: int):
 
 
 def test_a_small_swing_leaves_the_scale_open_and_says_so():
-    stated, log, _, _ = swinging(seed=14, amplitude=0.03)
+    stated, log, _, _ = swinging(seed=14, amplitude=0.03, steps=2000)
     found = identify([log], stated)
     (said,) = (one for one in found.not_excited if "same at any amplitude" in one)
     volts, rate = log["joint_rate"].value[:, 0], found.recordings[0]["joint_rate"].value[:, 0]

@@ -22,7 +22,7 @@ def test_the_two_steps_of_the_cubesat_agree_on_its_body_and_motor():
 
 def test_the_fork_is_identified_from_its_volts():
     log = open_log(library("models") / "bicycle_fork" / "logs" / "first_swing")
-    said = identified(identify([log.between(0.0, 15.0)], load_platform("bicycle_fork")))
+    said = identified(identify([log.between(0.0, 8.0)], load_platform("bicycle_fork")))
     text = "\n".join(said)
     assert "J     0.96" in text
     assert "rad/s per V" in text

@@ -15,13 +15,13 @@ from twin.rotation import from_rotation_vector, tilt
 from twin.stream.recorder import MemoryRecorder
 
 LAWS = (
-    ("sads", "quaternion_pd", 30.0),
+    ("sads", "quaternion_pd", 15.0),
     ("cubesat", "mass_magnetic_pid", 150.0),
-    ("tas2", "cmg_pd", 30.0),
-    ("whorl1", "quaternion_pd", 30.0),
-    ("whorl2", "quaternion_pd", 30.0),
-    ("astros", "mass_pid", 90.0),
-    ("astros", "cmg_pd", 30.0),
+    ("tas2", "cmg_pd", 18.0),
+    ("whorl1", "quaternion_pd", 15.0),
+    ("whorl2", "quaternion_pd", 22.0),
+    ("astros", "mass_pid", 50.0),
+    ("astros", "cmg_pd", 18.0),
 )
 """Laws for each machine, and how long they have to bring 5 deg of tilt below one [s]."""
 

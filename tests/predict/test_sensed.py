@@ -156,7 +156,7 @@ def without(log: Recording, *names: str) -> Recording:
 def test_a_tilt_and_a_gyro_are_enough_to_predict_by(tilt: str):
     print("seed", SEED)
     others = {"attitude", "magnetometer", "inclinometer", "accelerometer"} - {tilt}
-    body = predictor(without(flown("tas2", SEED, 40.0), *others), "tas2")
+    body = predictor(without(flown("tas2", SEED, 25.0), *others), "tas2")
     problem, found = refitted(body)
     platform = body.machine.platform
     entries = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]

@@ -24,7 +24,7 @@ def platform() -> Platform:
 @pytest.fixture(scope="module")
 def log(platform: Platform) -> Recording:
     """Masses and coils bring it level."""
-    tilted = Excitation(platform, "mass_magnetic_pid", 60.0, attitude=(5.0, 3.0, 0.0))
+    tilted = Excitation(platform, "mass_magnetic_pid", 40.0, attitude=(5.0, 3.0, 0.0))
     found = tilted.flown(platform, seed=SEED)
     assert found is not None
     return found

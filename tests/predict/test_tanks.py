@@ -33,7 +33,7 @@ def test_what_leaks_is_told_from_what_the_thrusters_take():
     leak = effect_named("gas_consumption")(rate=2e-4)
     platform, law = load_platform("whorl1"), load_controller("thruster_pd")
     leaking, reference = with_effects(platform, [leak]), parse_reference("multisine:2")
-    run = flown(leaking, law, 40.0, reference=reference, seed=SEED, record=True)
+    run = flown(leaking, law, 20.0, reference=reference, seed=SEED, record=True)
     log = run.recordings[0].without_truth()
     assert np.sum(log["command_thruster"].value) > 0.0
     plain = plain_of([log], platform)

@@ -20,7 +20,7 @@ MACHINES = ["sads", "tas2", "astros", "astros:mode_c", "cubesat", "whorl1"]
 
 @pytest.mark.parametrize("platform", MACHINES)
 def test_neighbours_go_as_rollouts_of_them_do(platform: str, monkeypatch: pytest.MonkeyPatch):
-    body = predictor(flown(platform, SEED), platform)
+    body = predictor(flown(platform, SEED, 10.0), platform)
     base = base_parameters(body.machine)
     model = base.model(base.as_stated * np.random.default_rng(SEED).uniform(0.97, 1.03, 9))
     around, carried = body.rollouts.around(model, body.start)
@@ -37,7 +37,7 @@ def test_neighbours_go_as_rollouts_of_them_do(platform: str, monkeypatch: pytest
 
 def test_neighbours_of_a_path_that_meets_the_stop_are_rolled_out(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(rollouts, "STOP_GUARD", np.radians(5.0))
-    body = predictor(flown("whorl1", SEED), "whorl1")
+    body = predictor(flown("whorl1", SEED, 10.0), "whorl1")
     base = base_parameters(body.machine)
     model = base.model(base.as_stated)
     turn = np.zeros((body.grid.segments, body.start.width))
@@ -52,7 +52,7 @@ def test_neighbours_of_a_path_that_meets_the_stop_are_rolled_out(monkeypatch: py
 
 @pytest.mark.parametrize("platform", MACHINES)
 def test_neighbours_feel_what_answers_to_the_path(platform: str, monkeypatch: pytest.MonkeyPatch):
-    body = predictor(flown(platform, SEED), platform)
+    body = predictor(flown(platform, SEED, 10.0), platform)
     model = base_parameters(body.machine).model(base_parameters(body.machine).as_stated)
     inertia = body.machine.platform.inertia.trace() / 3.0
 
@@ -77,7 +77,7 @@ def test_neighbours_feel_what_answers_to_the_path(platform: str, monkeypatch: py
 def test_neighbours_of_what_turns_over_within_a_step_are_rolled_out(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    body = predictor(flown("sads", SEED), "sads")
+    body = predictor(flown("sads", SEED, 10.0), "sads")
     model = base_parameters(body.machine).model(base_parameters(body.machine).as_stated)
     push = _dry(body)
     _, carried = body.rollouts.around(model, body.start, push)

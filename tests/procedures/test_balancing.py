@@ -69,7 +69,7 @@ def test_run_has_the_same_phases_alone_as_among_others():
 
 def test_masses_stay_where_their_law_balances_the_body_and_not_where_noise_last_sent_them():
     procedure = balancing(CUBESAT, 1, way="masses", target=4.3e-5, workers=0)
-    procedure = replace(procedure, level_for=120.0)
+    procedure = replace(procedure, level_for=80.0)
     phases, left = set[Phase](), list[np.ndarray]()
 
     class AfterTheLaw:
@@ -88,7 +88,7 @@ def test_masses_stay_where_their_law_balances_the_body_and_not_where_noise_last_
         procedure,
         Hold(),
         SimulatedClock(),
-        duration=200.0,
+        duration=160.0,
         observers=[procedure.lab.logbook, AfterTheLaw()],
     )
     print(f"{left[-1] * 1e6 / CUBESAT.mass} um")
@@ -115,7 +115,9 @@ def test_a_body_that_swings_slowly_is_seen_to_rest_though_its_gyro_is_noisy():
         shown = Estimate(time, level, rate, still, place, none, none, still, seen)
         command, state = procedure.update(state, shown, Hold().at(np.full(n, time)), time)
         place = command["command_stage_position"]
-    assert np.all(state.phase > Phase.settle)
+        if np.all(state.phase > Phase.settle):
+            break
+    assert np.all((state.phase > Phase.settle) & (state.phase < Phase.stopped))
 
 
 def test_command_line_refuses_before_it_starts_and_says_how_far(capsys):

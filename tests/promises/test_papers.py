@@ -44,7 +44,6 @@ def test_a_flywheel_turned_by_a_few_degrees_is_seen_where_the_paper_could_not():
     "name",
     [
         "inclinometer askew",
-        "gimbal friction",
         "gimbal backlash",
         "gyro off balance",
         "drag",

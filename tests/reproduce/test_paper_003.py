@@ -87,11 +87,10 @@ def test_coils_move_the_masses_less_than_a_derivative_term_on_them_does():
 
 
 @pytest.mark.slow
-def test_the_tables_of_the_paper_come_out():
-    """Its other rows take as long again and more: `twin reproduce 003`."""
-    found = reproduce(paper_named(read_papers(), "003"), PARTS, jobs=2, say=print)
+def test_a_table_of_the_paper_comes_out():
+    """Its other rows take five times as long: `twin reproduce 003`."""
+    (part,) = (one for one in PARTS if "003.table2.torque" in one.ids)
+    found = reproduce(paper_named(read_papers(), "003"), [part], jobs=1, say=print)
     assert not found.failures
     status = {one.row.id: one.status for one in found.rows}
-    for name in ("table1.torque", "table2.torque", "fig3.smoother", "fig5.dipole"):
-        assert status[f"003.{name}"] is Status.agrees
-    assert len(found.figures) == 3
+    assert status["003.table2.torque"] is Status.agrees

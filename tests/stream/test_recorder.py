@@ -230,10 +230,10 @@ def test_a_finished_recording_cut_at_any_byte_lacks_at_most_its_last_second(sads
     whole, cut = tmp_path / "whole.rrd", tmp_path / "cut.rrd"
     with FileRecorder(whole) as recorder:
         recorder.start(sads, {"schema": 1})
-        flown(sads, [recorder], duration=30.0)
+        flown(sads, [recorder], duration=15.0)
     data = whole.read_bytes()
     reached = []
-    for place in sorted(random.Random(seed).sample(range(len(data)), 20)):
+    for place in sorted(random.Random(seed).sample(range(len(data)), 12)):
         cut.write_bytes(data[:place])
         try:
             recording = read_recording(cut)
@@ -245,6 +245,6 @@ def test_a_finished_recording_cut_at_any_byte_lacks_at_most_its_last_second(sads
         assert max(ends) - min(ends) <= 1.0, f"cut at {place}: a stream lags behind the others"
         reached.append((place, min(ends)))
     steps = np.diff([end for _, end in reached])
-    assert len(reached) > 12
+    assert len(reached) > 7
     assert (steps >= 0.0).all()
-    assert reached[-1][1] > 27.5 * reached[-1][0] / len(data)
+    assert reached[-1][1] > 12.5 * reached[-1][0] / len(data)
