@@ -215,15 +215,6 @@ def test_a_balancing_has_the_same_bits_alone_as_among_others(spec_of):
     assert repr(alone) == repr(every[1]), "what was not reached is no number"
 
 
-@pytest.mark.slow(40)
-def test_a_balancing_of_a_campaign_says_truly_how_well(spec_of):
-    spec = spec_of(text=BALANCE)
-    (one,) = flown(spec, draw(spec, [1])).values()
-    assert one.ended == "done"
-    stated = [one.metrics[f"residual_torque{end}"] for end in ("_low", "_high")]
-    assert 0.8 * stated[0] < one.metrics["gravity_torque"] < 1.2 * stated[1]
-
-
 def test_a_run_that_would_start_beyond_its_stop_is_a_row_with_a_reason(spec_of):
     spec = spec_of(("hangs = true\n", "attitude = { uniform = [-0.6, 0.6] }\n"))
     stop = spec.arms[0].platform.stop_angle
