@@ -90,6 +90,17 @@ def test_a_torque_on_a_body_whose_inertia_nothing_tells_is_named_though_its_size
 
 
 @pytest.mark.slow
+def test_a_weak_push_at_another_frequency_than_usual_is_not_given_the_name_of_what_looks_like_it():
+    bench = Bench("sads", SHAKEN, grade="fine", reference="multisine:2", depth=0.1)
+    rng, usual = np.random.default_rng(SEED + 42), effect_named("room_draft").typical()
+    place = rng.uniform(0.1, 0.3, 3) * rng.choice([-1.0, 1.0], 3)
+    push = replace(usual, point=tuple(place), frequency=rng.uniform(0.042, 0.048))
+    times = np.sqrt(120.0 / yardstick(bench).evidence(push))
+    effect = replace(push, force=tuple(times * np.array(push.force)))
+    assert named(diagnosed(bench, [effect], SEED + 42)) == [{"room_draft"}]
+
+
+@pytest.mark.slow
 def test_a_vector_of_which_a_log_shows_one_component_leaves_nothing_in_any_direction():
     bench = Bench("whorl2", "free_float", duration=60.0, attitude=(45.0, 0.0, 0.0))
     effect = hidden.drawn(bench, "residual_dipole", 6000.0, np.random.default_rng(SEED))

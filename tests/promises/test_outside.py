@@ -46,9 +46,8 @@ class Shear(SensorLaw):
 
 @pytest.mark.slow
 def test_an_error_of_a_sensor_that_the_catalogue_lacks_is_given_as_an_equation(drawn_seed):
-    seed = drawn_seed
-    lean = np.random.default_rng(seed).choice([-1.0, 1.0]) * 0.05
-    found = diagnosed(LONG, [Shear(in_x=lean, in_y=lean)], seed)
+    lean = np.random.default_rng(drawn_seed).choice([-1.0, 1.0]) * 0.05
+    found = diagnosed(LONG, [Shear(in_x=lean, in_y=lean)], drawn_seed)
     assert found.verdict == "unexplained"
     assert all(cause.confidence < 0.9 for cause in found.causes)
     assert found.equation is not None
