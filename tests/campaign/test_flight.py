@@ -26,7 +26,7 @@ platform = "cubesat"
 procedure = "balance"
 controller = "direct"
 runs = 2
-duration = 3000.0
+duration = 300.0
 seed = 3
 
 [initial]
@@ -208,7 +208,7 @@ def test_a_law_that_cannot_have_its_gains_as_columns_flies_in_batches(kind, tmp_
 
 @pytest.mark.slow
 def test_a_balancing_has_the_same_bits_alone_as_among_others(spec_of):
-    spec = spec_of(("3000.0", "300.0"), text=BALANCE)
+    spec = spec_of(text=BALANCE)
     every = flown(spec, draw(spec, range(2)))
     assert every[1].metrics["identified"] >= 1.0, "its masses were moved by a fit"
     (alone,) = flown(spec, draw(spec, [1])).values()
