@@ -88,7 +88,7 @@ def test_coils_move_the_masses_less_than_a_derivative_term_on_them_does():
 
 @pytest.mark.slow
 def test_a_table_of_the_paper_comes_out():
-    """Its other rows take five times as long: `twin reproduce 003`."""
+    """Its other rows take minutes: `twin reproduce 003`."""
     (part,) = (one for one in PARTS if "003.table2.torque" in one.ids)
     found = reproduce(paper_named(read_papers(), "003"), [part], jobs=1, say=print)
     assert not found.failures
