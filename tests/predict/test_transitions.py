@@ -7,22 +7,37 @@ from numpy.typing import NDArray
 from tests.predict.flights import flown, predictor
 from twin import rotation
 from twin.effects import State
+from twin.library import library
 from twin.predict.body import Body
 from twin.predict.parameters.base import base_parameters
 from twin.predict.path import rollouts
 from twin.predict.path.push import Push
 from twin.predict.path.states import STEP
+from twin.recording.open import open_log
 
 SEED = 20261123
 
 MACHINES = ["sads", "tas2", "astros", "astros:mode_c", "cubesat", "whorl1"]
+HINGES = [
+    "dfki_pendulum/logs/energy_shaping",
+    "bicycle_fork/logs/first_swing",
+    "vnucec_cubesat/logs/second_step",
+]
 
 
-@pytest.mark.parametrize("platform", MACHINES)
+def body_along(flight: str) -> Body:
+    """A flight of ten seconds on a ball, or a measured log of a hinge."""
+    name = flight.partition("/")[0]
+    log = open_log(library("models") / flight) if "/" in flight else flown(name, SEED, 10.0)
+    return predictor(log, name)
+
+
+@pytest.mark.parametrize("platform", MACHINES + HINGES)
 def test_neighbours_go_as_rollouts_of_them_do(platform: str, monkeypatch: pytest.MonkeyPatch):
-    body = predictor(flown(platform, SEED, 10.0), platform)
+    body = body_along(platform)
     base = base_parameters(body.machine)
-    model = base.model(base.as_stated * np.random.default_rng(SEED).uniform(0.97, 1.03, 9))
+    off_by = np.random.default_rng(SEED).uniform(0.97, 1.03, len(base.as_stated))
+    model = base.model(base.as_stated * off_by)
     around, carried = body.rollouts.around(model, body.start)
     monkeypatch.setattr(rollouts, "is_gyrostat", lambda *_: False)
     rolled, by_difference = body.rollouts.around(model, body.start)
@@ -50,16 +65,18 @@ def test_neighbours_of_a_path_that_meets_the_stop_are_rolled_out(monkeypatch: py
     np.testing.assert_array_equal(found[1], rolled[1])
 
 
-@pytest.mark.parametrize("platform", MACHINES)
+@pytest.mark.parametrize("platform", MACHINES + HINGES)
 def test_neighbours_feel_what_answers_to_the_path(platform: str, monkeypatch: pytest.MonkeyPatch):
-    body = predictor(flown(platform, SEED, 10.0), platform)
+    body = body_along(platform)
     model = base_parameters(body.machine).model(base_parameters(body.machine).as_stated)
     inertia = body.machine.platform.inertia.trace() / 3.0
 
     def law(state: State) -> NDArray[np.float64]:
         drag = -0.1 * state.rate - 0.5 * np.abs(state.rate) * state.rate
         wheels = 1e-6 * state.wheel_speed.sum(axis=-1, keepdims=True)
-        return inertia * (drag + 0.05 * rotation.vertical_body(state.position) + wheels)
+        hinge = state.position.shape[-1] == 1
+        lean = np.sin(state.position) if hinge else rotation.vertical_body(state.position)
+        return inertia * (drag + 0.05 * lean + wheels)
 
     push = Push(np.zeros_like(body.rollouts.force), ((1.0, law),))
     around, _ = body.rollouts.around(model, body.start, push)

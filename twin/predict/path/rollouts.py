@@ -127,7 +127,8 @@ class Rollouts:
         field, answering = self.inputs.field_world, None
         if push is not None and push.laws:
             answering = push.slopes(path[0], self.grid.begins)
-            braking = answering[..., 3:6] @ np.linalg.inv(masses.free)[..., :3, :3]
+            k = path.rate.shape[-1]
+            braking = answering[..., k : 2 * k] @ np.linalg.inv(masses.free)[..., :k, :k]
             if self.grid.step * np.abs(braking).max() > STIFF:
                 return None
         passage = Passage(
@@ -305,10 +306,10 @@ class Rollouts:
 
 
 def _leans(machine: Machine, position: Array, guard: float) -> bool:
-    """Whether a base (..., 4) comes so near to its stop."""
+    """Whether a base (..., 4) comes so near to its stop, one on a hinge to anything."""
     platform = machine.platform
     if platform.base.kind != "ball":
-        return True
+        return not machine.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     return float(platform.lean(position).max()) > platform.stop_angle - guard
 
 

@@ -4,9 +4,10 @@ A machine on its bearing is a gyrostat: its momentum about the CR in body axes, 
 
     dp/dt = p x w + m r x g_body + what else turns it,
 
-that of a wheel dp/dt = its torque. A change of the path, seen as y = M dv + (dp / d angle) d angle
-of the gimbals, obeys the same equations linearised, in which M may change from step to step. So one
-path tells how all of its neighbours go, where differences take a path for each number of the state.
+one on a hinge the same along its axis, and the momentum of a wheel dp/dt = its torque. A change of
+the path, seen as y = M dv + (dp / d angle) d angle of the gimbals, obeys the same equations
+linearised, in which M may change from step to step. So one path tells how all of its neighbours go,
+where differences take a path for each number of the state.
 """
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.model import Machine, mass_properties
+from twin.predict.parameters.base import hinge_axis
 from twin.predict.path.response import Masses
 from twin.predict.path.states import States
 
@@ -40,14 +42,17 @@ class Passage:
     step: float
     """[s]."""
     answering: Array | None = None
-    """(S, steps, 3, 6 + w) d torque on the base of what answers to the path, by (turn, rate, wheel
-    speeds)."""
+    """(S, steps, k, 2 k + w) d torque on the base of what answers to the path, by (turn, rate,
+    wheel speeds)."""
 
 
 def is_gyrostat(machine: Machine, model: mujoco.MjModel) -> bool:
-    """Whether a machine turns on a ball, and nothing but smooth torques acts, contacts apart."""
+    """Whether a machine turns on a ball or a hinge, and nothing but smooth torques acts, contacts
+    apart."""
     rough = model.neq or model.ntendon or model.dof_frictionloss.any()
-    return machine.platform.base.kind == "ball" and not rough
+    if machine.platform.base.kind == "hinge":
+        rough = rough or model.jnt_limited[model.dof_jntid[machine.base_dof]].any()
+    return machine.platform.base.kind in ("ball", "hinge") and not rough
 
 
 def transitions(machine: Machine, model: mujoco.MjModel, masses: Masses, passage: Passage) -> Array:
@@ -61,21 +66,24 @@ def transitions(machine: Machine, model: mujoco.MjModel, masses: Masses, passage
     """
     path, velocity = passage.path, passage.velocity
     middle = path[:, :-1].moved(0.5 * path[:, 1:].less(path[:, :-1]))
-    w = middle.wheel_speed.shape[-1]
-    turn, base, moving, gimbals = slice(0, 3), slice(3, 6), slice(3, 6 + w), slice(6 + w, None)
+    k, w = middle.rate.shape[-1], middle.wheel_speed.shape[-1]
+    turn, base, moving = slice(0, k), slice(k, 2 * k), slice(k, 2 * k + w)
+    gimbals = slice(2 * k + w, None)
 
     # d velocity of base and wheels by (turn, y, d angle)
-    gains = np.zeros((*masses.free.shape[:2], 3 + w, path.width))
+    gains = np.zeros((*masses.free.shape[:2], k + w, path.width))
     gains[..., moving] = np.linalg.inv(masses.free)
     gains[..., gimbals] = -gains[..., moving] @ masses.gyro
-    turning = gains[..., :3, :]
+    turning = gains[..., :k, :]
 
     slope = np.zeros((*middle.rate.shape[:2], path.width, path.width))
     slope[..., turn, :] = turning
-    slope[..., turn, turn] -= rotation.skew(middle.rate)
-    momentum = np.einsum("snki,sni->snk", masses.base, 0.5 * (velocity[:, :-1] + velocity[:, 1:]))
-    slope[..., base, :] = rotation.skew(momentum) @ turning
-    slope[..., base, base] -= rotation.skew(middle.rate)
+    if k == 3:
+        between = 0.5 * (velocity[:, :-1] + velocity[:, 1:])
+        momentum = np.einsum("snki,sni->snk", masses.base, between)
+        slope[..., turn, turn] -= rotation.skew(middle.rate)
+        slope[..., base, :] = rotation.skew(momentum) @ turning
+        slope[..., base, base] -= rotation.skew(middle.rate)
     slope[..., base, turn] += _restoring(machine, model, passage, middle.position)
     if passage.answering is not None:
         slope[..., base, turn] += passage.answering[..., turn]
@@ -87,19 +95,23 @@ def transitions(machine: Machine, model: mujoco.MjModel, masses: Masses, passage
     return _in_velocities(masses, _exponential(passage.step * slope), moving, gimbals)
 
 
-def _restoring(machine: Machine, model: mujoco.MjModel, passage: Passage, attitude: Array) -> Array:
-    """(S, steps, 3, 3) d torque on the base by its turn: of gravity, coils, the joint's spring."""
-    sliding, position = machine.sliding, passage.position[..., machine.stage_qpos]
+def _restoring(machine: Machine, model: mujoco.MjModel, passage: Passage, position: Array) -> Array:
+    """(S, steps, k, k) d torque on the base by its turn: of gravity, coils, the joint's spring."""
+    axes, attitude = np.eye(3), position
+    if machine.platform.base.kind == "hinge":
+        axes = hinge_axis(machine)[:, None]
+        attitude = rotation.from_rotation_vector(position * axes[:, 0])
+    sliding, stages = machine.sliding, passage.position[..., machine.stage_qpos]
     moment = mass_properties(model, machine.base_body).center_of_mass_offset
     travel = np.einsum("b,bsi->si", sliding.mass, sliding.travel)
-    moment = moment + 0.5 * (position[:, :-1] + position[:, 1:]) @ travel
+    moment = moment + 0.5 * (stages[:, :-1] + stages[:, 1:]) @ travel
     gravity = -machine.platform.gravity * rotation.vertical_body(attitude)
     torque = rotation.skew(moment) @ rotation.skew(gravity)
     if passage.dipole.any():
         field = rotation.rotate(rotation.conjugate(attitude), passage.field)
         torque += rotation.skew(passage.dipole) @ rotation.skew(field)
     stiffness = float(model.jnt_stiffness[model.dof_jntid[machine.base_dof.start]])
-    return np.asarray(torque - stiffness * np.eye(3))
+    return np.asarray(axes.T @ torque @ axes - stiffness * np.eye(axes.shape[1]))
 
 
 def _in_velocities(masses: Masses, carried: Array, moving: slice, gimbals: slice) -> Array:
