@@ -30,7 +30,7 @@ CLOCKED = $$(grep -rl --include='test_*.py' 'mark\.wall_clock' tests)
 
 test: $(READY)
 	@status=0; \
-	$(PYTEST) -n 4 -m "wall_clock and not slow" $(CLOCKED) || status=1; \
+	$(PYTEST) -n 6 -m "wall_clock and not slow" $(CLOCKED) || status=1; \
 	$(PYTEST) -n 2 -m "not slow and not wall_clock" || status=1; \
 	exit $$status
 

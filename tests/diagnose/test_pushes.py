@@ -122,7 +122,7 @@ def test_what_is_left_of_a_log_are_its_parts_between_pushes_long_enough_to_be_lo
     assert but_for(pushes, [log, log])[2] is log, "of another log nothing is left out"
 
 
-@pytest.mark.slow
+@pytest.mark.slow(50)
 def test_the_verdict_is_on_the_rest_and_the_push_is_told(sads, draw):
     shove = a_shove(draw, 1.5 * LONGEST)
     found = diagnose([flown(sads, draw, shove, length=3.0 * LONGEST)], sads)

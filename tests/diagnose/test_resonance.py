@@ -49,7 +49,7 @@ def a_liquid(rng: np.random.Generator) -> Effect:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.slow(75)
 def test_what_rings_is_named_alone_at_whatever_frequency(hanging, drawn_seed):
     """Or with the other one, where they do the same."""
     rng = np.random.default_rng(drawn_seed)

@@ -28,7 +28,7 @@ def hanging() -> Platform:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.slow(65)
 def test_a_liquid_that_kicks_make_ring_is_named_alone_and_sized(hanging):
     """Beside it nothing else pushes at its frequency, or bends."""
     rng = np.random.default_rng(SEED)

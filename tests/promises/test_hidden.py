@@ -78,7 +78,7 @@ def test_of_a_mass_that_stops_short_nothing_is_left_for_a_law_without_a_name():
     assert named(found) == [{effect.label}]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(45)
 def test_a_torque_on_a_body_whose_inertia_nothing_tells_is_named_though_its_size_is_open():
     bench = Bench("whorl2", "free_float", grade="fine", attitude=(45.0, 0.0, 0.0))
     effect = hidden.drawn(bench, "structural_sag", 200.0, np.random.default_rng(SEED))
@@ -89,7 +89,7 @@ def test_a_torque_on_a_body_whose_inertia_nothing_tells_is_named_though_its_size
     assert cause.confidence > 0.9
 
 
-@pytest.mark.slow
+@pytest.mark.slow(80)
 def test_a_weak_push_at_another_frequency_than_usual_is_not_given_the_name_of_what_looks_like_it():
     bench = Bench("sads", SHAKEN, grade="fine", reference="multisine:2", depth=0.1)
     rng, usual = np.random.default_rng(SEED + 42), effect_named("room_draft").typical()
@@ -134,7 +134,7 @@ def test_where_nothing_is_hidden_nothing_is_named(seed):
     assert found.verdict == "healthy"
 
 
-@pytest.mark.slow
+@pytest.mark.slow(50)
 @pytest.mark.parametrize("seed", [SEED + 20])
 def test_of_a_pair_both_are_named(seed):
     rng = np.random.default_rng(seed)

@@ -44,7 +44,7 @@ class Shear(SensorLaw):
     in_y: float = parameter("of x", "1", 0.02, source="any")
 
 
-@pytest.mark.slow
+@pytest.mark.slow(45)
 def test_an_error_of_a_sensor_that_the_catalogue_lacks_is_given_as_an_equation(drawn_seed):
     lean = np.random.default_rng(drawn_seed).choice([-1.0, 1.0]) * 0.05
     found = diagnosed(LONG, [Shear(in_x=lean, in_y=lean)], drawn_seed)

@@ -74,7 +74,7 @@ def test_axes_at_another_skew_are_those_of_the_shipped_variant():
     np.testing.assert_allclose(fig_7.gimbal_axes(load_platform("tas2"), 70.0), shipped, atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(45)
 def test_the_rows_of_the_paper_come_out():
     """Those of Fig. 8 take minutes: `twin reproduce 000`."""
     parts = [fig_3.PART, *eq_43.PARTS, fig_7.PART]
