@@ -306,7 +306,8 @@ class Rollouts:
 
 
 def _leans(machine: Machine, position: Array, guard: float) -> bool:
-    """Whether a base (..., 4) comes so near to its stop, one on a hinge to anything."""
+    """Whether a base (..., 4) on a ball comes so near to its stop; another one, whether it has
+    contacts at all."""
     platform = machine.platform
     if platform.base.kind != "ball":
         return not machine.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
