@@ -57,6 +57,17 @@ def test_help_names_every_verb():
     assert all(f"  {name} " in done.stdout for name in cli.VERBS)
 
 
+def test_a_verb_that_draws_nothing_keeps_mujoco_from_loading_opengl(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """GLFW, which MuJoCo loads where there is a screen, starts a process that Ctrl-C reaches."""
+    monkeypatch.setenv("DISPLAY", ":99")
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    loaded = modules_after("check", "sads")
+    assert "mujoco" in loaded
+    assert not loaded & {"glfw", "mujoco.glfw", "OpenGL"}
+
+
 def test_help_of_twin_imports_nothing_heavy():
     assert modules_after("--help").isdisjoint(HEAVY)
 

@@ -42,6 +42,10 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREA
 """What the linear algebra under NumPy reads on first import. Ours are many small factorisations, in
 which its threads only wait for each other."""
 
+DRAWS = "check"
+"""The verb that may draw with MuJoCo. All others keep it from loading OpenGL: GLFW probes its
+library in a process of its own, which answers Ctrl-C with a traceback."""
+
 FAILED = 1
 WRONG_USE = 2
 BROKEN_PIPE = 141
@@ -74,6 +78,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(words: list[str]) -> int:
     for variable in BLAS_THREADS:
         os.environ.setdefault(variable, "1")
+    if words[:1] != [DRAWS]:
+        os.environ.setdefault("MUJOCO_GL", "disable")
     stop.keeps(_nothing_kept)
     try:
         code = _dispatch(words)
