@@ -57,13 +57,14 @@ def test_help_names_every_verb():
     assert all(f"  {name} " in done.stdout for name in cli.VERBS)
 
 
+@pytest.mark.parametrize("checked", ["sads", "quaternion_pd"])
 def test_a_verb_that_draws_nothing_keeps_mujoco_from_loading_opengl(
-    monkeypatch: pytest.MonkeyPatch,
+    checked: str, monkeypatch: pytest.MonkeyPatch
 ):
     """GLFW, which MuJoCo loads where there is a screen, starts a process that Ctrl-C reaches."""
     monkeypatch.setenv("DISPLAY", ":99")
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    loaded = modules_after("check", "sads")
+    loaded = modules_after("check", checked)
     assert "mujoco" in loaded
     assert not loaded & {"glfw", "mujoco.glfw", "OpenGL"}
 

@@ -60,16 +60,11 @@ class Check:
         return 0 if all(finding.ok for finding in findings) else 1
 
 
-def _is_headless() -> bool:
-    return sys.platform == "linux" and "DISPLAY" not in os.environ
-
-
 def _platform(name: str, picture: Path | None) -> "tuple[str, list[Finding]]":
-    # MuJoCo reads it when it is imported
-    if picture is None:
-        os.environ.setdefault("MUJOCO_GL", "disable")
-    elif os.environ.get("MUJOCO_GL", "disable") == "disable":
-        os.environ["MUJOCO_GL"] = "egl" if _is_headless() else ""
+    if picture is not None and os.environ.get("MUJOCO_GL", "disable") == "disable":
+        # drawing needs what `twin.cli.main` keeps MuJoCo from loading
+        headless = sys.platform == "linux" and "DISPLAY" not in os.environ
+        os.environ["MUJOCO_GL"] = "egl" if headless else ""
     from twin.check import Finding, check_platform
     from twin.check.picture import draw
     from twin.errors import PlatformError

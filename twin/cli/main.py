@@ -42,10 +42,6 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREA
 """What the linear algebra under NumPy reads on first import. Ours are many small factorisations, in
 which its threads only wait for each other."""
 
-DRAWS = "check"
-"""The verb that may draw with MuJoCo. All others keep it from loading OpenGL: GLFW probes its
-library in a process of its own, which answers Ctrl-C with a traceback."""
-
 FAILED = 1
 WRONG_USE = 2
 BROKEN_PIPE = 141
@@ -78,8 +74,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(words: list[str]) -> int:
     for variable in BLAS_THREADS:
         os.environ.setdefault(variable, "1")
-    if words[:1] != [DRAWS]:
-        os.environ.setdefault("MUJOCO_GL", "disable")
+    # MuJoCo reads it on import. With a screen it would load GLFW, which probes its library in a
+    # process of its own, and that answers Ctrl-C with a traceback.
+    os.environ.setdefault("MUJOCO_GL", "disable")
     stop.keeps(_nothing_kept)
     try:
         code = _dispatch(words)
