@@ -1,7 +1,15 @@
-"""Unit texts of measured files (`deg/s`, `rpm`, `uT`, `mN m`) to SI factors."""
+"""Unit texts of measured files (`deg/s`, `rpm`, `uT`, `mN m`) to SI factors.
+
+A text is looked up in a table first, then read as a product of units with prefixes and powers
+(`deg s^-1`, `milli-g`, `degrees/second`). Libraries of units read `g` as a gram, `Nm` as nothing
+and `rad` as a number; in the files of these laboratories they are the standard gravity, the unit
+of torque and the unit of an angle.
+"""
 
 import math
+import re
 from dataclasses import dataclass
+from functools import cache
 
 from twin.errors import UnknownName
 
@@ -61,6 +69,8 @@ _UNITS: dict[str, Unit] = {
     "us": Unit(1e-6, "s"),
     "ns": Unit(1e-9, "s"),
     "min": Unit(60.0, "s"),
+    "h": Unit(3600.0, "s"),
+    "day": Unit(86400.0, "s"),
     "V": Unit(1.0, "V"),
     "mV": Unit(1e-3, "V"),
     "A": Unit(1.0, "A"),
@@ -95,28 +105,88 @@ _UNITS: dict[str, Unit] = {
     "Hz": Unit(1.0, "Hz"),
 }
 
-_SPELLINGS = {"µ": "u", "μ": "u", "°": "deg", "²": "^2", "·": " ", "*": " "}
+_SPELLINGS = {
+    **{"µ": "u", "μ": "u", "°": "deg", "²": "^2", "³": "^3", "⁻": "^-", "¹": "1"},
+    **{"·": " ", "⋅": " ", "**": "^", "*": " ", " per ": "/"},
+}
 """How else people write the same; applied before the look-up."""
 
 _SYNONYMS = {
     "": "1",
-    "dps": "deg/s",
-    "deg/sec": "deg/s",
-    "rad/sec": "rad/s",
-    "m/s2": "m/s^2",
-    "m/s/s": "m/s^2",
-    "mm/s2": "mm/s^2",
-    "kg m2": "kg m^2",
-    "A m2": "A m^2",
     "Am2": "A m^2",
     "Am^2": "A m^2",
+    "kgm2": "kg m^2",
+    "kgm^2": "kg m^2",
     "Nm": "N m",
     "mNm": "mN m",
     "uNm": "uN m",
     "Nms": "N m s",
-    "gauss": "G",
-    "sec": "s",
+    "deg C": "degC",
+    "celsius": "degC",
 }
+
+_ATOMS: dict[str, tuple[float, str]] = {
+    "rad": (1.0, "rad"),
+    "deg": (_DEGREE, "rad"),
+    "arcmin": (_DEGREE / 60.0, "rad"),
+    "arcsec": (_DEGREE / 3600.0, "rad"),
+    "rev": (2.0 * math.pi, "rad"),
+    "s": (1.0, "s"),
+    "min": (60.0, "s"),
+    "h": (3600.0, "s"),
+    "day": (86400.0, "s"),
+    "m": (1.0, "m"),
+    "in": (0.0254, "m"),
+    "kg": (1.0, "kg"),
+    "N": (1.0, "N"),
+    "T": (1.0, "T"),
+    "G": (1e-4, "T"),
+    "V": (1.0, "V"),
+    "A": (1.0, "A"),
+    "Pa": (1.0, "Pa"),
+    "bar": (1e5, "Pa"),
+    "psi": (6894.757293168361, "Pa"),
+    "K": (1.0, "K"),
+    "Hz": (1.0, "Hz"),
+}
+"""Factor to SI, and the SI unit."""
+
+_WORDS = {
+    **dict.fromkeys(("radian", "radians", "rads"), "rad"),
+    **dict.fromkeys(("degree", "degrees", "degs"), "deg"),
+    **dict.fromkeys(("revolution", "revolutions", "revs", "turn", "turns"), "rev"),
+    **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("minute", "minutes"), "min"),
+    **dict.fromkeys(("hr", "hour", "hours"), "h"),
+    "days": "day",
+    **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
+    **dict.fromkeys(("inch", "inches"), "in"),
+    **dict.fromkeys(("newton", "newtons"), "N"),
+    **dict.fromkeys(("tesla", "teslas"), "T"),
+    **dict.fromkeys(("gauss", "gs"), "G"),
+    **dict.fromkeys(("volt", "volts"), "V"),
+    **dict.fromkeys(("amp", "amps", "ampere", "amperes"), "A"),
+    **dict.fromkeys(("pascal", "pascals"), "Pa"),
+    **dict.fromkeys(("kelvin", "kelvins"), "K"),
+    **dict.fromkeys(("hertz", "hz"), "Hz"),
+}
+"""Units in words, whatever their capitals."""
+
+_PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6}
+_PREFIX_WORDS = {"nano": "n", "micro": "u", "milli": "m", "centi": "c", "kilo": "k", "mega": "M"}
+_COMPOUND = {
+    "g": (STANDARD_GRAVITY, {"m": 1, "s": -2}),
+    "gee": (STANDARD_GRAVITY, {"m": 1, "s": -2}),
+    "dps": (_DEGREE, {"rad": 1, "s": -1}),
+    "rpm": (math.pi / 30.0, {"rad": 1, "s": -1}),
+    "rps": (2.0 * math.pi, {"rad": 1, "s": -1}),
+}
+"""Units that are products of others."""
+
+_FACTOR = re.compile(r"([A-Za-z]+)(?:\^?([+-]?\d+))?$")
+
+_Product = tuple[float, dict[str, int]]
+"""A factor to SI, and the powers of the SI units."""
 
 
 def unit_named(text: str) -> Unit:
@@ -128,10 +198,68 @@ def unit_named(text: str) -> Unit:
     name = text.strip()
     for written, ours in _SPELLINGS.items():
         name = name.replace(written, ours)
+    name = " ".join(name.split())
     name = _SYNONYMS.get(name, name)
-    if name not in _UNITS:
+    if name in _UNITS:
+        return _UNITS[name]
+    product = _product(name)
+    si = None if product is None else _si_texts().get(frozenset(product[1].items()))
+    if product is None or si is None:
         raise UnknownName("unit", text, _UNITS)
-    return _UNITS[name]
+    return Unit(product[0], si)
+
+
+@cache
+def _si_texts() -> dict[frozenset[tuple[str, int]], str]:
+    """The SI units of the table, by the powers of what they are made of."""
+    products = {si: _product(si) for si in {unit.si for unit in _UNITS.values()} - {"1"}}
+    return {frozenset(product[1].items()): si for si, product in products.items() if product}
+
+
+def _product(text: str) -> _Product | None:
+    """A text such as `deg s^-1` or `N-m/rad`; None where a part of it is no unit."""
+    factor, powers = 1.0, dict[str, int]()
+    over, *under = text.replace("(", " ").replace(")", " ").split("/")
+    for sign, part in ((1, over), *((-1, part) for part in under)):
+        part = re.sub(rf"({'|'.join(_PREFIX_WORDS)})[- ]", r"\1", part, flags=re.IGNORECASE)
+        part = re.sub(r"(?<=[A-Za-z])-(?=[A-Za-z])", " ", part)
+        for token in part.replace(".", " ").split():
+            found = _FACTOR.match(token)
+            atom = _atom(found[1]) if found else None
+            if found is None or atom is None:
+                return None
+            power = sign * int(found[2] or 1)
+            factor *= atom[0] ** power
+            for name, exponent in atom[1].items():
+                powers[name] = powers.get(name, 0) + power * exponent
+    powers = {name: power for name, power in powers.items() if power}
+    return (factor, powers) if powers else None
+
+
+def _atom(text: str) -> _Product | None:
+    """One unit with or without a prefix: `mdeg`, `milliradian`, `RPM`."""
+    if (known := _unprefixed(text)) is not None:
+        return known
+    for word, symbol in _PREFIX_WORDS.items():
+        if text.lower().startswith(word):
+            return _scaled(symbol, _unprefixed(text[len(word) :]))
+    return _scaled(text[0], _unprefixed(text[1:]))
+
+
+def _scaled(prefix: str, unit: _Product | None) -> _Product | None:
+    if unit is None or prefix not in _PREFIXES:
+        return None
+    return _PREFIXES[prefix] * unit[0], unit[1]
+
+
+def _unprefixed(text: str) -> _Product | None:
+    for name in (text, _WORDS.get(text.lower(), text.lower() if len(text) > 2 else text)):
+        if name in _COMPOUND:
+            return _COMPOUND[name]
+        if name in _ATOMS:
+            factor, si = _ATOMS[name]
+            return factor, {si: 1}
+    return None
 
 
 _PRINTED = {

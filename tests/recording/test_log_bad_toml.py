@@ -7,7 +7,9 @@ import pytest
 
 from twin.errors import LogError
 from twin.recording import open_log
+from twin.recording.formats import ENDINGS
 from twin.recording.log import read_log
+from twin.recording.quaternions import LAYOUTS
 from twin.signals import LOGGED
 
 GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
@@ -28,13 +30,13 @@ ROWS = "t,x,y,z\n0,1,2,3\n1,4,5,6\n2,7,8,9\n"
             "move it beside",
         ),
         (
-            '[streams.gyro]\nfile = "gyro.xlsx"\n',
-            "log.toml:3: streams.gyro.file 'gyro.xlsx' is no format that can be read; "
-            "save it as one of .csv, .parquet, .mat, .mcap",
+            '[streams.gyro]\nfile = "gyro.pdf"\n',
+            "log.toml:3: streams.gyro.file 'gyro.pdf' is no format that can be read; save it as "
+            f"one of {', '.join(ENDINGS)}",
         ),
         (
-            GYRO + 'unit = "degs/s"\n',
-            "log.toml:4: streams.gyro.unit is 'degs/s'; no unit named 'degs/s' "
+            GYRO + 'unit = "degr/s"\n',
+            "log.toml:4: streams.gyro.unit is 'degr/s'; no unit named 'degr/s' "
             "(did you mean 'deg/s', 'mdeg/s', 'deg/h'?)",
         ),
         (
@@ -47,8 +49,29 @@ ROWS = "t,x,y,z\n0,1,2,3\n1,4,5,6\n2,7,8,9\n"
             "log.toml:4: streams.gyro.time_unit is 'deg', a unit of rad; use s, ms or us",
         ),
         (
-            GYRO + 'time_unit = "msec"\n',
-            "log.toml:4: streams.gyro.time_unit is 'msec', no unit; use s, ms or us",
+            GYRO + 'time_unit = "ticks"\n',
+            "log.toml:4: streams.gyro.time_unit is 'ticks', no unit; use s, ms or us, or "
+            "`time_scale`, the seconds of one count",
+        ),
+        (
+            GYRO + 'time_unit = "ms"\ntime_scale = 1e-4\n',
+            "log.toml:5: streams.gyro.time_scale is given beside `time_unit`; remove one of them",
+        ),
+        (
+            GYRO + 'decimal = ";"\n',
+            "log.toml:4: streams.gyro.decimal is ';'; use one of ',', '.'",
+        ),
+        (
+            "start = 5\nstop = 4\n" + GYRO,
+            "log.toml:3: stop is 4 s, and `start` 5 s; name a later time",
+        ),
+        (
+            "start = 5\n" + GYRO,
+            "log.toml:2: start leaves nothing: the log has 0 to 2 s; name times between",
+        ),
+        (
+            GYRO + "rows = { x = 7.5 }\n",
+            "log.toml:4: streams.gyro.rows picks none: no row has x = 7.5; correct it",
         ),
         (
             GYRO + "time_unit = 3\n",
@@ -112,8 +135,9 @@ ROWS = "t,x,y,z\n0,1,2,3\n1,4,5,6\n2,7,8,9\n"
             "log.toml:4: streams.gyro.rate is 0 Hz; it must be at least 1e-06 Hz",
         ),
         (
-            GYRO + 'rate = 10\ntime = "t"\n',
-            "log.toml:5: streams.gyro.time is given beside `rate`; remove the one or the other",
+            GYRO + 'rate = 10\ntime_unit = "ms"\n',
+            "log.toml:5: streams.gyro.time_unit is given beside `rate`; remove the one or the "
+            "other",
         ),
         (
             GYRO + 'format = "wxyz"\n',
@@ -121,7 +145,8 @@ ROWS = "t,x,y,z\n0,1,2,3\n1,4,5,6\n2,7,8,9\n"
         ),
         (
             ATTITUDE + 'format = "zyx"\n',
-            "log.toml:4: streams.attitude.format is 'zyx'; use one of 'wxyz', 'xyzw', 'euler_zyx'",
+            "log.toml:4: streams.attitude.format is 'zyx'; use one of "
+            f"{', '.join(map(repr, LAYOUTS))}",
         ),
         (
             ATTITUDE + 'direction = "up"\n',

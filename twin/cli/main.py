@@ -20,6 +20,7 @@ VERBS: dict[str, tuple[str, str, str]] = {
     "emulate": ("twin.cli.emulate", "Emulate", "a platform's devices on pseudo-terminals"),
     "hardware": ("twin.cli.hardware", "Hardware", "a machine before and after a session"),
     "doctor": ("twin.cli.doctor", "Doctor", "whether this computer is fit to fly a machine"),
+    "import": ("twin.cli.import_", "Import", "recorded files of any program as a log"),
     "show": ("twin.cli.show", "Show", "what is in a log: rates, gaps, ranges, noise"),
     "identify": ("twin.cli.identify", "Identify", "inertia and mass moment from logs"),
     "compare": ("twin.cli.compare", "Compare", "what the model gets wrong about a log"),

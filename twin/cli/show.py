@@ -37,7 +37,7 @@ class Show:
         from twin.report.contents import contents_document, contents_of, contents_words
         from twin.stop import check
 
-        contents = contents_of(str(self.log), recording, *_platform(recording))
+        contents = contents_of(str(self.log), recording, *platform_of_log(recording))
         check()
         print_json(contents_document(contents)) if self.json else print(contents_words(contents))
         if self.picture is not None:
@@ -48,7 +48,7 @@ class Show:
         return 0
 
 
-def _platform(recording: "Recording") -> "tuple[Platform | None, str]":
+def platform_of_log(recording: "Recording") -> "tuple[Platform | None, str]":
     """The machine, if it can be found; else why not."""
     from twin.errors import TwinError
     from twin.platform import platform_of

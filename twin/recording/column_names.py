@@ -4,15 +4,24 @@ import re
 from collections.abc import Sequence
 from os.path import commonprefix
 
-from twin.errors import UnknownName
-from twin.units import Unit, unit_named
-
 _IN_BRACKETS = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
 _CLOCK = re.compile(
     r"(t|ts|stamp|epoch|zeit|sec(onds)?|t_\w+|time(stamp)?(_\w+)?)(\W|$)", re.IGNORECASE
 )
-_COUNTER = re.compile(r"(|nr|no|samples?|seq|frame|row|idx|index|count(er)?|unnamed.*)$", re.I)
-_OF_TIME = re.compile(r"_(s|ms|us|ns)$")
+_COUNTER = re.compile(
+    r"(|nr|no|n_?samples?|samples?|seq(uence)?|(sub[ _]?)?frames?(_?(nr|no|number))?|row|idx|index"
+    r"|step|count(er)?|packet(_?(nr|no|number|count(er)?|id))?|unnamed.*)$",
+    re.I,
+)
+_OF_TIME = re.compile(
+    r"_(s|sec|secs|seconds|ms|msec|millis|milliseconds|us|usec|micros|microseconds|ns|nsec"
+    r"|nanoseconds|nanos)$",
+    re.I,
+)
+_SHORT = {"millis": "ms", "micros": "us", "nanos": "ns"}
+_OF_VALUE = re.compile(r"_(deg|degrees?|dps|degps|rpm|mm|cm|um|mrad|arcsec|uT|nT|mG)$")
+_PART = re.compile(r"(|\d+|[xyzwijkq]|roll|pitch|yaw)$", re.I)
+"""What stands in brackets and is a part of the name, not a unit."""
 
 
 def in_order(names: Sequence[str], expected: Sequence[str]) -> tuple[str, ...] | None:
@@ -41,27 +50,30 @@ def is_counter(name: str) -> bool:
     return _COUNTER.match(_without_unit(name).strip()) is not None
 
 
+def names_a_clock(name: str) -> bool:
+    """Whether a column is called somewhat like times are, with words before it: `Control_Time`."""
+    return is_clock(name) or re.search(r"time|stamp|clock", name, re.I) is not None
+
+
 def stated_unit(name: str) -> str:
-    """The unit that stands behind a name in brackets; empty if none does: `x (1)` is another x."""
+    """The text that stands behind a name as its unit, known or not: in brackets, or as `_deg`;
+    empty if none does: `x (1)` is another x, `Rot[0]` the first of several."""
     found = _IN_BRACKETS.search(name)
-    unit = _known(found[1]) if found else None
-    return found[1].strip() if found and unit is not None and unit.si != "1" else ""
+    if found:
+        text = found[1].strip()
+        return "" if _PART.match(text) else text
+    behind = _OF_VALUE.search(name)
+    return {"degps": "deg/s"}.get(behind[1], behind[1]) if behind else ""
 
 
 def stated_time_unit(name: str) -> str:
     """The same of a clock, of which `time_ms` says it too."""
     found = _OF_TIME.search(name)
-    text = found[1] if found else stated_unit(name)
-    unit = _known(text) if text else None
-    return text if unit is not None and unit.si == "s" else ""
+    if found:
+        return _SHORT.get(found[1].lower(), found[1].lower())
+    found = _IN_BRACKETS.search(name)
+    return "" if found is None or _PART.match(found[1].strip()) else found[1].strip()
 
 
 def _without_unit(name: str) -> str:
     return _IN_BRACKETS.sub("", name)
-
-
-def _known(text: str) -> Unit | None:
-    try:
-        return unit_named(text.strip())
-    except UnknownName:
-        return None

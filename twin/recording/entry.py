@@ -1,6 +1,7 @@
 """One [streams.NAME] of a log.toml, checked key by key, and the series in the file it names."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,16 +11,18 @@ from numpy.typing import NDArray
 
 from twin.config import Table
 from twin.errors import UnknownName
+from twin.recording.clocks import clocks_among, counted, is_count, lost_by_counter
 from twin.recording.column_names import (
     in_order,
     is_clock,
     is_counter,
+    names_a_clock,
     stated_time_unit,
     stated_unit,
 )
 from twin.recording.entry_units import noise_of, scale_of, si_of, time_factor, unit_of
-from twin.recording.formats import ENDINGS, NumberFile, OpenFiles
-from twin.recording.quaternions import DIRECTIONS, LAYOUTS, attitude
+from twin.recording.formats import ARRAYS, ENDINGS, TEXTS, TOPICS, NumberFile, OpenFiles
+from twin.recording.quaternions import DIRECTIONS, LAYOUTS, attitude, columns_of, started
 from twin.recording.recording import Series
 from twin.recording.rows import Rows, mended
 from twin.recording.turns import CONTINUOUS, unwrapped
@@ -29,8 +32,12 @@ from twin.units import Unit, unit_named
 Array = NDArray[np.float64]
 
 WXYZ = ("w", "x", "y", "z")
-EULER = ("yaw", "pitch", "roll")
 QUATERNIONS = LAYOUTS[:2]
+WITH_VARIABLES = (*TEXTS, *ARRAYS)
+FEW_KINDS = 5
+"""A first column with more different numbers tells no kinds of rows."""
+LEAST_OF_KIND = 0.02
+"""Share of the rows that each kind has at least."""
 TURN = 2.0 * np.pi
 """Angles beyond are of a body that turns on, or in degrees [rad]."""
 LISTED = 8
@@ -46,12 +53,15 @@ class Entry:
     path: Path
     variable: str | None
     topic: str | None
+    decimal: str | None
+    kinds: Mapping[str, float]
+    """Only rows with these values in these columns are of the stream."""
     canonical: Stream | None
     time: str | None
     time_factor: float
     start: float
     rate: float
-    """[Hz]; NaN with a column of times."""
+    """[Hz]; NaN with a column of times. With one beside it, that counts samples."""
     clock_lag: float
     """[s] by which the file's times are late."""
     columns: tuple[str, ...]
@@ -78,6 +88,7 @@ class Entry:
             "columns": list(self._columns(self._open(files))),
             "listed": bool(self.columns) and not self.axes,
             "time_unit": self.table.raw("time_unit"),
+            "time_scale": self.table.raw("time_scale"),
             "rate": self.table.raw("rate"),
             "clock_lag": self.clock_lag,
             "format": self.layout or None,
@@ -95,8 +106,8 @@ class Entry:
         turned = canonical is not None and canonical.columns == WXYZ
         layout = table.text("format", LAYOUTS[0], among=LAYOUTS) if turned else ""
         direction = table.text("direction", DIRECTIONS[0], among=DIRECTIONS) if turned else ""
-        has_time = "rate" not in table
-        for key in () if has_time else ("time", "time_unit"):
+        has_rate = "rate" in table
+        for key in ("time_unit", "time_scale") if has_rate else ():
             if key in table:
                 raise table.fail(key, "is given beside `rate`", "remove the one or the other")
         for key in () if turned else ("format", "direction"):
@@ -108,13 +119,15 @@ class Entry:
             table=table,
             name=name,
             path=path,
-            variable=_part(table, "variable", path, ".mat"),
-            topic=_part(table, "topic", path, ".mcap"),
+            variable=_part(table, "variable", path, WITH_VARIABLES),
+            topic=_part(table, "topic", path, TOPICS),
+            decimal=_decimal(table, path),
+            kinds=_kinds(table),
             canonical=canonical,
-            time=table.text("time", None) if has_time else None,
-            time_factor=time_factor(table) if has_time else 1.0,
+            time=table.text("time", None),
+            time_factor=1.0 if has_rate else time_factor(table),
             rate=table.number("rate", np.nan, low=1e-6, unit="Hz"),
-            start=0.0 if has_time else table.number("start", 0.0, unit="s"),
+            start=table.number("start", 0.0, unit="s") if has_rate else 0.0,
             clock_lag=table.number("clock_lag", 0.0, unit="s"),
             columns=table.texts("columns", ()),
             axes=table.texts("axes", ()),
@@ -140,8 +153,11 @@ class Entry:
         names = self._names(columns, layout, file)
         where = f"{self.name} ({self.path.name})"
         self._check_names(columns, clock, file)
-        rows = mended(*self._numbers(file, clock, columns), file, columns, clock, where)
-        value, repairs = rows.value * signs * self.unit.factor, rows.repairs
+        time, value, origin, lost = self._numbers(file, clock, columns)
+        rows = mended(time, value, file, columns, clock, where, origin)
+        if layout in QUATERNIONS:
+            rows = started(rows, where)
+        value, repairs = rows.value * signs * self.unit.factor, (*rows.repairs, *lost)
         if not self.columns and columns != self._rest(file):
             given = ", ".join(self._rest(file))
             repairs = (*repairs, f"{where}: columns {given} taken by name, as {', '.join(columns)}")
@@ -153,7 +169,7 @@ class Entry:
             scaled = Rows(rows.time, value, rows.origin, ())
             value, more = attitude(scaled, layout, self.world_to_body, file, where)
             repairs = (*repairs, *more)
-        if layout == "euler_zyx" and {"unit", "scale"}.isdisjoint(self.table.keys):
+        if layout.startswith("euler") and {"unit", "scale"}.isdisjoint(self.table.keys):
             self._check_angles(angles)
         if self.name in CONTINUOUS:
             value, more = unwrapped(value, where)
@@ -165,12 +181,21 @@ class Entry:
         return Series(time, np.ascontiguousarray(value), names, self.si), repairs
 
     def _open(self, files: OpenFiles) -> NumberFile:
-        return files.open(self.path, unit=self.si, variable=self.variable, topic=self.topic)
+        return files.open(
+            self.path,
+            unit=self.si,
+            variable=self.variable,
+            topic=self.topic,
+            decimal=self.decimal,
+        )
 
     def _clock(self, file: NumberFile) -> str | None:
-        """The column of times; None where `rate` gives them."""
-        if self.time or not np.isnan(self.rate):
+        """The column of times, or of a counter beside `rate`; None where the rows alone count."""
+        if self.time:
             return self.time
+        if not np.isnan(self.rate):
+            unused = [name for name in file.header if name not in self.columns]
+            return next((name for name in unused if is_counter(name)), None)
         named = [name for name in file.header if is_clock(name)]
         if named and file.time not in (*named, *file.clocks):
             raise self.table.fail(
@@ -207,7 +232,6 @@ class Entry:
     def _check_names(self, columns: tuple[str, ...], clock: str | None, file: NumberFile) -> None:
         """Refuse columns that stand for two things, and units that only their names state."""
         named = (*columns, clock) if clock else columns
-        named = (*columns, clock) if clock else columns
         for key, names in (("columns", named), ("axes", self.axes)):
             twice = next((name for name in names if names.count(name) > 1), None)
             if twice is None:
@@ -218,17 +242,51 @@ class Entry:
                     key, problem, "take it out, name another `time`, or give `rate`"
                 )
             raise self.table.fail(key, f"lists {twice!r} twice", "name each once")
+        for name in file.repeated if not (self.columns or self.axes) else ():
+            numbered = [one for one in columns if one.startswith(f"{name}.")]
+            if numbered:
+                listed = " or ".join(f'"{one}"' for one in numbered)
+                raise file.fault(
+                    f"names two columns {name!r}",
+                    f"give each its own name, or list them in `columns` as {listed}",
+                )
         open_unit = {"unit", "scale"}.isdisjoint(self.table.keys)
         for name in columns if open_unit else ():
-            text = stated_unit(name)
-            if text and unit_named(text) != self.unit:
+            text = file.units.get(name) or stated_unit(name)
+            unit = _unit(text.strip("[]() ")) if text else self.unit
+            if unit is None:
                 raise self.table.fail(
                     "unit",
-                    f"is not given, and a column is named {name!r}",
-                    f'add `unit = "{text}"`, or `unit = "{self.si}"` if the name is wrong',
+                    f"is not given, and {text!r}, which is no unit we know, stands by {name!r}",
+                    f'add `unit = "{self.si}"`, or the right one',
                 )
-        text = "" if clock is None or clock in file.clocks else stated_time_unit(clock)
-        if text and "time_unit" not in self.table and unit_named(text).factor != 1.0:
+            if unit != self.unit and unit.si != "1":
+                text = text.strip("[]() ")
+                below = file.units.get(name)
+                stands = (
+                    f"{text!r} stands below {name!r}" if below else f"a column is named {name!r}"
+                )
+                raise self.table.fail(
+                    "unit",
+                    f"is not given, and {stands}",
+                    f'add `unit = "{text}"`, or `unit = "{self.si}"` if that is wrong',
+                )
+        self._check_time_unit(clock, file)
+
+    def _check_time_unit(self, clock: str | None, file: NumberFile) -> None:
+        if clock is None or clock in file.clocks or not np.isnan(self.rate):
+            return
+        if not {"time_unit", "time_scale"}.isdisjoint(self.table.keys):
+            return
+        text = (file.units.get(clock) or stated_time_unit(clock)).strip("[]() ")
+        unit = _unit(text) if text else None
+        if text and unit is None:
+            raise self.table.fail(
+                "time_unit",
+                f"is not given, and {text!r}, no unit of time that we know, stands by {clock!r}",
+                'add `time_unit = "s"`, or `time_scale`, the seconds of one count',
+            )
+        if unit is not None and unit.si == "s" and unit.factor != 1.0:
             raise self.table.fail(
                 "time_unit",
                 f"is not given, and the times are named {clock!r}",
@@ -256,30 +314,77 @@ class Entry:
 
     def _expected(self, layout: str) -> tuple[str, ...]:
         """Names of the columns that the stream must have; empty where that is the machine's."""
-        if layout == "euler_zyx":
-            return EULER
+        if layout and layout not in QUATERNIONS:
+            return columns_of(layout)
         return self.canonical.columns if self.canonical else ()
 
     def _numbers(
         self, file: NumberFile, clock: str | None, columns: tuple[str, ...]
-    ) -> tuple[Array, Array]:
-        """Times [s] and values as the file has them."""
+    ) -> tuple[Array, Array, NDArray[np.intp], tuple[str, ...]]:
+        """Times [s] and values as the file has them, their rows, and what a counter says."""
+        clocks = () if clock is None else (clock,)
+        keys = tuple(self.kinds)
+        table = file.numbers((*clocks, *columns, *keys))
+        if not keys:
+            self._check_one_kind(file, (*clocks, *columns))
+        of_kind = (table[:, table.shape[1] - len(keys) :] == list(self.kinds.values())).all(axis=1)
+        rows = np.flatnonzero(of_kind)
+        if not len(rows):
+            wanted = ", ".join(f"{key} = {value:g}" for key, value in self.kinds.items())
+            raise self.table.fail("rows", f"picks none: no row has {wanted}", "correct it")
+        value = table[of_kind, len(clocks) : table.shape[1] - len(keys)]
         if clock is None:
-            value = file.numbers(columns)
-            return self.start + np.arange(len(value)) / self.rate, value
-        if clock in file.clocks and "time_unit" in self.table:
-            problem = f"is given, but {clock} is in seconds by its type"
-            raise self.table.fail("time_unit", problem, "remove it")
-        table = file.numbers((clock, *columns))
-        counts = self.time is None and is_counter(clock) and len(table) > 1
-        if counts and (np.diff(table[:, 0]) == 1.0).all():
-            raise self.table.fail(
-                "file",
-                f"has its times in {clock!r}, its first column, and that counts rows",
-                f"name a column of times as `time` ({json.dumps(clock)} if these are seconds), or "
-                "give `rate`",
-            )
-        return table[:, 0] * self.time_factor, table[:, 1:]
+            return self.start + np.arange(len(value)) / self.rate, value, rows, ()
+        time = table[of_kind, 0]
+        if not np.isnan(self.rate):
+            count, fault = counted(time)
+            if count is None:
+                raise file.fault(f"column {clock!r} {fault}", "name another as `time`")
+            lost = lost_by_counter(count, clock, f"{self.name} ({self.path.name})")
+            return self.start + count / self.rate, value, rows, lost
+        if clock in file.clocks:
+            for key in ("time_unit", "time_scale"):
+                if key in self.table:
+                    problem = f"is given, but {clock} is in seconds by its type"
+                    raise self.table.fail(key, problem, "remove it")
+            return time, value, rows, ()
+        self._check_clock(file, clock, time)
+        return time * self.time_factor, value, rows, ()
+
+    def _check_clock(self, file: NumberFile, clock: str, time: Array) -> None:
+        """Refuse a first column that counts rows, by its name or beside a clock, and propose it."""
+        if self.time is not None or is_clock(clock) or not is_count(time):
+            return
+        listed = {name.removeprefix("-") for name in self.columns}
+        others = [name for name in file.header if name not in (clock, *listed)]
+        found = clocks_among(file, others)
+        if not is_counter(clock) and not any(map(names_a_clock, found)):
+            return  # seconds, one a row
+        named = " or ".join(f"`time = {json.dumps(name)}`" for name in found)
+        raise self.table.fail(
+            "file",
+            f"has its times in {clock!r}, its first column, and that counts rows",
+            (f"write {named}" if found else "name a column of times as `time`")
+            + f" ({json.dumps(clock)} if these are seconds), or give `rate`",
+        )
+
+    def _check_one_kind(self, file: NumberFile, used: tuple[str, ...]) -> None:
+        """Refuse rows of several kinds in a file without names, told by their first number."""
+        if "rows" in self.table or not file.numbered or (key := file.header[0]) in used[1:]:
+            return
+        first = file.numbers((key,))[:, 0]
+        kinds, counts = np.unique(first, return_counts=True)
+        if not 1 < len(kinds) <= FEW_KINDS or counts.min() < LEAST_OF_KIND * len(first):
+            return
+        if (kinds != np.round(kinds)).any() or (np.diff(first) >= 0.0).all():
+            return
+        listed = ", ".join(f"{kind:g}" for kind in kinds)
+        raise self.table.fail(
+            "file",
+            f"begins its rows with {listed} by turns: rows of several kinds, it seems",
+            f'pick those of {self.name} with `rows = {{ "{key}" = {kinds[0]:g} }}`, or all of them '
+            "with `rows = {}`",
+        )
 
     def _names(self, columns: tuple[str, ...], layout: str, file: NumberFile) -> tuple[str, ...]:
         expected = self._expected(layout)
@@ -290,7 +395,7 @@ class Entry:
                 raise self.table.fail("axes", f"names {axis!r}", hint)
         if len(names) != len(columns) or not columns:
             raise self._mismatch(columns, names, file)
-        return names if layout != "euler_zyx" else WXYZ
+        return names if not layout or layout in QUATERNIONS else WXYZ
 
     def _mismatch(
         self, columns: tuple[str, ...], names: tuple[str, ...], file: NumberFile
@@ -348,8 +453,28 @@ def _path(table: Table, folder: Path) -> Path:
     return path
 
 
-def _part(table: Table, key: str, path: Path, ending: str) -> str | None:
-    """The part of a file that a stream is in; such a key is for one format only."""
-    if key in table and path.suffix.lower() != ending:
-        raise table.fail(key, f"is for {ending} files, not for {path.name}", "remove it")
-    return table.text(key, None) if path.suffix.lower() == ending else None
+def _part(table: Table, key: str, path: Path, endings: tuple[str, ...]) -> str | None:
+    """The part of a file that a stream is in; such a key is for some formats only."""
+    if key in table and path.suffix.lower() not in endings:
+        kinds = ", ".join(endings)
+        raise table.fail(key, f"is for {kinds} files, not for {path.name}", "remove it")
+    return table.text(key, None)
+
+
+def _decimal(table: Table, path: Path) -> str | None:
+    if "decimal" in table and path.suffix.lower() not in TEXTS:
+        raise table.fail("decimal", f"is for text files, not for {path.name}", "remove it")
+    return table.text("decimal", None, among=(",", "."))
+
+
+def _kinds(table: Table) -> dict[str, float]:
+    """The values of columns that pick the stream's rows."""
+    rows = table.table("rows", required=False)
+    return {key: rows.number(key) for key in rows.keys}
+
+
+def _unit(text: str) -> Unit | None:
+    try:
+        return unit_named(text)
+    except UnknownName:
+        return None

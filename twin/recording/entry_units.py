@@ -16,11 +16,22 @@ TWICE = 3e-3
 
 def time_factor(table: Table) -> float:
     """To seconds."""
+    if "time_scale" in table:
+        if "time_unit" in table:
+            raise table.fail("time_scale", "is given beside `time_unit`", "remove one of them")
+        scale = table.number("time_scale", low=0.0, unit="s a count")
+        if scale == 0.0:
+            raise table.fail("time_scale", "is 0", "give the seconds of one count")
+        return scale
     text = table.text("time_unit", "s")
     try:
         unit = unit_named(text)
     except UnknownName:
-        raise table.fail("time_unit", f"is {text!r}, no unit", "use s, ms or us") from None
+        raise table.fail(
+            "time_unit",
+            f"is {text!r}, no unit",
+            "use s, ms or us, or `time_scale`, the seconds of one count",
+        ) from None
     if unit.si != "s":
         raise table.fail("time_unit", f"is {text!r}, a unit of {unit.si}", "use s, ms or us")
     return unit.factor
@@ -28,7 +39,7 @@ def time_factor(table: Table) -> float:
 
 def si_of(canonical: Stream | None, layout: str) -> str:
     """The unit that the file's values must come to; empty where any will do."""
-    if layout == "euler_zyx":
+    if layout.startswith("euler") or layout == "rotation_vector":
         return "rad"
     return canonical.unit if canonical else ""
 

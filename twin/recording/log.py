@@ -4,6 +4,7 @@ What is wrong with a table is an error with file, line and remedy; what can be m
 guessing is mended, counted and said in `Recording.repairs`. Nothing is dropped silently.
 """
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from twin.library import find_model
 from twin.recording.entry import Entry
 from twin.recording.environment import read_field, read_gravity
 from twin.recording.formats import OpenFiles
+from twin.recording.pauses import part_of, without_long_pauses
 from twin.recording.recording import Recording, Series
 
 SOON = 60.0
@@ -23,6 +25,8 @@ its own start becomes 0. What drifts is taken to have been as stated at time 0."
 
 def read_log(path: str | Path) -> Recording:
     """Read a measured log: its folder, or the log.toml in it.
+
+    Of a log with `start` or `stop`, the rows between are read, and what was commanded by then.
 
     `provenance` holds `kind` ("log"), `source`, `platform` (a name, the path of a folder, or None),
     `environment`, `notes`, and under `streams` each stream's file, unit and stated noise [SI].
@@ -39,6 +43,10 @@ def read_log(path: str | Path) -> Recording:
     platform = _platform(table, folder)
     environment = _environment(table)
     stated = table.number("time_origin", 0.0, unit="s")
+    start = table.number("start", -math.inf, unit="s")
+    stop = table.number("stop", math.inf, unit="s")
+    if start >= stop:
+        raise table.fail("stop", f"is {stop:g} s, and `start` {start:g} s", "name a later time")
     notes = table.table("notes", required=False)
     streams_table = table.table("streams")
     streams: dict[str, Series] = {}
@@ -57,6 +65,7 @@ def read_log(path: str | Path) -> Recording:
     late = abs(origin) > max(SOON, max(series.time[-1] for series in streams.values()) - origin)
     if late:
         streams = {name: _shifted(series, origin) for name, series in streams.items()}
+    streams, paused = without_long_pauses(streams)
     provenance = {
         "kind": "log",
         "source": str(folder),
@@ -66,7 +75,25 @@ def read_log(path: str | Path) -> Recording:
         "streams": facts,
         "time_origin": stated + (origin if late else 0.0),
     }
-    return Recording(streams, provenance, tuple(repairs))
+    recording = Recording(streams, provenance, (*repairs, *paused))
+    if {"start", "stop"}.isdisjoint(table.keys):
+        return recording
+    return _part(table, recording, start, stop)
+
+
+def _part(table: Table, recording: Recording, start: float, stop: float) -> Recording:
+    """The rows of a log between two of its times."""
+    first, last = max(start, recording.start), min(stop, recording.stop)
+    part = part_of(recording, first, last) if first < last else recording
+    if first >= last or not part.streams:
+        raise table.fail(
+            "start" if "start" in table else "stop",
+            f"leaves nothing: the log has {recording.start:g} to {recording.stop:g} s",
+            "name times between",
+        )
+    span = f"read from {first:g} to {last:g} s of {recording.start:g} to {recording.stop:g} s"
+    provenance = {**part.provenance, "source": recording.source}
+    return Recording(part.streams, provenance, (*recording.repairs, span))
 
 
 def _platform(table: Table, folder: Path) -> str | None:

@@ -3,9 +3,11 @@
 What the machine did meanwhile nobody knows.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin.recording.recording import Recording, Series
 from twin.signals import OF_MOTION
@@ -18,6 +20,39 @@ FOLLOWED = 1.0
 """By which a stage or a gimbal is behind its command at most [s]."""
 SHORTEST = 5.0
 """Of what is a log of its own [s]."""
+LONG = 1800.0
+"""A pause of all streams that no grid of samples is laid over [s]: two sessions in one file, or
+stamps from before a clock was set."""
+LEFT = 60.0
+"""Of such a pause that stays [s]."""
+
+
+def without_long_pauses(
+    streams: Mapping[str, Series],
+) -> tuple[dict[str, Series], tuple[str, ...]]:
+    """Streams whose rows after a long pause of all of them follow soon, and a sentence for each."""
+    time = np.unique(np.concatenate([series.time for series in streams.values()]))
+    interval = np.diff(time)
+    pauses = np.flatnonzero(interval > LONG)
+    if not len(pauses):
+        return dict(streams), ()
+    after, cut = time[pauses + 1], np.cumsum(interval[pauses] - LEFT)
+    taken_off = np.concatenate([[0.0], cut])
+    shorter = {
+        name: replace(series, time=series.time - taken_off[_passed(after, series.time)])
+        for name, series in streams.items()
+    }
+    said = tuple(
+        f"no stream has a row from {time[i]:.6g} to {time[i + 1]:.6g} s: times after that are "
+        f"{off:.9g} s less here"
+        for i, off in zip(pauses, cut, strict=True)
+    )
+    return shorter, said
+
+
+def _passed(after: NDArray[np.float64], time: NDArray[np.float64]) -> NDArray[np.intp]:
+    """How many pauses were over at each time."""
+    return np.searchsorted(after, time, side="right")
 
 
 def pieces_of(recording: Recording) -> list[Recording]:

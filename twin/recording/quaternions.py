@@ -6,15 +6,47 @@ from twin import rotation
 from twin.recording.formats import NumberFile
 from twin.recording.rows import Array, Rows
 
-LAYOUTS = ("wxyz", "xyzw", "euler_zyx")
+SEQUENCES = ("zyx", "xyz", "zxy", "yxz", "yzx", "xzy", "zyz", "zxz")
+"""Axes of intrinsic rotations, the first one first; backwards they are extrinsic ones."""
+LAYOUTS = (
+    *("wxyz", "xyzw"),
+    *(f"euler_{axes}" for axes in SEQUENCES),
+    *("rotation_vector", "matrix"),
+)
 DIRECTIONS = ("body_to_world", "world_to_body")
 
 ROUNDING = 1e-12
 """Quaternions whose length is off by less stay as they are, to the last bit."""
 STEEPEST = 0.5 * np.pi + 1e-2
 """No pitch of a yaw-pitch-roll triple is steeper [rad]."""
+NOT_SQUARE = 0.02
+"""Rows of a matrix that are further from square and from length 1 are of no rotation."""
 OFF_LENGTH = 1e-3
 """Those whose length is off by more are worth a word."""
+
+
+def columns_of(layout: str) -> tuple[str, ...]:
+    """Names of the columns of an attitude that is no quaternion, in their order."""
+    if layout == "euler_zyx":
+        return ("yaw", "pitch", "roll")
+    if layout == "euler_xyz":
+        return ("roll", "pitch", "yaw")
+    if layout == "rotation_vector":
+        return ("x", "y", "z")
+    if layout == "matrix":
+        return tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
+    return ("first", "second", "third")
+
+
+def started(rows: Rows, where: str) -> Rows:
+    """Without the zeros that a sensor of attitude gives before it starts."""
+    zero = np.linalg.norm(rows.value, axis=1) == 0.0
+    if not zero[:1].any() or zero.all():
+        return rows
+    first = int(np.argmin(zero))
+    ahead = "1 row" if first == 1 else f"{first} rows"
+    repair = f"{where}: {ahead} of zeros before the sensor started left out"
+    return rows.only(np.arange(first, len(zero)), repair)
 
 
 def attitude(
@@ -23,14 +55,15 @@ def attitude(
     """Quaternions (m, 4), and a sentence where their length had to be mended.
 
     Args:
-        rows: with values as `layout` has them; angles [rad]: yaw, pitch, roll.
+        rows: with values as `layout` has them; angles and rotation vectors in rad, a matrix row by
+            row, its columns the body's axes in the world.
         layout: one of LAYOUTS.
         world_to_body: whether they turn world components into body components.
         file: for the error, where the rows are from.
         where: how the sentences call the stream.
 
     Raises:
-        LogError: a quaternion without length.
+        LogError: a quaternion without length, a matrix that is no rotation.
     """
     repairs: tuple[str, ...] = ()
     if layout == "euler_zyx":
@@ -43,6 +76,17 @@ def attitude(
                 int(rows.origin[row]),
             )
         quaternion = rotation.from_euler_zyx(*rows.value.T)
+    elif layout.startswith("euler"):
+        from scipy.spatial.transform import Rotation
+
+        turns = Rotation.from_euler(layout.removeprefix("euler_").upper(), rows.value)
+        quaternion = turns.as_quat(scalar_first=True)
+    elif layout == "rotation_vector":
+        from scipy.spatial.transform import Rotation
+
+        quaternion = Rotation.from_rotvec(rows.value).as_quat(scalar_first=True)
+    elif layout == "matrix":
+        quaternion = _of_matrices(rows, file)
     else:
         quaternion = rows.value[:, [3, 0, 1, 2]] if layout == "xyzw" else rows.value
         length = np.linalg.norm(quaternion, axis=1)
@@ -66,3 +110,20 @@ def attitude(
     flips = np.einsum("ij,ij->i", quaternion[1:], quaternion[:-1]) < 0.0
     sign = np.where(np.concatenate([[0], np.cumsum(flips)]) % 2, -1.0, 1.0)
     return quaternion * sign[:, None], repairs
+
+
+def _of_matrices(rows: Rows, file: NumberFile) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    matrix = rows.value.reshape(-1, 3, 3)
+    off = np.abs(matrix @ matrix.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    mirrored = np.linalg.det(matrix) < 0.0
+    if off.max() > NOT_SQUARE or mirrored.any():
+        row = int(np.argmax(np.where(mirrored, np.inf, off)))
+        raise file.fault(
+            "attitude has a matrix that is no rotation"
+            + (", but mirrors" if mirrored[row] else f": its rows are {off[row]:.2g} off square"),
+            "check the order of `columns`: row by row",
+            int(rows.origin[row]),
+        )
+    return Rotation.from_matrix(matrix).as_quat(scalar_first=True)

@@ -40,7 +40,13 @@ class Rows:
 
 
 def mended(
-    time: Array, value: Array, file: NumberFile, names: Sequence[str], clock: str | None, where: str
+    time: Array,
+    value: Array,
+    file: NumberFile,
+    names: Sequence[str],
+    clock: str | None,
+    where: str,
+    origin: NDArray[np.intp],
 ) -> Rows:
     """Leave out rows without a number, sort late ones, drop repeated ones; say each.
 
@@ -51,12 +57,13 @@ def mended(
         names: k columns of the file.
         clock: the column of the file that the times are from; None without one.
         where: how the sentences call the stream.
+        origin: (m,) the row of the file (from 0) that each is.
 
     Raises:
         LogError: a number is missing or not finite, a column has none, the clock was set back or
             is none, or one time stands on two different rows.
     """
-    rows = Rows(time, value, np.arange(len(time)), file.repairs)
+    rows = Rows(time, value, origin, file.repairs)
     return _once(_in_order(_filled(rows, file, names, clock, where), file, where), file, where)
 
 
@@ -78,11 +85,12 @@ def _filled(
     wrong = ~finite & ~blank[:, None]
     if wrong.any():
         row, column = (int(index) for index in np.argwhere(wrong)[0])
-        raise file.not_finite(row, names[column], float(rows.value[row, column]))
+        number = float(rows.value[row, column])
+        raise file.not_finite(int(rows.origin[row]), names[column], number)
     stampless = ~np.isfinite(rows.time) & ~blank
     if stampless.any():
         row = int(np.argmax(stampless))
-        raise file.not_finite(row, clock or file.time, float(rows.time[row]))
+        raise file.not_finite(int(rows.origin[row]), clock or file.time, float(rows.time[row]))
     if not blank.any():
         return rows
     return rows.only(~blank, f"{where}: {_rows(blank)} without a number left out")

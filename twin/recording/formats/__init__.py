@@ -1,5 +1,8 @@
-"""Files of numbers that a log may be made of: CSV, Parquet, MAT, MCAP."""
+"""Files of numbers that a log may be made of: text, Parquet, arrays, messages."""
 
+from twin.recording.formats.find import ARRAYS as ARRAYS
 from twin.recording.formats.find import ENDINGS as ENDINGS
+from twin.recording.formats.find import TEXTS as TEXTS
+from twin.recording.formats.find import TOPICS as TOPICS
 from twin.recording.formats.find import OpenFiles as OpenFiles
 from twin.recording.formats.number_file import NumberFile as NumberFile

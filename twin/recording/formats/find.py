@@ -2,11 +2,21 @@
 
 from collections.abc import Callable, Hashable
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from twin.recording.formats.number_file import NumberFile
 
-ENDINGS = (".csv", ".parquet", ".mat", ".mcap")
+if TYPE_CHECKING:
+    from twin.recording.formats.array_file import Variables
+    from twin.recording.formats.topic import Topic
+
+TEXTS = (".csv", ".tsv", ".txt", ".log", ".dat", ".asc")
+"""Of files with a table in text."""
+ARRAYS = (".mat", ".h5", ".hdf5", ".hdf", ".tdms", ".ulg", ".xlsx")
+"""Of files with arrays, topics or sheets by name, one of which `variable` picks."""
+TOPICS = (".mcap", ".bag", ".db3")
+"""Of files with messages."""
+ENDINGS = (*TEXTS, ".parquet", *ARRAYS, *TOPICS)
 """Of the files that can be read."""
 
 _T = TypeVar("_T")
@@ -19,37 +29,52 @@ class OpenFiles:
         self._read: dict[Hashable, object] = {}
 
     def open(
-        self, path: Path, *, unit: str, variable: str | None = None, topic: str | None = None
+        self,
+        path: Path,
+        *,
+        unit: str,
+        variable: str | None = None,
+        topic: str | None = None,
+        decimal: str | None = None,
     ) -> NumberFile:
         """The columns in a file of one of the ENDINGS.
 
         Args:
             path: the file.
             unit: SI unit of the stream: of a ROS 2 message it takes the field in that unit.
-            variable: of a MAT file.
-            topic: of an MCAP file.
+            variable: of a file of arrays; a sheet; the title of one of several tables in a text.
+            topic: of a file of messages.
+            decimal: the decimal mark of a text file, where it leaves that open.
 
         Raises:
             LogError: it cannot be read.
         """
         match path.suffix.lower():
-            case ".csv":
-                from twin.recording.formats.csv_file import CsvFile
+            case ending if ending in TEXTS:
+                from twin.recording.formats.text_file import TextFile
 
-                return self._once(path, lambda: CsvFile(path))
+                key = path, variable, decimal
+                return self._once(key, lambda: TextFile(path, variable, decimal))
             case ".parquet":
                 from twin.recording.formats.parquet_file import ParquetFile
 
                 return self._once(path, lambda: ParquetFile(path))
-            case ".mat":
-                from twin.recording.formats.mat_file import MatFile, read_variables
+            case ".xlsx":
+                from twin.recording.formats.excel_file import read_sheet
+                from twin.recording.formats.text_file import TextFile
 
-                return MatFile(path, self._once(path, lambda: read_variables(path)), variable)
-            case ".mcap":
-                from twin.recording.formats.mcap_file import McapFile
-                from twin.recording.formats.mcap_topic import read_topic
+                return self._once(
+                    (path, variable), lambda: TextFile(path, content=read_sheet(path, variable))
+                )
+            case ending if ending in ARRAYS:
+                from twin.recording.formats.array_file import ArrayFile
 
-                return McapFile(self._once((path, topic), lambda: read_topic(path, topic)), unit)
+                variables = self._once(path, lambda: _variables(path))
+                return ArrayFile(path, variables, variable)
+            case ending if ending in TOPICS:
+                from twin.recording.formats.message_file import MessageFile
+
+                return MessageFile(self._once((path, topic), lambda: _topic(path, topic)), unit)
             case ending:
                 raise ValueError(f"no reader for {ending}")
 
@@ -57,3 +82,48 @@ class OpenFiles:
         if key not in self._read:
             self._read[key] = read()
         return self._read[key]  # pyright: ignore[reportReturnType]
+
+
+def _variables(path: Path) -> "Variables":
+    match path.suffix.lower():
+        case ".mat":
+            from twin.recording.formats.mat_file import read_variables
+
+            return read_variables(path)
+        case ".tdms":
+            from twin.recording.formats.tdms_file import read_tdms
+
+            return read_tdms(path)
+        case ".ulg":
+            from twin.recording.formats.ulog_file import read_ulog
+
+            return read_ulog(path)
+        case _:
+            from twin.recording.formats.hdf5_file import read_hdf5
+
+            return read_hdf5(path)
+
+
+def _topic(path: Path, name: str | None) -> "Topic":
+    if path.suffix.lower() == ".mcap":
+        from twin.recording.formats.mcap_topic import read_topic
+
+        return read_topic(path, name)
+    from twin.recording.formats.bag_topic import read_bag
+
+    return read_bag(path, name)
+
+
+def topics_of(path: Path) -> dict[str, str]:
+    """Topics of a file of messages, and their types.
+
+    Raises:
+        LogError: it cannot be read.
+    """
+    if path.suffix.lower() == ".mcap":
+        from twin.recording.formats.mcap_topic import types_in
+
+        return types_in(path)
+    from twin.recording.formats.bag_topic import types_in_bag
+
+    return types_in_bag(path)

@@ -1,8 +1,7 @@
-"""The messages of one topic of an MCAP file, decoded; a file cut short gives what is whole."""
+"""The messages of one topic of an MCAP file; a file cut short gives what is whole."""
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,34 +10,12 @@ from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
 
 from twin.errors import LogError
+from twin.recording.formats.topic import Topic
 
 LARGEST_RECORD = 1 << 30
 """A longer record is damage, not data [bytes]."""
 
 _AGAIN = "copy it again from where it was recorded"
-
-ROS2_TYPES = ("sensor_msgs/Imu", "geometry_msgs/QuaternionStamped", "sensor_msgs/JointState")
-"""Those that can be read."""
-
-
-@dataclass(frozen=True)
-class Topic:
-    """What an MCAP file holds on one topic."""
-
-    path: Path
-    name: str
-    encoding: str
-    """"cdr" (ROS 2), "json" or "protobuf"."""
-    type: str
-    """Name of the messages' schema; empty without one."""
-    messages: list[Any]
-    """Decoded: objects with attributes (cdr, protobuf), or what JSON gives."""
-    log_time: list[int]
-    """[ns]"""
-    publish_time: list[int]
-    """[ns]"""
-    whole: bool
-    """False when the file ends in the middle, or is damaged from somewhere on."""
 
 
 def read_topic(path: Path, name: str | None) -> Topic:
@@ -73,11 +50,22 @@ def read_topic(path: Path, name: str | None) -> Topic:
         name,
         types[name][0].message_encoding,
         _name(types[name][1]),
-        [_decoded(path, name, i, m, decode) for i, m in enumerate(messages, 1)],
+        [message.data for message in messages],
+        decode,
         [message.log_time for message in messages],
         [message.publish_time for message in messages],
         whole,
     )
+
+
+def types_in(path: Path) -> dict[str, str]:
+    """Topics and the names of their types.
+
+    Raises:
+        LogError: no MCAP file.
+    """
+    channels, _, _ = _scan(path, "")
+    return {channel.topic: _name(schema) for channel, schema in channels.values()}
 
 
 def _scan(
@@ -116,22 +104,11 @@ def _decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any] 
         from mcap_protobuf.decoder import DecoderFactory
 
         return DecoderFactory().decoder_for(encoding, schema)
-    if encoding == "cdr" and _name(schema) in ROS2_TYPES:
+    if encoding == "cdr":
         from mcap_ros2.decoder import DecoderFactory as Ros2DecoderFactory
 
         return Ros2DecoderFactory().decoder_for(encoding, schema)
     return None
-
-
-def _decoded(
-    path: Path, topic: str, number: int, message: Message, decode: Callable[[bytes], Any]
-) -> Any:
-    try:
-        return decode(message.data)
-    except Exception as problem:  # decoders, too, raise what their parts raise
-        raise LogError(
-            path, f"message {number} on {topic} cannot be decoded ({problem})", "record it again"
-        ) from None
 
 
 def _name(schema: Schema | None) -> str:

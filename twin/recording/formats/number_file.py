@@ -1,7 +1,7 @@
 """What every format gives: named columns of numbers, and an error that knows the row."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,12 @@ class NumberFile(ABC):
         """Names of the columns, in order."""
         self.clocks = tuple(clocks)
         """Those that hold times in seconds by their type, whatever `time_unit` says."""
+        self.units: Mapping[str, str] = {}
+        """Texts of the units that the file states beside its columns' names."""
+        self.repeated: tuple[str, ...] = ()
+        """Names that several columns have in the file; `header` numbers those."""
+        self.numbered = False
+        """Whether the file names no columns, and `header` counts them from 1."""
         self.repairs: tuple[str, ...] = ()
         """A sentence for each thing that was mended on reading the file."""
 
@@ -48,6 +54,10 @@ class NumberFile(ABC):
     @abstractmethod
     def fault(self, problem: str, remedy: str, row: int | None = None) -> LogError:
         """The error about a row (from 0), or about the file."""
+
+    def beginning(self) -> "NumberFile":
+        """The same file as far as a look at it needs."""
+        return self
 
     def not_finite(self, row: int, name: str, value: float) -> LogError:
         """The error about one number that is none."""

@@ -1,0 +1,121 @@
+"""When the rows of a table were: times and their unit, a counter and its rate, or a rate."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.errors import UnknownName
+from twin.intake.tables import DataTable
+from twin.recording.column_names import is_clock, is_counter, names_a_clock, stated_time_unit
+from twin.units import unit_named
+
+_RATES = (
+    r"(?:update|sample|sampling|output|capture|export|frame)[ _]*(?:frame[ _]*)?rate\W*([\d.]+)",
+    r"^frequency\W*([\d.]+)",
+    r"^([\d.]+)$",
+)
+"""How preambles state a rate, the surest first; Vicon's is a number alone on its line."""
+COMMON = (0.5, 5e3)
+"""Rates of logs [Hz]."""
+UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Keys of log.toml, each a TOML value, and why."""
+
+    keys: dict[str, str]
+    reason: str
+    column: str | None
+    sure: bool = True
+
+
+def clock_of(table: DataTable) -> Clock | None:
+    """The clock of a table; None where nothing tells when its rows were."""
+    if table.file.clocks:
+        clock = table.file.time if table.file.time in table.names else table.file.clocks[0]
+        keys = {} if clock == table.file.time else {"time": _quoted(clock)}
+        return Clock(keys, f"{clock} is a time by its type", clock)
+    for test in (is_clock, names_a_clock):
+        for name in table.names:
+            if test(name.rpartition(".")[2]) and (found := _timed(table, name)) is not None:
+                return found
+    rate = _rate_in(table.preamble)
+    counter = next((name for name in table.names if is_counter(name.rpartition(".")[2])), None)
+    if rate is not None:
+        keys = {"rate": f"{rate:g}"}
+        reason = f"{rate:g} Hz by the lines above the table"
+        if counter is not None and _counts(table, counter):
+            return Clock(
+                {"time": _quoted(counter), **keys}, f"{reason}, counted by {counter}", counter
+            )
+        return Clock(keys, reason, None)
+    for name in table.names[:1]:
+        if (found := _timed(table, name)) is not None:
+            return found
+    return None
+
+
+def _timed(table: DataTable, name: str) -> Clock | None:
+    """A column as times, in the unit that it states or that its steps have."""
+    column = table.column(name)
+    if column is None:
+        return None
+    times = column[np.isfinite(column)]
+    steps = np.diff(times)
+    if len(steps) < 2 or (steps < 0.0).mean() > 0.01 or not (steps > 0.0).mean() > 0.5:
+        return None
+    step = float(np.median(steps[steps > 0.0]))
+    if step == 1.0 and (times == np.round(times)).all() and not is_clock(name.rpartition(".")[2]):
+        return None
+    keys = {} if name == table.file.header[0] else {"time": _quoted(name)}
+    text = table.unit(name) or stated_time_unit(name)
+    if text:
+        try:
+            unit = unit_named(text.strip("[]() "))
+        except UnknownName:
+            unit = None
+        if unit is not None and unit.si == "s":
+            rate = 1.0 / (step * unit.factor)
+            if COMMON[0] / 10.0 <= rate <= 10.0 * COMMON[1]:
+                stated = {} if unit.factor == 1.0 else {"time_unit": _quoted(text.strip("[]() "))}
+                return Clock(keys | stated, f"{name}, in {text}: {rate:.4g} Hz", name)
+    if "finetime" in name.lower().replace("_", "") or "sampletimefine" in name.lower():
+        return Clock(keys | {"time_scale": "1e-4"}, f"{name} counts 0.1 ms", name)
+    fitting = [u for u, s in UNITS.items() if COMMON[0] <= 1.0 / (step * s) <= COMMON[1]]
+    if not fitting:
+        rate = _rate_in(table.preamble)
+        if rate is None:
+            return None
+        return Clock(
+            keys | {"time_scale": f"{1.0 / (rate * step):.6g}"},
+            f"{name} in steps of {step:g}, {rate:g} Hz by the lines above the table",
+            name,
+        )
+    unit_text = fitting[0]
+    rate = 1.0 / (step * UNITS[unit_text])
+    stated = {} if unit_text == "s" else {"time_unit": _quoted(unit_text)}
+    sure = len(fitting) == 1
+    return Clock(keys | stated, f"{name} in {unit_text}: {rate:.4g} Hz", name, sure)
+
+
+def _counts(table: DataTable, name: str) -> bool:
+    column = table.column(name)
+    if column is None or not np.isfinite(column).all():
+        return False
+    return bool((column == np.round(column)).all() and (np.diff(column) > 0.0).mean() > 0.9)
+
+
+def _rate_in(preamble: Sequence[str]) -> float | None:
+    for pattern in _RATES:
+        for line in preamble:
+            found = re.search(pattern, line.strip(" ,;\t"), re.IGNORECASE)
+            if found and 0.0 < float(found[1].rstrip(".") or 0.0) < 1e5:
+                return float(found[1].rstrip("."))
+    return None
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

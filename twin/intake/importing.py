@@ -1,0 +1,231 @@
+"""`twin import`: files of a lab -> a folder with a log.toml, each line of it with its reason."""
+
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from twin.conventions import ConventionAdvice, convention_advice
+from twin.errors import LogError, TwinError
+from twin.intake.clocks import Clock, clock_of
+from twin.intake.frames import known_frame
+from twin.intake.streams import Proposal, streams_among
+from twin.intake.tables import DataTable, tables_in
+from twin.platform import Platform
+from twin.recording import Recording, read_log
+from twin.recording.formats import ENDINGS
+from twin.stop import check
+from twin.whole_file import write_whole
+
+ROUNDS = 2
+"""Times that a log is mended and read again."""
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What became of the files."""
+
+    folder: Path
+    recording: Recording
+    proposals: tuple[Proposal, ...]
+    unread: tuple[str, ...]
+    """A sentence for each table of which nothing is a stream that we know."""
+    advice: ConventionAdvice
+    """What still looks misread, or is open."""
+
+
+@dataclass(frozen=True)
+class _Entry:
+    proposal: Proposal
+    clock: Clock
+
+
+def import_files(
+    paths: Sequence[Path], folder: Path, platform: Platform | None, name: str | None
+) -> Imported:
+    """Look at files, write a log.toml beside copies of them, and read it.
+
+    Args:
+        paths: of the files; those in `folder` already stay where they are.
+        folder: of the log; made, and without a log.toml.
+        platform: the machine, against whose wheels and rates the log is held.
+        name: of the machine, as log.toml names it.
+
+    Raises:
+        LogError: a file cannot be read, or nothing in any is a stream that we know.
+    """
+    if (folder / "log.toml").exists():
+        raise LogError(folder / "log.toml", "is there already", "name a new folder")
+    for path in paths:
+        if not path.is_file():
+            raise LogError(path, "is no file", "name the files that the lab recorded")
+        if path.suffix.lower() not in ENDINGS:
+            listed = ", ".join(ENDINGS)
+            raise LogError(path, "is no format that can be read", f"export it as one of {listed}")
+    entries: dict[str, _Entry] = {}
+    unread: list[str] = []
+    for path in paths:
+        for table in tables_in(path):
+            check()
+            clock = clock_of(table)
+            proposals = streams_among(table, None if clock is None else clock.column)
+            if clock is None or not proposals:
+                unread.append(_sentence(path, table, clock, bool(proposals)))
+                continue
+            for proposal in proposals:
+                known_frame(proposal)
+                if proposal.stream in entries:
+                    unread.append(f"{_where(path, table)}: another {proposal.stream}, left out")
+                    continue
+                entries[proposal.stream] = _Entry(proposal, clock)
+    if not entries:
+        raise LogError(
+            paths[0].parent if len(paths) > 1 else paths[0],
+            "holds no stream that we recognise" + "".join(f"; {one}" for one in unread[:3]),
+            "write a log.toml by hand (docs/logs.md)",
+        )
+    made = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    copied: list[Path] = []
+    try:
+        for path in paths:
+            target = folder / path.name
+            if path.resolve() != target.resolve():
+                if target.exists():
+                    raise LogError(target, "is there already", "name a new folder")
+                shutil.copy2(path, target)
+                copied.append(target)
+        return _mended(folder, entries, tuple(unread), platform, name)
+    except BaseException:
+        (folder / "log.toml").unlink(missing_ok=True)
+        for target in copied:
+            target.unlink(missing_ok=True)
+        if made:
+            folder.rmdir()
+        raise
+
+
+def _mended(
+    folder: Path,
+    entries: dict[str, _Entry],
+    unread: tuple[str, ...],
+    platform: Platform | None,
+    name: str | None,
+) -> Imported:
+    """Written, read, and what physics is sure of mended."""
+    recording, advice = _held_against_physics(folder, entries, unread, platform, name)
+    for _ in range(ROUNDS):
+        if not advice.log_toml:
+            break
+        _take(entries, advice)
+        recording, advice = _held_against_physics(folder, entries, unread, platform, name)
+    proposals = tuple(entry.proposal for entry in entries.values())
+    return Imported(folder, recording, proposals, unread, advice)
+
+
+def _held_against_physics(
+    folder: Path,
+    entries: dict[str, _Entry],
+    unread: tuple[str, ...],
+    platform: Platform | None,
+    name: str | None,
+) -> tuple[Recording, ConventionAdvice]:
+    """The log as the entries have it, and what looks misread in it."""
+    write_whole(folder / "log.toml", _log_toml(entries, unread, name))
+    recording = _read(folder, entries, unread, name)
+    try:
+        return recording, convention_advice(recording, platform)
+    except TwinError:  # a log that does not fit the machine: `twin show` says how
+        return recording, ConventionAdvice((), (), "", False)
+
+
+def _read(
+    folder: Path, entries: dict[str, _Entry], unread: tuple[str, ...], name: str | None
+) -> Recording:
+    """The log; without streams whose rows cannot be read, each said."""
+    while True:
+        try:
+            return read_log(folder)
+        except LogError as problem:
+            culprit = next(
+                (
+                    stream
+                    for stream in entries
+                    if f"streams.{stream}" in str(problem) or f"{stream} " in str(problem)
+                ),
+                None,
+            )
+            if culprit is None or len(entries) == 1:
+                raise
+            entries.pop(culprit)
+            sentence = str(problem).replace(f"{folder}/", "")
+            unread = (*unread, f"{culprit} is left out: {sentence}")
+            write_whole(folder / "log.toml", _log_toml(entries, unread, name))
+
+
+def _take(entries: dict[str, _Entry], advice: ConventionAdvice) -> None:
+    """Write what the conventions' search is sure of into the entries."""
+    stream = ""
+    for line in advice.log_toml.splitlines():
+        if line.startswith("[streams."):
+            stream = line.removeprefix("[streams.").rstrip("]")
+        elif stream in entries and not line.startswith("#"):
+            key, _, value = line.partition(" = ")
+            if key == "columns":
+                columns = tuple(part.strip().strip('"') for part in value.strip("[]").split(","))
+                entries[stream].proposal.columns = columns
+            else:
+                entries[stream].proposal.keys[key] = value
+    for finding in advice.findings:
+        if not finding.ambiguous and finding.stream in entries and finding.correction.words:
+            entries[finding.stream].proposal.reasons.append(
+                f"against the others: {finding.sentence}"
+            )
+
+
+def _log_toml(entries: dict[str, _Entry], unread: tuple[str, ...], name: str | None) -> str:
+    return "\n".join(_lines(entries, unread, name)) + "\n"
+
+
+def _lines(entries: dict[str, _Entry], unread: tuple[str, ...], name: str | None) -> Iterator[str]:
+    yield "# Written by `twin import`: what each stream was taken for, and why."
+    if name is not None:
+        yield f"platform = {_quoted(name)}"
+    else:
+        yield '# platform = "..."  # a machine of models/, or the path of yours'
+    for stream, entry in entries.items():
+        proposal, table = entry.proposal, entry.proposal.table
+        yield ""
+        for reason in (*proposal.reasons, entry.clock.reason):
+            yield f"# {reason}"
+        unsure = [*proposal.unsure, *([] if entry.clock.sure else ["the unit of its times"])]
+        for open_question in unsure:
+            yield f"# unsure: {open_question}"
+        yield f"[streams.{stream}]"
+        yield f"file = {_quoted(table.file.path.name)}"
+        for key, value in table.keys.items():
+            yield f"{key} = {_quoted(value)}"
+        keys = entry.clock.keys | proposal.keys
+        yield f"columns = [{', '.join(map(_quoted, proposal.columns))}]"
+        for key, value in keys.items():
+            yield f"{key} = {value}"
+    if unread:
+        yield ""
+        yield "# Not taken:"
+        yield from (f"#   {sentence}" for sentence in unread)
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _where(path: Path, table: DataTable) -> str:
+    part = " ".join(table.keys.values())
+    return f"{path.name}{f' ({part})' if part else ''}"
+
+
+def _sentence(path: Path, table: DataTable, clock: Clock | None, found: bool) -> str:
+    listed = ", ".join(list(table.names)[:8]) + (", ..." if len(table.names) > 8 else "")
+    if found and clock is None:
+        return f"{_where(path, table)}: no column of times, and no rate: add `rate`"
+    return f"{_where(path, table)}: no stream among {listed}"

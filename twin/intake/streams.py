@@ -1,0 +1,338 @@
+"""Which streams a table holds: groups of columns by their names, their kind by name and content."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import UnknownName
+from twin.intake.tables import DataTable
+from twin.recording.column_names import stated_unit
+from twin.signals import STREAMS
+from twin.units import STANDARD_GRAVITY, unit_named
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Proposal:
+    """A stream of a log, as log.toml would have it, and why."""
+
+    stream: str
+    table: DataTable
+    columns: tuple[str, ...]
+    """With a minus before those that are turned about."""
+    keys: dict[str, str] = field(default_factory=dict[str, str])
+    """Further keys of log.toml, each a TOML value."""
+    reasons: list[str] = field(default_factory=list[str])
+    unsure: list[str] = field(default_factory=list[str])
+    """What a person should look at."""
+
+
+_KINDS = (
+    (
+        "wheel_speed",
+        r"(wheel|rotor|rw|motor)\w*[ _.]*(speed|rate|vel|rpm|omega)|^rpm|(^|[._])rw\d*$",
+    ),
+    ("command_wheel_torque", r"(wheel|rw)\w*[ _.]*(cmd|command|torque)|(cmd|command)\w*(wheel|rw)"),
+    ("stage_position", r"(stage|mass|slider|carriage)\w*[ _.]*(pos|position)"),
+    (
+        "gyro",
+        r"gyr|ang(ular)?[ _.]*(vel|rate)|rot\w*[ _.]*(rate|vel)"
+        r"|(^|[._])(omega|w|rate|rates|g|xyz)$",
+    ),
+    ("accelerometer", r"acc|specific[ _.]*force|(^|[._])a$"),
+    ("magnetometer", r"mag|(^|[._])(m|b)$"),
+    ("attitude", r"quat|orient|attitude|(^|[._ ])(q|rot|mat|r|euler|pose|rotation)$|^$"),
+    ("velocity", r"(lin(ear)?[ _.]*)?vel|(^|[._])v$"),
+    ("position", r"pos|transl|(^|[._ ])(t|p|xyz)$|origin|^$"),
+)
+"""Stream -> what the common part of its columns' names is like, the surest first."""
+_SKIPPED = r"free[ _.]?acc|dv|dq|delta|covariance|residual|error|std|target|reference|setpoint|raw"
+"""Names that look like a sensor's and are none."""
+
+_AXES = ("x", "y", "z")
+_LETTERS = {
+    "w": "gyro",
+    "g": "gyro",
+    "a": "accelerometer",
+    "m": "magnetometer",
+    "b": "magnetometer",
+}
+_ANGLES = {
+    "yaw": ("yaw", "heading", "psi"),
+    "pitch": ("pitch", "theta"),
+    "roll": ("roll", "phi"),
+}
+
+
+def streams_among(table: DataTable, clock: str | None) -> list[Proposal]:
+    """The streams in a table.
+
+    Args:
+        table: whose columns.
+        clock: the column of its times, which is none of them.
+    """
+    names = [name for name in table.names if name != clock and name not in table.file.clocks]
+    found: dict[str, Proposal] = {}
+    for proposal in (
+        *_quaternions(table, names),
+        *_matrices(table, names),
+        *_angles(table, names),
+        *_triads(table, names),
+        *_parts(table, names),
+    ):
+        found.setdefault(proposal.stream, proposal)
+    return list(found.values())
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", name).strip()
+
+
+def _groups(names: Sequence[str], endings: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Stem and columns of each group whose names end so: gyro_x, gyro_y, gyro_z; wx, wy, wz."""
+    stems: dict[str, dict[str, str]] = {}
+    for name in names:
+        plain = _plain(name)
+        for ending in endings:
+            stem = _stem(plain, ending)
+            if stem is not None:
+                stems.setdefault(stem.lower(), {}).setdefault(ending, name)
+    for stem, columns in stems.items():
+        if len(columns) == len(endings):
+            yield stem, tuple(columns[ending] for ending in endings)
+
+
+def _stem(name: str, ending: str) -> str | None:
+    """What stands before an ending that is a part of its own; None where the name has it not."""
+    if not name.lower().endswith(ending):
+        return None
+    stem = name[: len(name) - len(ending)]
+    separated = not stem or not stem[-1].isalnum()
+    lettered = len(stem) == 1 or stem[-1:].islower() != name[-len(ending) :].islower()
+    short = len(stem) <= 5 and ending.isalpha()
+    if separated or lettered or short or ending.isdigit():
+        return stem.rstrip(" _.-[(")
+    return None
+
+
+def _quaternions(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
+    named = "by the names of its parts"
+    for endings, how in (
+        (("w", *_AXES), named),
+        (("r", "i", "j", "k"), named),
+        (("s", *_AXES), named),
+        (("0", "1", "2", "3"), ""),
+        (("1", "2", "3", "4"), ""),
+    ):
+        for stem, columns in _groups(names, endings):
+            values = table.columns(columns)
+            if values is None:
+                continue
+            length = np.linalg.norm(values, axis=1)
+            length = length[length > 0.0]
+            if not len(length) or np.median(np.abs(length - 1.0)) > 0.02:
+                continue
+            if re.search(_SKIPPED, stem):
+                continue
+            reason = f"{', '.join(columns)}: of unit length, so a quaternion"
+            unsure: list[str] = []
+            ordered = columns
+            if how:
+                reason += f", {how}"
+            else:
+                first, last = np.abs(values[:, 0]).mean(), np.abs(values[:, 3]).mean()
+                reason += ", its scalar first"
+                if last > first and not table.type and "q0" not in "".join(columns).lower():
+                    ordered = (columns[3], *columns[:3])
+                    reason = reason.replace("first", "last, which is the larger")
+                    unsure.append("whether the scalar stands first or last")
+            yield Proposal("attitude", table, ordered, {}, [reason], unsure)
+
+
+def _matrices(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
+    """Nine numbers whose rows are square to each other."""
+    stems: dict[str, list[tuple[str, str]]] = {}
+    for name in names:
+        found = re.match(r"(.*?)[ _.]*((?:\[\d\])+|\d\d|\d)$", name)
+        if found:
+            stems.setdefault(found[1].lower(), []).append((found[2], name))
+    for columns in stems.values():
+        if len(columns) != 9:
+            continue
+        listed = tuple(name for _, name in columns)
+        values = table.columns(listed)
+        if values is None:
+            continue
+        matrix = values.reshape(-1, 3, 3)
+        off = np.abs(matrix @ matrix.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+        if np.median(off) > 0.02:
+            continue
+        marks = [re.findall(r"\d", mark) for mark, _ in columns]
+        places = {(m[0], m[1]): name for m, name in zip(marks, listed, strict=True) if len(m) == 2}
+        if len(places) == 9:
+            rows = sorted({row for row, _ in places})
+            ordered = tuple(places[row, column] for row in rows for column in rows)
+            reason, unsure = "nine entries of a rotation, by their rows and columns", list[str]()
+        else:
+            # Qualisys writes a matrix column by column
+            ordered = tuple(listed[3 * column + row] for row in range(3) for column in range(3))
+            reason = "nine entries of a rotation, numbered column by column"
+            unsure = [
+                "whether the matrix is numbered by columns or by rows (then the body turns back)"
+            ]
+        yield Proposal("attitude", table, ordered, {"format": '"matrix"'}, [reason], unsure)
+
+
+def _angles(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
+    """Yaw, pitch and roll, or a rotation vector."""
+    plain = {_plain(name).lower(): name for name in names}
+    yaws = [(text, word) for text in plain for word in _ANGLES["yaw"] if text.endswith(word)]
+    for text, word in yaws:
+        stem = text.removesuffix(word)
+        parts = [[plain.get(f"{stem}{one}") for one in words] for words in _ANGLES.values()]
+        found = [next((name for name in part if name), None) for part in parts]
+        columns = tuple(name for name in found if name)
+        values = table.columns(columns) if len(columns) == 3 else None
+        if values is None or re.search(_SKIPPED, stem):
+            continue
+        proposal = Proposal("attitude", table, columns, {"format": '"euler_zyx"'})
+        proposal.reasons.append(f"{', '.join(columns)}: Euler angles")
+        _unit(proposal, values, (("deg", 6.5), ("rad", 0.0)))
+        proposal.unsure.append("the order in which the angles turn, and their signs")
+        yield proposal
+    for _, columns in _groups(names, ("rx", "ry", "rz")):
+        values = table.columns(columns)
+        if values is None:
+            continue
+        proposal = Proposal("attitude", table, columns, {"format": '"rotation_vector"'})
+        proposal.reasons.append("RX, RY, RZ: a rotation vector, as Vicon exports it")
+        _unit(proposal, values, (("deg", 6.5), ("rad", 0.0)))
+        yield proposal
+
+
+def _triads(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
+    groups = [
+        *_groups(names, _AXES),
+        *_groups(names, ("0", "1", "2")),
+        *_groups(names, ("1", "2", "3")),
+    ]
+    for stem, columns in groups:
+        values = table.columns(columns)
+        if values is None or re.search(_SKIPPED, stem):
+            continue
+        kind = _LETTERS.get(stem) or _kind(stem)
+        text = next((t for name in columns if (t := table.unit(name) or stated_unit(name))), "")
+        kind = _kind_of_unit(kind, text)
+        if kind not in STREAMS or STREAMS[kind].columns != _AXES:
+            continue
+        proposal = Proposal(kind, table, columns)
+        proposal.reasons.append(f"{', '.join(columns)}: named as a {kind}")
+        length = float(np.median(np.linalg.norm(values, axis=1)))
+        if kind == "accelerometer":
+            _unit_by_length(
+                proposal, length, (("m/s^2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1e3))
+            )
+        elif kind == "magnetometer":
+            _unit_by_length(
+                proposal,
+                length,
+                (("T", 5e-5), ("uT", 50.0), ("G", 0.5), ("mG", 500.0), ("nT", 5e4)),
+                off=1.0,
+            )
+        elif kind == "gyro":
+            peak = float(np.abs(values).max())
+            _unit(proposal, values, (("deg/s", 35.0), ("rad/s", 0.0)))
+            if "unit" not in proposal.keys and not text and peak > 3.0:
+                proposal.unsure.append("whether the rates are in rad/s")
+        else:
+            _unit(proposal, values, (("mm", 20.0), ("m", 0.0)))
+        yield proposal
+
+
+def _parts(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
+    """Streams with one column a part of the machine: wheels, stages."""
+    for kind in ("wheel_speed", "command_wheel_torque", "stage_position"):
+        pattern = next(p for name, p in _KINDS if name == kind)
+        columns = tuple(
+            name
+            for name in names
+            if re.search(pattern, _plain(name), re.IGNORECASE)
+            and re.search(r"\d|[xyz]$|left|right", _plain(name), re.IGNORECASE)
+            and not re.search(_SKIPPED, name, re.IGNORECASE)
+        )
+        values = table.columns(columns) if columns else None
+        if values is None:
+            continue
+        proposal = Proposal(kind, table, columns)
+        proposal.reasons.append(f"{', '.join(columns)}: named as {kind}")
+        sizes = {"wheel_speed": (("rad/s", 0.0),), "stage_position": (("mm", 1.0), ("m", 0.0))}
+        if kind == "wheel_speed" and any("rpm" in name.lower() for name in columns):
+            sizes["wheel_speed"] = (("rpm", 0.0),)
+        _unit(proposal, values, sizes.get(kind, (("N m", 0.0),)))
+        proposal.unsure.append("the order of the machine's parts")
+        yield proposal
+
+
+def _kind(stem: str) -> str:
+    """The stream whose columns have such a name in common; empty for none."""
+    kinds = (kind for kind, pattern in _KINDS if re.search(pattern, stem, re.IGNORECASE))
+    return next(kinds, "") if stem else ""
+
+
+def _kind_of_unit(kind: str, text: str) -> str:
+    """What a stated unit says of a kind: accelerations are no angular rates."""
+    try:
+        si = unit_named(text).si if text else ""
+    except UnknownName:
+        si = ""
+    by_unit = {"rad/s": "gyro", "m/s^2": "accelerometer", "T": "magnetometer", "m": "position"}
+    if si in by_unit and (not kind or (kind in STREAMS and STREAMS[kind].unit != si)):
+        return by_unit[si]
+    return kind
+
+
+def _unit(proposal: Proposal, values: Array, sizes: Sequence[tuple[str, float]]) -> None:
+    """The unit that stands by a column, or the one that its largest value is possible in."""
+    if _stated(proposal):
+        return
+    largest = float(np.abs(values).max())
+    unit = next(unit for unit, least in sizes if largest >= least)
+    if unit_named(unit).factor != 1.0:
+        proposal.keys["unit"] = f'"{unit}"'
+        proposal.reasons.append(f"up to {largest:.3g}: in {unit}")
+
+
+def _unit_by_length(
+    proposal: Proposal, length: float, sizes: Sequence[tuple[str, float]], off: float = 0.4
+) -> None:
+    """The unit in which a vector has the length that it must have."""
+    if _stated(proposal) or length <= 0.0:
+        return
+    near = [(unit, abs(np.log(length / usual))) for unit, usual in sizes]
+    unit, distance = min(near, key=lambda one: one[1])
+    if distance > off:
+        proposal.unsure.append(f"its unit: it is {length:.3g} long")
+    elif unit_named(unit).factor != 1.0:
+        proposal.keys["unit"] = f'"{unit}"'
+        proposal.reasons.append(f"{length:.3g} long: in {unit}")
+
+
+def _stated(proposal: Proposal) -> bool:
+    """Whether the file states the unit, which is then taken over."""
+    texts = [proposal.table.unit(name) or stated_unit(name) for name in proposal.columns]
+    text = next((text for text in texts if text), "")
+    if not text:
+        return False
+    try:
+        unit = unit_named(text)
+    except UnknownName:
+        proposal.unsure.append(f"its unit, which the file calls {text!r}")
+        return False
+    if unit.factor != 1.0 or unit.offset:
+        proposal.keys["unit"] = f'"{text}"'
+    proposal.reasons.append(f"in {text}, by the file")
+    return True

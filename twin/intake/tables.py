@@ -1,0 +1,136 @@
+"""The tables in a file: named columns on one clock, whatever the format."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import LogError
+from twin.recording.column_names import is_clock
+from twin.recording.formats import ARRAYS, TEXTS, TOPICS, NumberFile, OpenFiles
+
+Array = NDArray[np.float64]
+
+LOOKED_AT = 2000
+"""Rows from which a column's kind is judged: enough for its size, its steps and its sign."""
+
+
+@dataclass
+class DataTable:
+    """Columns that share their rows."""
+
+    file: NumberFile
+    keys: Mapping[str, str]
+    """What log.toml says of where the table is: `variable` or `topic`."""
+    names: Sequence[str]
+    """Of its columns, as log.toml names them."""
+    preamble: Sequence[str] = ()
+    """Lines of text above it."""
+    type: str = ""
+    """Of its messages."""
+    _seen: dict[str, Array | None] | None = None
+
+    def column(self, name: str) -> Array | None:
+        """The first rows of a column; None where it holds no numbers."""
+        if self._seen is None:
+            self._seen = self._look()
+        return self._seen.get(name)
+
+    def _look(self) -> dict[str, Array | None]:
+        file = self.file.beginning()
+        try:
+            together = file.numbers(self.names)
+        except LogError:  # text among them, or columns of several lengths
+            return {name: _some(_whole(file, name)) for name in self.names}
+        return {name: _some(column) for name, column in zip(self.names, together.T, strict=True)}
+
+    def columns(self, names: Sequence[str]) -> Array | None:
+        """The first rows of some columns (m, k), those that are whole; None without any."""
+        found = [self.column(name) for name in names]
+        if any(one is None for one in found):
+            return None
+        stacked = np.stack([one for one in found if one is not None], axis=-1)
+        whole = stacked[np.isfinite(stacked).all(axis=1)]
+        return whole if len(whole) > 1 else None
+
+    def unit(self, name: str) -> str:
+        """The unit's text that the file states beside a column's name."""
+        return self.file.units.get(name, "").strip("[]() ")
+
+
+def _some(values: Array | None) -> Array | None:
+    if values is None or not np.isfinite(values).any():
+        return None
+    return values[:LOOKED_AT]
+
+
+def tables_in(path: Path) -> Iterator[DataTable]:
+    """All tables of a file.
+
+    Raises:
+        LogError: it cannot be read.
+    """
+    ending = path.suffix.lower()
+    files = OpenFiles()
+    if ending in TOPICS:
+        yield from _topics(path, files)
+    elif ending in ARRAYS and ending != ".xlsx":
+        yield from _arrays(files.open(path, unit=""))
+    elif ending in TEXTS:
+        yield from _texts(path, files)
+    else:
+        file = files.open(path, unit="")
+        yield DataTable(file, {}, file.header)
+
+
+def _texts(path: Path, files: OpenFiles) -> Iterator[DataTable]:
+    from twin.recording.formats.text_file import TextFile
+
+    file = files.open(path, unit="")
+    assert isinstance(file, TextFile)
+    titles = file.titles()
+    if len(titles) < 2:
+        yield DataTable(file, {}, file.header, file.preamble)
+    for title in titles if len(titles) > 1 else ():
+        part = files.open(path, unit="", variable=title)
+        assert isinstance(part, TextFile)
+        yield DataTable(part, {"variable": title}, part.header, part.preamble)
+
+
+def _arrays(file: NumberFile) -> Iterator[DataTable]:
+    """Of each group those columns that are as long as its clock, or as most of them."""
+    groups: dict[str, list[str]] = {}
+    for name in file.header:
+        stem = re.sub(r"\.\d+$", "", name)
+        groups.setdefault(stem.rpartition(".")[0], []).append(name)
+    for names in groups.values():
+        lengths = {
+            name: len(column) for name in names if (column := _whole(file, name)) is not None
+        }
+        if not lengths:
+            continue
+        clocks = [name for name in lengths if is_clock(name.rpartition(".")[2])]
+        counts = list(lengths.values())
+        usual = lengths[clocks[0]] if clocks else max(counts, key=counts.count)
+        yield DataTable(file, {}, [name for name, rows in lengths.items() if rows == usual])
+
+
+def _whole(file: NumberFile, name: str) -> Array | None:
+    try:
+        return file.numbers((name,))[:, 0]
+    except LogError:
+        return None
+
+
+def _topics(path: Path, files: OpenFiles) -> Iterator[DataTable]:
+    from twin.recording.formats.find import topics_of
+
+    for name, kind in topics_of(path).items():
+        try:
+            file = files.open(path, unit="", topic=name)
+        except LogError:  # no numbers, or no message
+            continue
+        yield DataTable(file, {"topic": name}, file.header, type=kind)

@@ -1,0 +1,88 @@
+"""A LabVIEW file (`.tdms`) with nptdms: channels by group, with the times of their waveforms."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import LogError
+from twin.recording.formats.array_file import Numbers, Variables
+from twin.recording.formats.extras import imported
+
+EPOCH = np.datetime64("1970-01-01T00:00:00", "us")
+
+
+@dataclass(frozen=True)
+class _Channel:
+    """A channel, read when it is asked for."""
+
+    path: Path
+    group: str
+    name: str
+    shape: tuple[int, ...]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[np.generic]:
+        with imported("nptdms", self.path).TdmsFile.open(self.path) as file:
+            values = np.asarray(file[self.group][self.name][:])
+        if values.dtype.kind == "M":
+            values = (values - EPOCH) / np.timedelta64(1, "s")
+        return np.asarray(values, dtype=dtype)
+
+
+@dataclass(frozen=True)
+class _Clock:
+    """Times of a waveform: its start and its interval [s]."""
+
+    start: float
+    interval: float
+    shape: tuple[int, ...]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[np.generic]:
+        times = self.start + self.interval * np.arange(self.shape[0])
+        return np.asarray(times, dtype=dtype)
+
+
+def read_tdms(path: Path) -> Variables:
+    """The channels of a file; no number is read yet.
+
+    Raises:
+        LogError: it is no TDMS file, is damaged, or nptdms is not installed.
+    """
+    nptdms = imported("nptdms", path)
+    arrays: dict[str, Numbers] = {}
+    others: dict[str, str] = {}
+    clocks: list[str] = []
+    units: dict[str, str] = {}
+    try:
+        with nptdms.TdmsFile.open(path) as file:
+            for group in file.groups():
+                for channel in group.channels():
+                    name = f"{group.name}.{channel.name}"
+                    rows, kind = len(channel), channel.dtype.kind
+                    if not rows or kind not in "biufM":
+                        others[name] = "text" if rows else "empty"
+                        continue
+                    clock = f"{group.name}.time"
+                    interval = channel.properties.get("wf_increment")
+                    if interval and clock not in arrays:
+                        arrays[clock] = _Clock(_start(channel.properties), interval, (rows,))
+                        clocks.append(clock)
+                    arrays[name] = _Channel(path, group.name, channel.name, (rows,))
+                    if kind == "M":
+                        clocks.append(name)
+                    units[name] = str(channel.properties.get("unit_string") or "")
+    except Exception as problem:  # on damaged bytes the reader raises what its parts raise
+        text = str(problem).split("\n", 1)[0]
+        raise LogError(path, f"cannot be read as TDMS ({text})", "save it again") from None
+    return Variables(arrays, others, clocks, units)
+
+
+def _start(properties: Any) -> float:
+    """Of a waveform [s]: since 1970 where it is dated."""
+    start = float(properties.get("wf_start_offset") or 0.0)
+    dated = properties.get("wf_start_time")
+    if dated is None:
+        return start
+    return start + float((np.datetime64(dated, "us") - EPOCH) / np.timedelta64(1, "s"))

@@ -1,0 +1,257 @@
+"""How a text file lays out its table: separator, decimal mark, preamble, names, units, first row.
+
+The layout is read from the beginning of the file. Programs write, in this order and each of it or
+not: lines of free text, one or several rows of names (an object's above those of its columns), a
+row of units, rows of numbers. So the first row of numbers is looked for, then what stands above it.
+"""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from twin.errors import UnknownName
+from twin.recording.column_names import is_clock, is_counter
+from twin.units import unit_named
+
+SEPARATORS = (",", ";", "\t", " ")
+"""Of columns; a space stands for any number of spaces and tabs."""
+
+BLANKS = (
+    "",
+    " ",
+    "nan",
+    "NaN",
+    "NAN",
+    "-nan",
+    "NA",
+    "N/A",
+    "null",
+    "NULL",
+    "-nan(ind)",
+    "nan(ind)",
+)
+"""How programs write that there is no number."""
+
+COMMENTS = ("#", "%", "//")
+"""Marks of a line of free text."""
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|[+-]?inf(inity)?$", re.IGNORECASE)
+_DATE = re.compile(
+    r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?)?$"
+    r"|\d{1,2}:\d\d:\d\d([.,]\d+)?$"
+)
+_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?$")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d*)?$")
+_IDENTIFIER = re.compile(r"[0-9A-F:-]{8,}$", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the table of a text file is, and how its rows are written."""
+
+    separator: str
+    """One of SEPARATORS."""
+    names: tuple[str, ...]
+    """Of the columns, each once; numbered from 1 where the file has none."""
+    units: tuple[str, ...]
+    """The text of a row of units; empty where there is none for a column."""
+    empty: tuple[str, ...]
+    """Columns without a name or a cell: their separators end the rows."""
+    dates: tuple[str, ...]
+    """Columns whose first cell is a date or a time of day."""
+    named: bool
+    """Whether the file has names."""
+    names_line: int
+    """Where they are (from 1); without names, the line of the first row."""
+    first_line: int
+    """Of the rows (from 1)."""
+    preamble: tuple[str, ...]
+    """Lines above all that, without blank ones."""
+    repeated: tuple[str, ...]
+    """Names that stand above several columns, which are numbered: `x.1`, `x.2`."""
+
+
+def layout_of(lines: Sequence[str], above: int = 0) -> Layout:
+    """The layout of a table that begins with these lines.
+
+    Args:
+        lines: at least to the first rows; as many as are at hand make it surer.
+        above: lines of the file that stand before.
+    """
+    separator = _separator(lines)
+    rows = [split(line, separator) for line in lines]
+    width, numeric = _width(rows, separator)
+    first = next((i for i, row in enumerate(rows) if _is_row(row, width, numeric, separator)), None)
+    if first is None:  # names at most
+        first = next((i for i, row in enumerate(rows) if any(row)), 0) + 1
+        width = len(rows[first - 1]) if rows else 0
+    top = first
+    while top > 0 and _is_heading(rows[top - 1], width):
+        top -= 1
+    heading = [_of_width(row, width) for row in rows[top:first]]
+    if not heading and first > 0 and _could_name(rows[first - 1]):
+        top, heading = first - 1, [rows[first - 1]]  # of another width: the rows will say so
+    units = heading.pop() if len(heading) > 1 and _are_units(heading[-1]) else []
+    names = _joined(heading) if heading else tuple(str(i) for i in range(1, width + 1))
+    names, repeated = _numbered(names)
+    cells = rows[first] if first < len(rows) else []
+    empty = [not any(row[i : i + 1] and row[i] for row in rows[top:]) for i in range(len(names))]
+    return Layout(
+        separator=separator,
+        names=names,
+        units=tuple(units) or ("",) * len(names),
+        empty=tuple(name for name, none in zip(names, empty, strict=True) if none),
+        dates=tuple(n for n, cell in zip(names, cells, strict=False) if is_date(cell)),
+        named=bool(heading),
+        names_line=above + (first if heading else first + 1) - (1 if units else 0),
+        first_line=above + first + 1,
+        preamble=tuple(line for line in lines[:top] if line.strip()),
+        repeated=repeated,
+    )
+
+
+def split(line: str, separator: str) -> list[str]:
+    """The cells of a line, without the spaces round them; empty of a blank line."""
+    if not line.strip():
+        return []
+    if separator == " ":
+        return line.split()
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+    except csv.Error:
+        return [line]
+
+
+def is_finite(text: str) -> bool:
+    """Whether a text is a finite number."""
+    return _NUMBER.match(text) is not None and "inf" not in text.lower()
+
+
+def is_number(text: str, separator: str = ",") -> bool:
+    """Whether a cell is a number, or says that there is none; with a decimal comma where commas
+    separate no columns."""
+    text = text.strip()
+    if text in BLANKS or _NUMBER.match(text):
+        return True
+    return separator != "," and bool(_COMMA.match(text) or _THOUSANDS.match(text))
+
+
+def is_date(text: str) -> bool:
+    """Whether a cell is an ISO 8601 date with or without a time, or a time of day."""
+    return _DATE.match(text.strip()) is not None
+
+
+def _separator(lines: Sequence[str]) -> str:
+    """The one that splits most lines into most numbers."""
+
+    def numbers(separator: str) -> tuple[int, int]:
+        rows = [split(line, separator) for line in lines]
+        widths = Counter(len(row) for row in rows if len(row) > 1)
+        counts = Counter[int]()
+        for row in rows:
+            counts[len(row)] += sum(_is_value(cell, separator) for cell in row)
+        return max((counts[width] for width in widths), default=0), 0
+
+    best = max(SEPARATORS, key=numbers)
+    if numbers(best)[0]:
+        return best
+    text = next((line for line in lines if line.strip()), "")
+    most = max(SEPARATORS[:3], key=text.count)
+    return most if text.count(most) else ","
+
+
+def _is_value(cell: str, separator: str) -> bool:
+    return cell not in BLANKS and (is_number(cell, separator) or is_date(cell))
+
+
+def _width(rows: Sequence[Sequence[str]], separator: str) -> tuple[int, tuple[bool, ...]]:
+    """Cells of a usual row, and which of them are numbers, as a rule."""
+    widths = Counter[int]()
+    for row in rows:
+        if any(_is_value(cell, separator) for cell in row):
+            widths[len(row)] += sum(_is_value(cell, separator) for cell in row)
+    if not widths:
+        return 0, ()
+    width = max(widths, key=lambda one: widths[one])
+    usual = [row for row in rows if len(row) == width]
+    counts = [
+        sum(is_number(row[i], separator) or is_date(row[i]) for row in usual) for i in range(width)
+    ]
+    return width, tuple(2 * count > len(usual) for count in counts)
+
+
+def _is_row(row: Sequence[str], width: int, numeric: Sequence[bool], separator: str) -> bool:
+    if len(row) != width or not any(_is_value(cell, separator) for cell in row):
+        return False
+    kinds = [is_number(cell, separator) or is_date(cell) for cell in row]
+    return all(kind for kind, usual in zip(kinds, numeric, strict=True) if usual)
+
+
+def _is_heading(row: Sequence[str], width: int) -> bool:
+    """Whether a line has a name, an object or a unit for each column."""
+    if not any(row):
+        return False
+    short = len(row) == width - 1 and width > 2
+    return len(row) == width or short or (len(row) == width + 1 and not row[-1])
+
+
+def _could_name(row: Sequence[str]) -> bool:
+    return len(row) > 1 and not row[0].startswith(COMMENTS) and not all(map(is_finite, row))
+
+
+def _of_width(row: Sequence[str], width: int) -> list[str]:
+    """With as many cells as the rows have: a separator at a line's end ends no column."""
+    return [*row, ""][:width] if len(row) < width else list(row[:width])
+
+
+def _are_units(row: Sequence[str]) -> bool:
+    texts = [cell.strip("[]() ") for cell in row if cell]
+    return bool(texts) and all(_is_unit(text) for text in texts if text)
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        unit_named(text)
+    except UnknownName:
+        return False
+    return True
+
+
+def _joined(heading: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """One name a column: the last row's, after those of the objects above it."""
+    *above, last = [list(row) for row in heading]
+    last[0] = _without_mark(last[0])
+    single = [is_clock(name) or is_counter(name) for name in last]
+    levels: list[list[str]] = []
+    for row in above:
+        filled, current = list[str](), ""
+        for cell, alone in zip(row, single, strict=True):
+            current = "" if alone else cell or current
+            filled.append(current)
+        inside = {cell for cell in filled if cell}
+        # what stands above all columns tells none from another, and nobody knows a serial number
+        if len(inside) > 1 and not all(map(_IDENTIFIER.match, inside)):
+            levels.append(filled)
+    parts = zip(*levels, last, strict=True)
+    return tuple(".".join(cell for cell in column if cell) for column in parts)
+
+
+def _without_mark(name: str) -> str:
+    for mark in COMMENTS:
+        if name.startswith(mark):
+            return name[len(mark) :].strip()
+    return name
+
+
+def _numbered(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Each name once, and those that were there several times."""
+    counts = Counter(names)
+    seen = Counter[str]()
+    unique: list[str] = []
+    for place, name in enumerate(names, 1):
+        seen[name] += 1
+        one = f"{name}.{seen[name]}" if counts[name] > 1 and name else name
+        unique.append(one if name or counts[name] == 1 else f"column {place}")
+    return tuple(unique), tuple(name for name, count in counts.items() if count > 1 and name)
