@@ -23,6 +23,8 @@ class Import:
     the folder of the log, new or that of the files."""
     platform: str | None = None
     """The machine: one of models/, or the path of a platform folder."""
+    rate: float | None = None
+    """Of tables without times [Hz]."""
     json: bool = False
     """Print one JSON document instead of text: that of `twin show`, and what was unsure."""
 
@@ -32,6 +34,8 @@ class Import:
 
         if len(self.paths) < 2:
             raise UsageError("`twin import` needs files and the folder of the log: FILE OUT")
+        if self.rate is not None and not 0.0 < self.rate < float("inf"):
+            raise UsageError(f"--rate is {self.rate:g} Hz; it must be above 0")
 
         from twin.cli.output import print_json
         from twin.cli.show import platform_of_log
@@ -45,7 +49,7 @@ class Import:
         name = self.platform
         if name is not None and Path(name).exists():
             name = str(Path(name).resolve())
-        done = import_files(files, folder, platform, name)
+        done = import_files(files, folder, platform, name, self.rate)
         unsure = [(one.stream, question) for one in done.proposals for question in one.unsure]
         recording = open_log(folder)
         contents = contents_of(str(folder), recording, *platform_of_log(recording))

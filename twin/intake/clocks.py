@@ -12,8 +12,9 @@ from twin.recording.column_names import is_clock, is_counter, names_a_clock, sta
 from twin.units import unit_named
 
 _RATES = (
-    r"(?:update|sample|sampling|output|capture|export|frame)[ _]*(?:frame[ _]*)?rate\W*([\d.]+)",
-    r"^frequency\W*([\d.]+)",
+    r"(?:update|sampl\w*|output|capture|export|frame|actual)[ _]*(?:frame[ _]*)?rate\W*([\d.]+)",
+    r"^(?:sampl\w*[ _]*)?freq\w*\W*([\d.]+)",
+    r"^fs\W*([\d.]+)",
     r"^([\d.]+)$",
 )
 """How preambles state a rate, the surest first; Vicon's is a number alone on its line."""
@@ -32,21 +33,29 @@ class Clock:
     sure: bool = True
 
 
-def clock_of(table: DataTable) -> Clock | None:
-    """The clock of a table; None where nothing tells when its rows were."""
+def clock_of(table: DataTable, rate: float | None) -> Clock | None:
+    """The clock of a table; None where nothing tells when its rows were.
+
+    Args:
+        table: whose rows.
+        rate: of tables without times, as the lab says [Hz].
+    """
     if table.file.clocks:
-        clock = table.file.time if table.file.time in table.names else table.file.clocks[0]
-        keys = {} if clock == table.file.time else {"time": _quoted(clock)}
+        first = table.file.time
+        clock = first if first in table.file.clocks else table.file.clocks[0]
+        keys = {} if clock == first else {"time": _quoted(clock)}
         return Clock(keys, f"{clock} is a time by its type", clock)
     for test in (is_clock, names_a_clock):
         for name in table.names:
             if test(name.rpartition(".")[2]) and (found := _timed(table, name)) is not None:
                 return found
-    rate = _rate_in(table.preamble)
+    reason = "stated"
+    if rate is None:
+        rate, reason = _rate_in(table.preamble), "by the lines beside the table"
     counter = next((name for name in table.names if is_counter(name.rpartition(".")[2])), None)
     if rate is not None:
         keys = {"rate": f"{rate:g}"}
-        reason = f"{rate:g} Hz by the lines above the table"
+        reason = f"{rate:g} Hz, {reason}"
         if counter is not None and _counts(table, counter):
             return Clock(
                 {"time": _quoted(counter), **keys}, f"{reason}, counted by {counter}", counter

@@ -41,7 +41,11 @@ class _Entry:
 
 
 def import_files(
-    paths: Sequence[Path], folder: Path, platform: Platform | None, name: str | None
+    paths: Sequence[Path],
+    folder: Path,
+    platform: Platform | None,
+    name: str | None,
+    rate: float | None = None,
 ) -> Imported:
     """Look at files, write a log.toml beside copies of them, and read it.
 
@@ -50,6 +54,7 @@ def import_files(
         folder: of the log; made, and without a log.toml.
         platform: the machine, against whose wheels and rates the log is held.
         name: of the machine, as log.toml names it.
+        rate: of tables without times [Hz].
 
     Raises:
         LogError: a file cannot be read, or nothing in any is a stream that we know.
@@ -67,8 +72,9 @@ def import_files(
     for path in paths:
         for table in tables_in(path):
             check()
-            clock = clock_of(table)
-            proposals = streams_among(table, None if clock is None else clock.column)
+            clock = clock_of(table, rate)
+            column = None if clock is None else clock.column
+            proposals = streams_among(table, column, platform)
             if clock is None or not proposals:
                 unread.append(_sentence(path, table, clock, bool(proposals)))
                 continue
@@ -227,5 +233,5 @@ def _where(path: Path, table: DataTable) -> str:
 def _sentence(path: Path, table: DataTable, clock: Clock | None, found: bool) -> str:
     listed = ", ".join(list(table.names)[:8]) + (", ..." if len(table.names) > 8 else "")
     if found and clock is None:
-        return f"{_where(path, table)}: no column of times, and no rate: add `rate`"
+        return f"{_where(path, table)}: no column of times, and no rate: state it by --rate"
     return f"{_where(path, table)}: no stream among {listed}"

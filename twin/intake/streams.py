@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from twin.errors import UnknownName
 from twin.intake.tables import DataTable
+from twin.platform import Platform
 from twin.recording.column_names import stated_unit
 from twin.signals import STREAMS
 from twin.units import STANDARD_GRAVITY, unit_named
@@ -40,13 +41,13 @@ _KINDS = (
     ("stage_position", r"(stage|mass|slider|carriage)\w*[ _.]*(pos|position)"),
     (
         "gyro",
-        r"gyr|ang(ular)?[ _.]*(vel|rate)|rot\w*[ _.]*(rate|vel)"
+        r"gyr|ang(ular)?[ _.]*(vel|rate)|angular$|rot\w*[ _.]*(rate|vel)"
         r"|(^|[._])(omega|w|rate|rates|g|xyz)$",
     ),
     ("accelerometer", r"acc|specific[ _.]*force|(^|[._])a$"),
     ("magnetometer", r"mag|(^|[._])(m|b)$"),
     ("attitude", r"quat|orient|attitude|(^|[._ ])(q|rot|mat|r|euler|pose|rotation)$|^$"),
-    ("velocity", r"(lin(ear)?[ _.]*)?vel|(^|[._])v$"),
+    ("velocity", r"(lin(ear)?[ _.]*)?vel|twist\.linear$|(^|[._])v$"),
     ("position", r"pos|transl|(^|[._ ])(t|p|xyz)$|origin|^$"),
 )
 """Stream -> what the common part of its columns' names is like, the surest first."""
@@ -68,12 +69,15 @@ _ANGLES = {
 }
 
 
-def streams_among(table: DataTable, clock: str | None) -> list[Proposal]:
+def streams_among(
+    table: DataTable, clock: str | None, platform: Platform | None = None
+) -> list[Proposal]:
     """The streams in a table.
 
     Args:
         table: whose columns.
         clock: the column of its times, which is none of them.
+        platform: the machine; that of a hinge has an angle, a rate and a torque.
     """
     names = [name for name in table.names if name != clock and name not in table.file.clocks]
     found: dict[str, Proposal] = {}
@@ -83,6 +87,7 @@ def streams_among(table: DataTable, clock: str | None) -> list[Proposal]:
         *_angles(table, names),
         *_triads(table, names),
         *_parts(table, names),
+        *(_of_hinge(table, names) if platform is not None and _hinged(platform) else ()),
     ):
         found.setdefault(proposal.stream, proposal)
     return list(found.values())
@@ -224,13 +229,15 @@ def _triads(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
         values = table.columns(columns)
         if values is None or re.search(_SKIPPED, stem):
             continue
-        kind = _LETTERS.get(stem) or _kind(stem)
+        kind = _LETTERS.get(stem) or _kind(stem) or _kind(table.keys.get("topic", ""))
+        if not kind and table.preamble and stem:  # motion capture names them after the body
+            kind = "position"
         text = next((t for name in columns if (t := table.unit(name) or stated_unit(name))), "")
         kind = _kind_of_unit(kind, text)
         if kind not in STREAMS or STREAMS[kind].columns != _AXES:
             continue
         proposal = Proposal(kind, table, columns)
-        proposal.reasons.append(f"{', '.join(columns)}: named as a {kind}")
+        proposal.reasons.append(f"{', '.join(columns)}: named as {kind}")
         length = float(np.median(np.linalg.norm(values, axis=1)))
         if kind == "accelerometer":
             _unit_by_length(
@@ -244,10 +251,9 @@ def _triads(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
                 off=1.0,
             )
         elif kind == "gyro":
-            peak = float(np.abs(values).max())
             _unit(proposal, values, (("deg/s", 35.0), ("rad/s", 0.0)))
-            if "unit" not in proposal.keys and not text and peak > 3.0:
-                proposal.unsure.append("whether the rates are in rad/s")
+            if not text:
+                proposal.unsure.append("its unit, which is by its size alone")
         else:
             _unit(proposal, values, (("mm", 20.0), ("m", 0.0)))
         yield proposal
@@ -274,6 +280,33 @@ def _parts(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
             sizes["wheel_speed"] = (("rpm", 0.0),)
         _unit(proposal, values, sizes.get(kind, (("N m", 0.0),)))
         proposal.unsure.append("the order of the machine's parts")
+        yield proposal
+
+
+_HINGE = (
+    ("joint_angle", r"angle|pos(ition)?$|theta|phi$", (("deg", 6.5), ("rad", 0.0))),
+    ("joint_rate", r"rate|vel(ocity)?$|speed|omega|gyro", (("rad/s", 0.0),)),
+    ("command_joint_torque", r"torque|tau|effort", (("N m", 0.0),)),
+)
+"""Stream of a hinge -> what its column is called, and units by size."""
+
+
+def _hinged(platform: Platform) -> bool:
+    return platform.base.kind == "hinge"
+
+
+def _of_hinge(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
+    for kind, pattern, sizes in _HINGE:
+        named = [name for name in names if re.search(pattern, _plain(name), re.IGNORECASE)]
+        good = [name for name in named if not re.search(_SKIPPED, name, re.IGNORECASE)]
+        values = table.columns(good[:1]) if good else None
+        if values is None:
+            continue
+        proposal = Proposal(kind, table, (good[0],))
+        proposal.reasons.append(f"{good[0]}: named as {kind}")
+        _unit(proposal, values, sizes)
+        if len(good) > 1:
+            proposal.unsure.append(f"whether it is {good[0]}, or {', '.join(good[1:4])}")
         yield proposal
 
 

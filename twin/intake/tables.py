@@ -101,21 +101,23 @@ def _texts(path: Path, files: OpenFiles) -> Iterator[DataTable]:
 
 
 def _arrays(file: NumberFile) -> Iterator[DataTable]:
-    """Of each group those columns that are as long as its clock, or as most of them."""
+    """Of each group those columns that are as long as its clock, or as the longest of them; numbers
+    that stand alone are said as lines of text: `sampling_rate 100`."""
     groups: dict[str, list[str]] = {}
     for name in file.header:
         stem = re.sub(r"\.\d+$", "", name)
         groups.setdefault(stem.rpartition(".")[0], []).append(name)
+    alone = list[str]()
     for names in groups.values():
-        lengths = {
-            name: len(column) for name in names if (column := _whole(file, name)) is not None
-        }
+        columns = {name: column for name in names if (column := _whole(file, name)) is not None}
+        lengths = {name: len(column) for name, column in columns.items() if len(column) > 1}
+        alone += [f"{name} {column[0]:g}" for name, column in columns.items() if len(column) == 1]
         if not lengths:
             continue
         clocks = [name for name in lengths if is_clock(name.rpartition(".")[2])]
-        counts = list(lengths.values())
-        usual = lengths[clocks[0]] if clocks else max(counts, key=counts.count)
-        yield DataTable(file, {}, [name for name, rows in lengths.items() if rows == usual])
+        usual = lengths[clocks[0]] if clocks else max(lengths.values())
+        whole = [name for name, rows in lengths.items() if rows == usual]
+        yield DataTable(file, {}, whole, alone)
 
 
 def _whole(file: NumberFile, name: str) -> Array | None:

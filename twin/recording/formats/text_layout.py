@@ -193,6 +193,8 @@ def _is_heading(row: Sequence[str], width: int) -> bool:
     """Whether a line has a name, an object or a unit for each column."""
     if not any(row):
         return False
+    if row[0] in COMMENTS:  # a mark before the names, as a cell of its own
+        row = row[1:]
     short = len(row) == width - 1 and width > 2
     return len(row) == width or short or (len(row) == width + 1 and not row[-1])
 
@@ -203,6 +205,8 @@ def _could_name(row: Sequence[str]) -> bool:
 
 def _of_width(row: Sequence[str], width: int) -> list[str]:
     """With as many cells as the rows have: a separator at a line's end ends no column."""
+    if row[0] in COMMENTS and len(row) > width:
+        row = row[1:]
     return [*row, ""][:width] if len(row) < width else list(row[:width])
 
 

@@ -1,0 +1,65 @@
+"""`twin import` opens what each maker's program writes, and gives the values that were true."""
+
+import importlib.util
+import secrets
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin.errors import LogError
+from twin.intake import import_files
+from twin.recording import read_log
+
+
+def _beside(name: str):
+    """A module of this folder; tests are no package."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    sys.modules[name] = module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+makers = _beside("makers")
+OPENED = [maker for maker in makers.MAKERS if not maker.refused]
+REFUSED = [maker for maker in makers.MAKERS if maker.refused]
+
+
+@pytest.fixture(scope="module")
+def motion():
+    seed = secrets.randbits(32)
+    print("seed", seed)
+    return makers.motion(seed)
+
+
+@pytest.mark.parametrize("maker", OPENED, ids=lambda maker: maker.name)
+def test_a_file_is_opened_unedited_and_its_values_are_the_sources(maker, motion, tmp_path: Path):
+    maker.write(tmp_path / maker.file, motion)
+    import_files([tmp_path / maker.file], tmp_path / "log", None, None)
+    log = read_log(tmp_path / "log")
+    assert set(maker.streams) <= set(log)
+    for name in maker.streams:
+        series, true = log[name], getattr(motion, name)
+        time = motion.time
+        if len(series) < len(time):  # a file that lost rows
+            kept = np.isin(np.round(makers.RATE * time), np.round(makers.RATE * series.time))
+            time, true = time[kept], true[kept]
+        np.testing.assert_allclose(series.time - series.time[0], time - time[0], atol=2e-6)
+        if name == "attitude":
+            true = true * np.sign(np.sum(true * series.value, axis=1))[:, None]
+        np.testing.assert_allclose(series.value, true, atol=maker.digits, err_msg=name)
+
+
+@pytest.mark.parametrize("maker", REFUSED, ids=lambda maker: maker.name)
+def test_what_nobody_can_know_is_refused_with_the_reason(maker, motion, tmp_path: Path):
+    maker.write(tmp_path / maker.file, motion)
+    with pytest.raises(LogError) as error:
+        import_files([tmp_path / maker.file], tmp_path / "log", None, None)
+    assert maker.refused in str(error.value)
+    assert not (tmp_path / "log").exists()
+
+
+def test_nearly_all_of_the_corpus_is_opened():
+    assert len(makers.MAKERS) >= 40
+    assert len(OPENED) >= 0.9 * len(makers.MAKERS)
