@@ -120,7 +120,11 @@ def _units_below(path: Path, m: Motion) -> None:
 
 
 def _units_in_brackets(path: Path, m: Motion) -> None:
-    names = ["time [ms]", *(f"gyro_{a} [deg/s]" for a in "xyz"), *(f"acc_{a} [m/s^2]" for a in "xyz")]
+    names = [
+        "time [ms]",
+        *(f"gyro_{a} [deg/s]" for a in "xyz"),
+        *(f"acc_{a} [m/s^2]" for a in "xyz"),
+    ]
     rows = _numbers(1e3 * m.time, m.gyro / DEG, m.accelerometer)
     path.write_text(_text([names, *rows]))
 
@@ -421,7 +425,9 @@ def _mat73(path: Path, m: Motion) -> None:
         for name, values in (("time", m.time[:, None]), ("gyr", m.gyro), ("acc", m.accelerometer)):
             group.create_dataset(name, data=values.T).attrs["MATLAB_class"] = np.bytes_("double")
     content = bytearray(path.read_bytes())
-    head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Tue Feb  3 10:00:00 2026 HDF5 schema"
+    head = (
+        b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Tue Feb  3 10:00:00 2026 HDF5 schema"
+    )
     content[:128] = head.ljust(124, b" ") + b"\x00\x02IM"
     path.write_bytes(bytes(content))
 
@@ -689,7 +695,9 @@ MAKERS = (
         _ros1("nav_msgs/msg/Odometry", "/odom"),
         ("attitude", "gyro", "position"),
     ),
-    Maker("CSV with a counter and no rate", "a.csv", _counter_alone, (), refused="no column of times"),
+    Maker(
+        "CSV with a counter and no rate", "a.csv", _counter_alone, (), refused="no column of times"
+    ),
     Maker("numbers without names", "a.txt", _nameless, (), refused="no stream among 1, 2, 3"),
     Maker("words", "a.txt", _words, (), refused="no stream"),
     Maker(

@@ -55,7 +55,7 @@ def recording() -> Recording:
     return Recording(streams, facts)
 
 
-@pytest.mark.parametrize("format", ["csv", "parquet", "mat"])
+@pytest.mark.parametrize("format", ["csv", "parquet", "mat", "mcap"])
 @pytest.mark.parametrize("origin", ["memory", "rrd"])
 def test_a_folder_reads_back_to_the_last_bit(recording, tmp_path: Path, origin: str, format):
     if origin == "rrd":

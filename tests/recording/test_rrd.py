@@ -220,3 +220,30 @@ def test_reading_leaves_no_copy_behind(tmp_path: Path, monkeypatch: pytest.Monke
     assert read_recording(cut).repairs
     assert list(scratch.iterdir()) == []
     shutil.rmtree(scratch)
+
+
+def _rerun(*words: str) -> None:
+    command = [sys.executable, "-m", "rerun_cli", "rrd", *words]
+    subprocess.run(command, check=True, capture_output=True, timeout=PATIENCE)
+
+
+def test_a_file_that_reruns_tools_arranged_anew_reads_as_before(tmp_path: Path):
+    rng = fresh_rng()
+    recording = any_recording(rng)
+    write_recording(recording, tmp_path / "a.rrd")
+    _rerun("optimize", str(tmp_path / "a.rrd"), "-o", str(tmp_path / "b.rrd"))
+    assert_same(read_recording(tmp_path / "a.rrd"), read_recording(tmp_path / "b.rrd"))
+
+
+def test_of_two_recordings_in_a_file_one_is_chosen_by_its_name(tmp_path: Path):
+    recordings = [any_recording(fresh_rng(), rows) for rows in (20, 30)]
+    for name, recording in zip("ab", recordings, strict=True):
+        write_recording(recording, tmp_path / f"{name}.rrd")
+    _rerun("merge", *(str(tmp_path / f"{n}.rrd") for n in "ab"), "-o", str(tmp_path / "two.rrd"))
+    with pytest.raises(RecordingError, match="holds 2 recordings") as error:
+        read_recording(tmp_path / "two.rrd")
+    names = str(error.value).rpartition("name one of ")[2].split(", ")
+    found = {len(one["gyro"]): one for one in (read_recording(tmp_path / name) for name in names)}
+    for recording in recordings:
+        one = found[len(recording["gyro"])]
+        assert one["gyro"].value.tobytes() == recording["gyro"].value.tobytes()

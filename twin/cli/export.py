@@ -16,8 +16,9 @@ class Export:
     """A recording (.rrd) or a folder with a log.toml."""
     out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT")]
     """The folder to make."""
-    format: Literal["csv", "parquet", "mat"] = "csv"
-    """Of the streams' files."""
+    format: Literal["csv", "parquet", "mat", "mcap"] = "csv"
+    """Of the streams' files; mcap, a topic of JSON messages a stream, is for archives: it carries
+    its own description, and reading it needs no viewer."""
     truth: bool = False
     """A simulation's true states too."""
     json: bool = False

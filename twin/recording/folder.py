@@ -13,7 +13,7 @@ from twin.signals import stream_named
 from twin.stop import check
 from twin.whole_file import whole_folder
 
-Format = Literal["csv", "parquet", "mat"]
+Format = Literal["csv", "parquet", "mat", "mcap"]
 
 FORMATS: tuple[str, ...] = get_args(Format)
 
@@ -27,7 +27,7 @@ def write_folder(
         recording: what to write.
         folder: made if it does not exist.
         format: of the streams' files. A `.mat` holds one matrix, named as the stream: the times,
-            then its columns.
+            then its columns; an `.mcap` one topic of JSON messages, each with its time and columns.
         truth: write a simulation's true states too.
 
     Returns:
@@ -100,7 +100,33 @@ def _write_mat(path: Path, name: str, series: Series) -> None:
     savemat(path, {_plain(name): np.column_stack([series.time, series.value])})
 
 
-_WRITERS = {"csv": _write_csv, "parquet": _write_parquet, "mat": _write_mat}
+def _write_mcap(path: Path, name: str, series: Series) -> None:
+    from mcap.writer import Writer
+
+    clock = _clock(series)
+    properties = {key: {"type": "number"} for key in (clock, *series.columns)}
+    schema = {"type": "object", "properties": properties, "description": f"in {series.unit}"}
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        kind = writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
+        channel = writer.register_channel(name, "json", kind)
+        # Python writes the shortest text that reads back as the same float64
+        rows = zip(series.time.tolist(), series.value.tolist(), strict=True)
+        for index, (time, value) in enumerate(rows):
+            message = {clock: time} | dict(zip(series.columns, value, strict=True))
+            stamp = max(round(1e9 * time), 0)
+            writer.add_message(
+                channel,
+                log_time=stamp,
+                publish_time=stamp,
+                sequence=index,
+                data=json.dumps(message).encode(),
+            )
+        writer.finish()
+
+
+_WRITERS = {"mcap": _write_mcap, "csv": _write_csv, "parquet": _write_parquet, "mat": _write_mat}
 
 
 def _log_toml(recording: Recording, files: Mapping[str, Path], format: str) -> str:
@@ -122,6 +148,8 @@ def _log_toml(recording: Recording, files: Mapping[str, Path], format: str) -> s
         entry: dict[str, Any] = {"file": files[name].name}
         if format == "mat":
             entry["variable"] = _plain(name)
+        elif format == "mcap":
+            entry["time"] = _clock(series)
         elif (clock := _clock(series)) != "time":
             entry["time"] = clock
         entry["unit"] = series.unit

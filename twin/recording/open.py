@@ -6,7 +6,7 @@ from pathlib import Path
 from twin.errors import LogError, RecordingError
 from twin.recording.formats import ENDINGS
 from twin.recording.log import read_log
-from twin.recording.read import read_recording
+from twin.recording.read import read_recording, which
 from twin.recording.recording import Recording
 from twin.stop import check
 
@@ -24,7 +24,7 @@ def open_log(path: str | Path) -> Recording:
     path = Path(path)
     if path.is_dir() or path.name == "log.toml":
         return _from(path, read_log(path))
-    if not path.exists():
+    if not which(path)[0].exists():
         raise RecordingError(
             path, "there is no such log", "name an .rrd, or a folder that holds a log.toml"
         )

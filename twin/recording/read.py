@@ -35,19 +35,23 @@ Array = NDArray[np.float64]
 _MAGIC = b"RRF"
 _CLOSED = b"RRF2FOOT"
 _ROW = "rerun.controls.RowId"
+SHOWN = 8
+"""Letters of a recording's name that an error shows."""
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Read a recording.
+    """Read a recording; of a file that holds several, the one that begins as what follows a #:
+    `two.rrd#4180`.
 
     Rows come in the order of their times, those of one time as they were written.
     A file that was never closed, or was cut anywhere, is read as far as it is whole, and `repairs`
     says so; the file itself stays as it is.
 
     Raises:
-        RecordingError: no such file, not a recording of ours, of a newer schema, or nothing in it.
+        RecordingError: no such file, not a recording of ours, of a newer schema, nothing in it, or
+            several recordings, of which none is chosen.
     """
-    path = Path(path)
+    path, chosen = which(Path(path))
     if not path.is_file():
         raise RecordingError(path, "there is no such recording", "check the path")
     ended = wait_until_finished(path)
@@ -57,7 +61,7 @@ def read_recording(path: str | Path) -> Recording:
     parts = _Parts()
     if _CLOSED in tail:
         try:
-            parts.read(path)
+            parts.read(path, _chosen(path, chosen))
         except RuntimeError:
             parts = _mended(path)
             parts.ended = False
@@ -70,18 +74,42 @@ def read_recording(path: str | Path) -> Recording:
     return parts.recording(path)
 
 
+def which(path: Path) -> tuple[Path, str]:
+    """The file, and the beginning of the recording's name in it; empty where none is given."""
+    name, mark, chosen = path.name.rpartition("#")
+    return (path, "") if not mark or path.exists() else (path.with_name(name), chosen)
+
+
+def _chosen(path: Path, start: str) -> str:
+    """The name of the recording to read; empty where the file holds one only."""
+    from rerun.chunk import RrdReader
+
+    names = [entry.recording_id for entry in RrdReader(path).recordings()]
+    fitting = [name for name in names if name.startswith(start)]
+    if len(fitting) == 1:
+        return fitting[0]
+    if len(names) < 2 and not start:
+        return ""
+    listed = ", ".join(f"{path.name}#{name[:SHOWN]}" for name in names)
+    problem = f"holds {len(names)} recordings" if not start else f"has no recording {start!r}"
+    if start and fitting:
+        problem = f"has {len(fitting)} recordings that begin {start!r}"
+    raise RecordingError(path, problem, f"name one of {listed}")
+
+
 class _Parts:
     """What the chunks of a file have given so far."""
 
     def __init__(self) -> None:
         self.headers: dict[str, tuple[str, tuple[str, ...], str]] = {}
-        self.rows: dict[str, list[tuple[NDArray[np.uint64], Array, Array]]] = {}
+        self.times: dict[str, list[tuple[NDArray[np.uint64], Array]]] = {}
+        self.values: dict[str, list[tuple[NDArray[np.uint64], Array]]] = {}
         self.facts: dict[str, Any] | None = None
         self.ended = False
         self.notes: list[str] = []
 
-    def read(self, path: Path) -> None:
-        for entity, batch in _batches(path):
+    def read(self, path: Path, recording: str = "") -> None:
+        for entity, batch in _batches(path, recording):
             names = batch.schema.names
             if entity == f"/{PROVENANCE}":
                 self.facts = json.loads(_first(batch, TEXT)[0])
@@ -91,10 +119,11 @@ class _Parts:
             elif STREAM in names:
                 (stream,), columns = _first(batch, STREAM), _first(batch, COLUMNS)
                 self.headers[entity] = stream, tuple(columns), _first(batch, UNIT)[0]
-            elif TIME in names:
-                self.rows.setdefault(entity, []).append(
-                    (_row_ids(batch), _times(batch), _values(batch))
-                )
+            # tools that arrange a file anew may part a row's components: its id joins them
+            if TIME in names:
+                self.times.setdefault(entity, []).append((_row_ids(batch), _times(batch)))
+            if VALUE in names:
+                self.values.setdefault(entity, []).append((_row_ids(batch), _values(batch)))
 
     def recording(self, path: Path) -> Recording:
         if self.facts is None:
@@ -111,28 +140,38 @@ class _Parts:
                 f"has schema version {schema}, this twin reads up to {SCHEMA}",
                 "read it with a newer airbearing-twin",
             )
-        streams = {header[0]: self._series(entity) for entity, header in self.headers.items()}
+        streams = {one[0]: self._series(entity, path) for entity, one in self.headers.items()}
         earlier = self.facts.pop("repairs", ())
         reach = _reach(streams)
         repairs = (*earlier, *(f"{note}, {reach}" for note in self.notes))
         return Recording(streams, self.facts, repairs)
 
-    def _series(self, entity: str) -> Series:
-        _, columns, unit = self.headers[entity]
-        pieces = self.rows.get(entity, [])
-        if not pieces:
+    def _series(self, entity: str, path: Path) -> Series:
+        name, columns, unit = self.headers[entity]
+        if entity not in self.times or entity not in self.values:
             return Series(np.empty(0), np.empty((0, len(columns))), columns, unit)
-        order, time, value = (np.concatenate(part) for part in zip(*pieces, strict=True))
-        value = value.reshape(-1, len(columns))
-        # Rerun sorts inside a chunk; between equal times its row ids count up as written.
+        width = len(columns)
+        order, time = map(np.concatenate, zip(*self.times[entity], strict=True))
+        ids, value = map(np.concatenate, zip(*self.values[entity], strict=True))
+        value = value.reshape(-1, width)
+        # by their times; between equal ones Rerun's row ids count up as written
         rank = np.lexsort((order[:, 1], order[:, 0], time))
+        if not np.array_equal(order, ids):
+            place = {pair: row for row, pair in enumerate(map(tuple, ids.tolist()))}
+            rows = np.array([place.get(pair, -1) for pair in map(tuple, order.tolist())])
+            value, rank = value[rows], rank[rows[rank] >= 0]
+            if len(rank) < len(rows):
+                lost = len(rows) - len(rank)
+                self.notes.append(f"{path.name} lacks the values of {lost} rows of {name}")
         return Series(time[rank], value[rank], columns, unit)
 
 
-def _batches(path: Path) -> "Iterator[tuple[str, pa.RecordBatch]]":
+def _batches(path: Path, recording: str) -> "Iterator[tuple[str, pa.RecordBatch]]":
     from rerun.chunk import RrdReader
 
-    for chunk in RrdReader(path).stream():
+    reader = RrdReader(path)
+    stores = [one for one in reader.recordings() if one.recording_id == recording]
+    for chunk in reader.stream(store=stores[0]) if stores else reader.stream():
         yield chunk.entity_path, chunk.to_record_batch()
 
 

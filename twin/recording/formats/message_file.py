@@ -36,7 +36,8 @@ class MessageFile(NumberFile):
         """
         fields = fields_of(topic, unit)
         stamps = [name for name in fields.clocks if topic.ros and name in STAMPS]
-        own = {**dict.fromkeys(stamps), **dict.fromkeys(ARRIVAL), **fields.clocks}
+        self._arrival = [name for name in ARRIVAL if name not in fields.values]
+        own = {**dict.fromkeys(stamps), **dict.fromkeys(self._arrival), **fields.clocks}
         usual = fields.usual or ()
         names = (*usual, *(name for name in fields.values if name not in usual))
         super().__init__(topic.path, (*own, *names), tuple(own))
@@ -60,7 +61,7 @@ class MessageFile(NumberFile):
 
     def numbers(self, names: Sequence[str]) -> Array:
         found = [self.find(name) for name in names]
-        columns: dict[str, list[Any]] = {name: [] for name in found if name not in ARRIVAL}
+        columns: dict[str, list[Any]] = {name: [] for name in found if name not in self._arrival}
         for number, message in enumerate(self._topic.decoded() if columns else ()):
             if number % CHECKED == 0:
                 check()
@@ -77,7 +78,7 @@ class MessageFile(NumberFile):
         return LogError(self.path, problem + where, remedy)
 
     def _column(self, name: str, raw: list[Any]) -> Array:
-        if name in ARRIVAL:
+        if name in self._arrival:
             return np.array(getattr(self._topic, name), dtype=np.int64) / 1e9
         try:
             column = np.array(raw, dtype=np.float64)
