@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import binom
 
 from twin.cli.main import main
-from twin.conventions import check_conventions
+from twin.conventions import check_conventions, convention_advice
 from twin.conventions.time_base import check_times
 from twin.errors import UsageError
 from twin.platform import Platform, load_platform
@@ -113,6 +113,20 @@ def test_times_that_are_all_of_them_in_another_unit_are_named(sads, right_logs, 
     assert any(f"look like {unit}, read as s" in sentence for sentence in sentences), sentences
     assert not any("gyro looks like" in sentence for sentence in sentences), sentences
     with pytest.raises(UsageError, match=f"look like {unit}, read as s; write time_unit"):
+        check_times(wrong, sads)
+
+
+@pytest.mark.parametrize("tick", [1e-4, 1e-7, 86400.0, 3e-3])
+def test_times_in_counts_are_named_with_the_seconds_of_one(sads, right_logs, tick):
+    _, logs = right_logs
+    wrong = logs[0]
+    for name, series in logs[0].items():
+        wrong = flights.misread(wrong, name, time=(123.0 + series.time) / tick)
+    advice = convention_advice(wrong, sads)
+    found = [line for line in advice.log_toml.splitlines() if line.startswith("time_scale = ")]
+    assert len(found) == len(logs[0])
+    assert float(found[0].rpartition(" ")[2]) == pytest.approx(tick, rel=0.05)
+    with pytest.raises(UsageError, match="look like counts of .* write time_scale = "):
         check_times(wrong, sads)
 
 

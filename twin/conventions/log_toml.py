@@ -40,10 +40,10 @@ def _keys(
     listed = [str(name) for name in columns] if isinstance(columns, list) else list(names)
     lag = _number(facts, "clock_lag")
     for correction in wrong:
-        keys |= {key: json.dumps(text) for key, text in correction.keys}
+        keys |= {key: _value(key, text) for key, text in correction.keys}
         if correction.kind == "time_unit" and _number(facts, "rate"):
             rate = _number(facts, "rate") / correction.time_factor
-            keys = {key: text for key, text in keys.items() if key != "time_unit"}
+            keys = {key: text for key, text in keys.items() if not key.startswith("time")}
             keys["rate"] = f"{rate:.9g}"
         if correction.kind == "order" and set(map(str.lower, listed)) == set("wxyz"):
             keys["columns"] = json.dumps(listed)  # their names are wrong, too
@@ -71,6 +71,10 @@ def _turned(listed: list[str], axes: Array, order: Sequence[int]) -> list[str]:
         name = listed[order[source]]
         turned[place] = name if row[source] > 0.0 else _minus(name)
     return turned
+
+
+def _value(key: str, text: str) -> str:
+    return text if key == "time_scale" else json.dumps(text)
 
 
 def _minus(name: str) -> str:
