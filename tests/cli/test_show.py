@@ -40,7 +40,7 @@ To read it so, write in log.toml:
 
 
 def test_a_misread_stream_is_named_with_the_lines_to_paste(folder: Path, capsys):
-    assert main(["show", str(folder)]) == 0
+    assert main(["show", str(folder)]) == 1
     text = capsys.readouterr().out
     assert MISREAD in text
     assert "Nothing was held against the machine: no platform named 'nowhere'" in text
@@ -48,15 +48,40 @@ def test_a_misread_stream_is_named_with_the_lines_to_paste(folder: Path, capsys)
 
 def test_after_pasting_nothing_is_left_to_say(folder: Path, capsys):
     path = folder / "log.toml"
-    path.write_text(path.read_text().replace('unit = "rad/s"', 'unit = "deg/s"'))
+    text = path.read_text().replace('unit = "rad/s"', 'unit = "deg/s"')
+    path.write_text(text.replace('platform = "nowhere"\n', ""))
     assert main(["show", str(folder)]) == 0
     assert "write in log.toml" not in capsys.readouterr().out
 
 
 def test_the_document_holds_findings_and_lines(folder: Path, capsys):
-    assert main(["show", str(folder), "--json"]) == 0
+    assert main(["show", str(folder), "--json"]) == 1
     document = json.loads(capsys.readouterr().out)
     assert document["log_toml"] == '[streams.gyro]\nunit = "deg/s"'
     (finding,) = document["conventions"]
     assert (finding["stream"], finding["kind"]) == ("gyro", "unit")
     assert finding["alternatives"] == []
+
+
+def test_a_part_of_a_log_is_shown_at_a_lower_rate(folder: Path, capsys):
+    words = ["--start", "10", "--stop", "40", "--rate", "25", "--json"]
+    main(["show", str(folder), *words])
+    document = json.loads(capsys.readouterr().out)
+    assert document["start"] >= 10.0 and document["stop"] <= 40.0
+    gyro = next(one for one in document["streams"] if one["name"] == "gyro")
+    assert gyro["rate"] == pytest.approx(25.0)
+    assert gyro["rows"] == pytest.approx(750, abs=2)
+    assert any("read from 10 to 40 s" in repair for repair in document["repairs"])
+
+
+def test_what_the_fits_will_refuse_is_said_before(tmp_path: Path, capsys):
+    time = np.arange(3000) / 1e4  # 0.1 ms a count
+    draw = np.random.default_rng(3)
+    attitude = np.array([[1.0, 0.0, 0.0, 0.0]]) + draw.normal(0.0, 1e-3, (3000, 4))
+    streams = {
+        "gyro": Series(time * 1e8, draw.normal(0.0, 1e-3, (3000, 3)), ("x", "y", "z"), "rad/s"),
+        "attitude": Series(time * 1e8, rotation.normalized(attitude), tuple("wxyz"), "1"),
+    }
+    write_folder(Recording(streams, {"platform": "sads"}), tmp_path / "log")
+    assert main(["show", str(tmp_path / "log")]) == 1
+    assert "identify and diagnose will refuse this log: " in capsys.readouterr().out

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from twin.cli.part import Part, Restricted
+
 if TYPE_CHECKING:
     from twin.recording import Recording
 
@@ -34,6 +36,7 @@ class Compare:
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
     """Write the first log with its prediction and residual as a Rerun recording; one that exists is
     written anew."""
+    part: Restricted = Part()
     json: bool = False
     """Print one JSON document instead of sentences."""
 
@@ -44,7 +47,6 @@ class Compare:
         from twin.errors import UsageError
         from twin.identify import calibrated
         from twin.platform import load_platform, platform_of
-        from twin.recording import open_log
         from twin.report import (
             document,
             sentences,
@@ -58,7 +60,7 @@ class Compare:
         for path, ending in ((self.report, ".html"), (self.rrd, ".rrd")):
             if path is not None:
                 check_writable(path, ending, read=self.logs)
-        logs = [open_log(path) for path in self.logs]
+        logs = [self.part.open(path) for path in self.logs]
         if self.platform is None and all(log.provenance.get("platform") is None for log in logs):
             return self._sensors(logs)
         named = None if self.platform is None else load_platform(self.platform)

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import tyro
 
+from twin.cli.part import Part, Restricted
+
 
 @dataclass(frozen=True)
 class Diagnose:
@@ -30,6 +32,7 @@ class Diagnose:
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
     """Write the first log, what the explained model predicts and what it leaves, for Rerun; a file
     that exists is written anew."""
+    part: Restricted = Part()
     json: bool = False
     """Print one JSON document instead of sentences."""
 
@@ -39,7 +42,6 @@ class Diagnose:
         from twin.diagnose import check_logs, check_new, diagnose, extend, laws_in, validate
         from twin.errors import TwinError, UsageError
         from twin.platform import common_platform, in_gravity_of, load_platform
-        from twin.recording import open_log
         from twin.report import (
             diagnosed,
             diagnosis_document,
@@ -58,8 +60,8 @@ class Diagnose:
                 check_writable(path, ending, read=read)
         if self.validate is not None and self.validate.resolve() in map(Path.resolve, self.logs):
             raise UsageError(f"{self.validate} takes part in the fit; validate on another log")
-        logs = [open_log(path) for path in self.logs]
-        other = None if self.validate is None else open_log(self.validate)
+        logs = [self.part.open(path) for path in self.logs]
+        other = None if self.validate is None else self.part.open(self.validate)
         every = logs if other is None else [*logs, other]
         machine = common_platform(every) if self.platform is None else load_platform(self.platform)
         machine = in_gravity_of(every, machine)

@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 import tyro
 
+from twin.cli.part import Part, Restricted
+
 Method = Literal[
     "prediction-error",
     "momentum",
@@ -53,6 +55,7 @@ class Identify:
     """Give the nearest rigid body; prediction-error always does."""
     platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """The machine, by name or folder; default: the one that the first log names."""
+    part: Restricted = Part()
     json: bool = False
     """Print one JSON document instead of sentences."""
 
@@ -63,13 +66,12 @@ class Identify:
         from twin.errors import TwinError, UsageError
         from twin.identify import Settings, identify, identify_by_all
         from twin.platform import common_platform, in_order_of, load_platform
-        from twin.recording import open_log
         from twin.report import compared, identified
 
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
         settings = Settings(self.form, self.shift, self.corner, self.forgetting)
-        recordings = [open_log(path) for path in self.logs]
+        recordings = [self.part.open(path) for path in self.logs]
         machine = (
             common_platform(recordings) if self.platform is None else load_platform(self.platform)
         )

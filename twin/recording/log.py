@@ -15,7 +15,7 @@ from twin.library import find_model
 from twin.recording.entry import Entry
 from twin.recording.environment import read_field, read_gravity
 from twin.recording.formats import OpenFiles
-from twin.recording.pauses import part_of, without_long_pauses
+from twin.recording.pauses import restricted, without_long_pauses
 from twin.recording.recording import Recording, Series
 
 SOON = 60.0
@@ -83,17 +83,16 @@ def read_log(path: str | Path) -> Recording:
 
 def _part(table: Table, recording: Recording, start: float, stop: float) -> Recording:
     """The rows of a log between two of its times."""
-    first, last = max(start, recording.start), min(stop, recording.stop)
-    part = part_of(recording, first, last) if first < last else recording
-    if first >= last or not part.streams:
+    first = None if math.isinf(start) else start
+    last = None if math.isinf(stop) else stop
+    try:
+        return restricted(recording, start=first, stop=last, rate=None)
+    except LogError:
         raise table.fail(
             "start" if "start" in table else "stop",
             f"leaves nothing: the log has {recording.start:g} to {recording.stop:g} s",
             "name times between",
-        )
-    span = f"read from {first:g} to {last:g} s of {recording.start:g} to {recording.stop:g} s"
-    provenance = {**part.provenance, "source": recording.source}
-    return Recording(part.streams, provenance, (*recording.repairs, span))
+        ) from None
 
 
 def _platform(table: Table, folder: Path) -> str | None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import LogError
 from twin.recording.recording import Recording, Series
 from twin.signals import OF_MOTION
 
@@ -111,6 +112,42 @@ def part_of(recording: Recording, start: float, stop: float) -> Recording:
         streams={name: series for name, series in streams.items() if len(series)},
         provenance={**recording.provenance, "source": source},
     )
+
+
+def restricted(
+    recording: Recording, *, start: float | None, stop: float | None, rate: float | None
+) -> Recording:
+    """A log from `start` to `stop` [s], its measured streams no faster than `rate` [Hz]; `repairs`
+    says so.
+
+    Raises:
+        LogError: nothing is between.
+    """
+    if start is not None or stop is not None:
+        first = recording.start if start is None else max(start, recording.start)
+        last = recording.stop if stop is None else min(stop, recording.stop)
+        whole = f"{recording.start:.6g} to {recording.stop:.6g} s"
+        part = part_of(recording, first, last) if first < last else None
+        if part is None or not part.streams:
+            raise LogError(
+                recording.source, f"has nothing from {first:g} to {last:g} s", f"it has {whole}"
+            )
+        said = f"read from {first:.6g} to {last:.6g} s of {whole}"
+        provenance = {**part.provenance, "source": recording.source}
+        recording = replace(part, provenance=provenance, repairs=(*recording.repairs, said))
+    if rate is None:
+        return recording
+    streams = dict(recording.streams)
+    thinned = list[str]()
+    for name, series in recording.items():
+        step = round(series.rate / rate) if np.isfinite(series.rate) else 1
+        if step > 1 and not name.startswith(("command_", "wanted_")):
+            streams[name] = replace(series, time=series.time[::step], value=series.value[::step])
+            thinned.append(f"{name} every {step} rows")
+    if not thinned:
+        return recording
+    said = f"read at {rate:g} Hz at most: {', '.join(thinned)}"
+    return replace(recording, streams=streams, repairs=(*recording.repairs, said))
 
 
 def _cut(series: Series, start: float, stop: float) -> Series:

@@ -91,6 +91,11 @@ class Contents:
     findings: tuple[str, ...]
     """Sentences: noise that is not as stated, bad clocks."""
 
+    @property
+    def misread(self) -> bool:
+        """Whether a stream looks as if it had been read in a wrong convention, surely."""
+        return any(not finding.ambiguous for finding in self.conventions.findings)
+
 
 def contents_of(
     source: str, recording: Recording, platform: Platform | None, problem: str = ""
@@ -186,10 +191,10 @@ def contents_words(contents: Contents) -> str:
     ]
     lines += [f"  {key}: {text}" for key, text in _stated(facts)]
     lines += [f"  repaired: {repair}" for repair in recording.repairs]
-    for stream in contents.streams:
-        lines += ["", *_stream_lines(stream)]
     if contents.conventions.sentences:
         lines += ["", contents.conventions.text]
+    for stream in contents.streams:
+        lines += ["", *_stream_lines(stream)]
     if contents.findings:
         lines += ["", *contents.findings]
     return "\n".join(lines)
