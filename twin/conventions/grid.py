@@ -75,6 +75,11 @@ class Grid:
         return self.start + self.cell * (np.arange(self.count + 2, dtype=np.float64) - 0.5)
 
 
+RAREST = 30.0
+"""Between samples [s]; what comes more rarely shows no motion of such a body, or its times are in
+another unit."""
+
+
 def grid_of(recording: Recording, *streams: str, narrowest: float | None = None) -> Grid | None:
     """The grid on which these streams can be compared; None where they share too little time.
 
@@ -85,6 +90,8 @@ def grid_of(recording: Recording, *streams: str, narrowest: float | None = None)
     start = max(float(recording[name].time[0]) for name in streams)
     stop = min(float(recording[name].time[-1]) for name in streams)
     slowest = max(1.0 / recording[name].rate for name in streams)
+    if slowest > RAREST:
+        return None
     cell = max(narrowest, slowest) if narrowest else _cell(recording)
     longest = min(LONGEST_LAG, 0.1 * max(stop - start, 0.0))
     margin = longest + max(cell, slowest)

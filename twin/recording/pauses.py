@@ -34,7 +34,8 @@ def without_long_pauses(
     """Streams whose rows after a long pause of all of them follow soon, and a sentence for each."""
     time = np.unique(np.concatenate([series.time for series in streams.values()]))
     interval = np.diff(time)
-    pauses = np.flatnonzero(interval > LONG)
+    usual = float(np.median(interval)) if len(interval) else 0.0
+    pauses = np.flatnonzero(interval > max(LONG, RARE * usual))
     if not len(pauses):
         return dict(streams), ()
     after, cut = time[pauses + 1], np.cumsum(interval[pauses] - LEFT)
