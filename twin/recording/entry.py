@@ -157,13 +157,15 @@ class Entry:
         rows = mended(time, value, file, columns, clock, where, origin)
         if layout in QUATERNIONS:
             rows = started(rows, where)
-        value, repairs = rows.value * signs * self.unit.factor, (*rows.repairs, *lost)
+        factor = signs * self.unit.factor
+        value = rows.value if (factor == 1.0).all() else rows.value * factor
+        repairs = (*rows.repairs, *lost)
         if not self.columns and columns != self._rest(file):
             given = ", ".join(self._rest(file))
             repairs = (*repairs, f"{where}: columns {given} taken by name, as {', '.join(columns)}")
         if self.unit.offset != 0.0:  # adding 0.0 would turn -0.0 into 0.0
             value = value + self.unit.offset
-        value = value * self.scale
+        value = value if self.scale == 1.0 else value * self.scale
         angles = value
         if layout and names == WXYZ:
             scaled = Rows(rows.time, value, rows.origin, ())
@@ -327,15 +329,18 @@ class Entry:
         table = file.numbers((*clocks, *columns, *keys))
         if not keys:
             self._check_one_kind(file, (*clocks, *columns))
-        of_kind = (table[:, table.shape[1] - len(keys) :] == list(self.kinds.values())).all(axis=1)
-        rows = np.flatnonzero(of_kind)
+        rows = np.arange(len(table))
+        if keys:
+            kinds = table[:, table.shape[1] - len(keys) :]
+            rows = np.flatnonzero((kinds == list(self.kinds.values())).all(axis=1))
+            table = table[rows]
         if not len(rows):
             wanted = ", ".join(f"{key} = {value:g}" for key, value in self.kinds.items())
             raise self.table.fail("rows", f"picks none: no row has {wanted}", "correct it")
-        value = table[of_kind, len(clocks) : table.shape[1] - len(keys)]
+        value = table[:, len(clocks) : table.shape[1] - len(keys)]
         if clock is None:
             return self.start + np.arange(len(value)) / self.rate, value, rows, ()
-        time = table[of_kind, 0]
+        time = table[:, 0]
         if not np.isnan(self.rate):
             count, fault = counted(time)
             if count is None:

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from datetime import datetime, time
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile, ZipFile
 
 from twin.errors import LogError
-from twin.recording.formats.extras import imported
+from twin.recording.formats.extras import check_unpacked, imported
 
 
 def read_sheet(path: Path, name: str | None) -> bytes:
@@ -16,6 +17,12 @@ def read_sheet(path: Path, name: str | None) -> bytes:
         LogError: it is no Excel file, has no such sheet, or openpyxl is not installed.
     """
     openpyxl = imported("openpyxl", path)
+    try:
+        with ZipFile(path) as parts:
+            size = sum(part.file_size for part in parts.infolist())
+    except (BadZipFile, OSError):  # said below
+        size = 0
+    check_unpacked(path, size)
     try:
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
     except Exception as problem:  # on damaged bytes the reader raises what its parts raise

@@ -1,4 +1,5 @@
-"""Libraries that read other programs' files: an extra, each imported where such a file is read."""
+"""What reading other programs' files needs: their libraries, an extra, each imported where such a
+file is read; and a limit on what a small file may unpack to."""
 
 from importlib import import_module
 from pathlib import Path
@@ -21,3 +22,28 @@ def imported(module: str, path: Path) -> Any:
             f"needs the library {module.split('.', 1)[0]}, which is not installed",
             "pip install 'airbearing-twin[formats]'",
         ) from None
+
+
+UNPACKED = 200
+"""Times its own size that a file may unpack to: numbers of sensors shrink by ten at most."""
+SMALL = 64 << 20
+"""What any file may unpack to [bytes]."""
+
+
+def check_unpacked(path: Path, size: int) -> None:
+    """Refuse a file that would fill the memory.
+
+    Args:
+        path: of the file.
+        size: what it says that it unpacks to [bytes].
+
+    Raises:
+        LogError: far more than such a file can hold.
+    """
+    if size > SMALL and size > UNPACKED * path.stat().st_size:
+        times = size // max(path.stat().st_size, 1)
+        raise LogError(
+            path,
+            f"would unpack to {size >> 20} MiB, {times} times its size",
+            "save the log's numbers again",
+        )

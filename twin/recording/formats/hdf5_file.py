@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from twin.errors import LogError
 from twin.recording.formats.array_file import Numbers, Variables
-from twin.recording.formats.extras import imported
+from twin.recording.formats.extras import check_unpacked, imported
 
 MOST_NAMES = 10_000
 """Data sets and groups that are looked at."""
@@ -92,7 +92,8 @@ def _sort(
     arrays, others, units = into
     kind = item.attrs.get("MATLAB_class", b"")
     matlab = kind.decode() if isinstance(kind, bytes) else str(kind)
-    if item.external:
+    check_unpacked(path, item.nbytes)
+    if item.external or item.is_virtual:
         others[dotted] = "kept in another file"
     elif item.dtype.names is not None and item.ndim == 1:
         for part in item.dtype.names:

@@ -1,5 +1,6 @@
 """A MATLAB file of format 4, 6 or 7: numeric arrays and the numeric fields of structs."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,10 @@ from numpy.typing import NDArray
 
 from twin.errors import LogError
 from twin.recording.formats.array_file import Variables
+from twin.recording.formats.extras import check_unpacked
+
+WORD = 8
+"""Of a number [bytes]."""
 
 
 def read_variables(path: Path) -> Variables:
@@ -16,12 +21,17 @@ def read_variables(path: Path) -> Variables:
     Raises:
         LogError: it is no MAT file, or is damaged.
     """
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
 
     if _is_hdf5(path):
         from twin.recording.formats.hdf5_file import read_hdf5
 
         return read_hdf5(path)
+    try:
+        held = [math.prod(shape) for _, shape, _ in whosmat(path)]
+    except Exception:  # said below
+        held = []
+    check_unpacked(path, WORD * sum(held))
     try:
         content: dict[str, Any] = loadmat(path)
     except Exception as problem:  # SciPy raises what its parts raise on damaged bytes

@@ -1,16 +1,18 @@
 """The messages of one topic of an MCAP file; a file cut short gives what is whole."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from mcap.exceptions import InvalidMagic
-from mcap.records import Channel, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from twin.errors import LogError
+from twin.recording.formats.extras import SMALL, UNPACKED
 from twin.recording.formats.topic import Topic
+from twin.stop import Stopped, check
 
 LARGEST_RECORD = 1 << 30
 """A longer record is damage, not data [bytes]."""
@@ -77,8 +79,7 @@ def _scan(
     messages: list[Message] = []
     try:
         with path.open("rb") as file:
-            reader = StreamReader(file, record_size_limit=LARGEST_RECORD, validate_crcs=True)
-            for record in reader.records:
+            for record in _records(path, file):
                 if isinstance(record, Schema):
                     schemas.setdefault(record.id, record)
                 elif isinstance(record, Channel):
@@ -91,9 +92,32 @@ def _scan(
         raise LogError(path, "is no MCAP file", "record or export it as MCAP") from None
     except OSError as problem:
         raise LogError(path, f"cannot be read ({problem.strerror})", "check the path") from None
+    except (LogError, Stopped):
+        raise
     except Exception:  # on damaged bytes the reader raises what its parts raise
         return channels, messages, False
     return channels, messages, True
+
+
+def _records(path: Path, file: BinaryIO) -> Iterator[McapRecord]:
+    """All records, those in chunks too; a chunk is looked at before it is unpacked."""
+    reader = StreamReader(
+        file, record_size_limit=LARGEST_RECORD, emit_chunks=True, validate_crcs=True
+    )
+    for record in reader.records:
+        check()
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        packed = len(record.data)
+        if record.uncompressed_size > max(SMALL, UNPACKED * packed):
+            size = record.uncompressed_size
+            raise LogError(
+                path,
+                f"has a chunk of {packed} bytes that would unpack to {size >> 20} MiB",
+                "copy it again from where it was recorded",
+            )
+        yield from breakup_chunk(record, validate_crc=True)
 
 
 def _decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any] | None:

@@ -114,7 +114,7 @@ class TextFile(NumberFile):
         types = {name: pa.string() if name in self.clocks else pa.float64() for name in names}
         # its own handler of Ctrl-C would raise in the middle of the work (twin/stop.py)
         pa.enable_signal_handlers(False)
-        parts: list[list[Array]] = [[] for _ in names]
+        parts: list[Array] = []
         try:
             for batch in arrow_csv.open_csv(
                 pa.PythonFile(_Reader(self._blocks()), mode="r"),
@@ -128,21 +128,27 @@ class TextFile(NumberFile):
                 ),
             ):
                 check()
-                for part, name in zip(parts, names, strict=True):
-                    part.append(self._column(batch.column(name), name))
+                columns = [self._column(batch.column(name), name) for name in names]
+                parts.append(np.stack(columns, axis=-1))
         except pa.ArrowInvalid as problem:
             if "Empty CSV" not in str(problem):
                 raise self._first_error(names) or LogError(
                     self.path, f"is no table of numbers ({problem})", "save it as CSV again"
                 ) from None
-        if not sum(map(len, parts[0])):
+        rows = sum(map(len, parts))
+        if not rows:
             raise LogError(
                 self.path,
                 "has column names but no rows",
                 "check the export",
                 line=self._layout.names_line,
             )
-        return np.stack([np.concatenate(part) for part in parts], axis=-1)
+        table = np.empty((rows, len(names)))
+        while parts:  # each is freed when it is copied, so that a large file is held once
+            part = parts.pop()
+            table[rows - len(part) : rows] = part
+            rows -= len(part)
+        return table
 
     @property
     def preamble(self) -> tuple[str, ...]:

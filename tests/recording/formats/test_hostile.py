@@ -1,0 +1,143 @@
+"""A small file that unpacks to the size of a memory, or has no end, is refused before it does."""
+
+import subprocess
+import sys
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.processes import PATIENCE
+
+GYRO = '[streams.gyro]\nfile = "a.{}"\n'
+MEMORY = 500
+"""Of a reader [MB]."""
+WIDTH = 200_000_000
+"""Numbers that a hostile file says it holds: 1.6 GB."""
+
+
+def _matlab(path: Path) -> None:
+    from scipy.io import savemat
+
+    savemat(path, {"gyr": np.zeros((8, 4))})
+    head = path.read_bytes()[:128]
+    rows, columns = WIDTH // 4, 4
+    flags = np.array([6, 8, 6, 0], "<u4").tobytes()
+    dimensions = np.array([5, 8, rows, columns], "<u4").tobytes()
+    name = np.array([1 | 3 << 16], "<u4").tobytes() + b"gyr\0"
+    body = flags + dimensions + name + np.array([9, 8 * WIDTH], "<u4").tobytes()
+    squeezer = zlib.compressobj()
+    inside = np.array([14, len(body) + 8 * WIDTH], "<u4").tobytes() + body
+    packed = squeezer.compress(inside)
+    zeros = bytes(1 << 24)
+    for _ in range(8 * WIDTH >> 24):
+        packed += squeezer.compress(zeros)
+    packed += squeezer.flush()
+    path.write_bytes(head + np.array([15, len(packed)], "<u4").tobytes() + packed)
+
+
+def _hdf5(path: Path) -> None:
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        file.create_dataset("gyr", (WIDTH // 4, 4), "f8", compression="gzip", chunks=(4096, 4))
+
+
+def _excel(path: Path) -> None:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as book:
+        book.writestr("[Content_Types].xml", "<Types/>")
+        with book.open("xl/worksheets/sheet1.xml", "w", force_zip64=True) as sheet:
+            for _ in range(100):
+                sheet.write(bytes(1 << 24))
+
+
+def _mcap(path: Path) -> None:
+    import zstandard
+
+    with path.open("wb") as file:
+        from mcap.writer import Writer
+
+        writer = Writer(file)
+        writer.start()
+        writer.finish()
+    squeezer = zstandard.ZstdCompressor().compressobj(size=8 * WIDTH)
+    packed = b"".join(squeezer.compress(bytes(1 << 24)) for _ in range(8 * WIDTH >> 24))
+    packed += squeezer.compress(bytes(8 * WIDTH - (8 * WIDTH >> 24 << 24))) + squeezer.flush()
+    words = np.array([0, 0, 8 * WIDTH], "<u8").tobytes() + bytes(4)
+    words += np.array([4], "<u4").tobytes() + b"zstd" + np.array([len(packed)], "<u8").tobytes()
+    chunk = b"\x06" + np.array([len(words) + len(packed)], "<u8").tobytes() + words + packed
+    whole = path.read_bytes()
+    head = 8 + 9 + int.from_bytes(whole[9:17], "little")
+    path.write_bytes(whole[:head] + chunk + whole[head:])
+
+
+def _deep_json(path: Path) -> None:
+    from mcap.writer import Writer
+
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/g", "json", 0)
+        writer.add_message(channel, 0, b"[" * 100_000 + b"]" * 100_000, 0)
+        writer.finish()
+
+
+def _wide(path: Path) -> None:
+    path.write_text(",".join(f"c{i}" for i in range(100_000)) + "\n" + "1," * 99_999 + "1\n")
+
+
+def _external(path: Path) -> None:
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        file["gyr"] = h5py.ExternalLink("/etc/passwd", "/gyr")
+        file.create_dataset("acc", (1000, 3), "f8", external=[("/etc/passwd", 0, 24000)])
+
+
+CODE = """
+import resource, sys, time
+resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
+from twin.errors import LogError
+from twin.recording import open_log
+start = time.process_time()
+try:
+    open_log(sys.argv[1])
+except LogError as error:
+    print(error)
+print(time.process_time() - start)
+print(open("/proc/self/status").read().split("VmHWM:")[1].split()[0])
+"""
+
+
+@pytest.mark.parametrize(
+    ("ending", "write", "said"),
+    [
+        ("mat", _matlab, "would unpack to"),
+        ("h5", _hdf5, "would unpack to"),
+        ("xlsx", _excel, "would unpack to"),
+        ("mcap", _mcap, "would unpack to"),
+        ("mcap", _deep_json, "cannot be decoded"),
+        ("csv", _wide, "has 100000 columns"),
+        ("h5", _external, "no numeric variable"),
+    ],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_a_hostile_file_is_refused_soon_and_in_little_memory(
+    tmp_path: Path, ending: str, write: Callable[[Path], None], said: str
+):
+    write(tmp_path / f"a.{ending}")
+    (tmp_path / "log.toml").write_text(GYRO.format(ending))
+    done = subprocess.run(
+        [sys.executable, "-c", CODE, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
+    assert not done.stderr, done.stderr
+    text, seconds, peak = done.stdout.splitlines()
+    assert said in text
+    assert float(seconds) < 5.0
+    assert int(peak) < 1000 * MEMORY
