@@ -708,3 +708,18 @@ MAKERS = (
         refused="no stream among",
     ),
 )
+
+MODELS = Path(__file__).parents[2] / "models"
+REAL = (
+    *(
+        (f"dfki_pendulum/logs/{log}", "dfki_pendulum")
+        for log in ("energy_shaping", "energy_shaping_1kg", "sysid")
+    ),
+    ("broad_imu/logs/slow_rotation", None),
+)
+"""Shipped logs of other labs, and the machine: what their authors' files say by themselves."""
+
+
+def files_of(folder: Path) -> list[str]:
+    """The names of a log's files of numbers."""
+    return sorted(path.name for path in folder.iterdir() if path.name != "log.toml")

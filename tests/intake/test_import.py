@@ -10,6 +10,7 @@ import pytest
 
 from twin.errors import LogError
 from twin.intake import import_files
+from twin.platform import load_platform
 from twin.recording import read_log
 
 
@@ -58,6 +59,19 @@ def test_what_nobody_can_know_is_refused_with_the_reason(maker, motion, tmp_path
         import_files([tmp_path / maker.file], tmp_path / "log", None, None)
     assert maker.refused in str(error.value)
     assert not (tmp_path / "log").exists()
+
+
+@pytest.mark.parametrize(("log", "machine"), makers.REAL)
+def test_a_real_file_is_read_as_its_shipped_log_states_it(log, machine, tmp_path: Path):
+    shipped = read_log(makers.MODELS / log)
+    files = [makers.MODELS / log / name for name in makers.files_of(makers.MODELS / log)]
+    platform = None if machine is None else load_platform(machine)
+    import_files(files, tmp_path / "log", platform, machine)
+    found = read_log(tmp_path / "log")
+    assert set(shipped) <= set(found)
+    for name, series in shipped.items():
+        np.testing.assert_allclose(found[name].time, series.time, atol=1e-9)
+        np.testing.assert_allclose(found[name].value, series.value, atol=1e-12)
 
 
 def test_nearly_all_of_the_corpus_is_opened():

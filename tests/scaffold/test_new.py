@@ -9,9 +9,11 @@ import pytest
 from twin.check import check_platform
 from twin.cli.main import main
 from twin.clock import SimulatedClock
+from twin.errors import UsageError
 from twin.flight import prepare
 from twin.plant.initial import InitialState
 from twin.platform import load_platform
+from twin.recording import Recording, Series
 from twin.rotation import rotate
 from twin.scaffold import KINDS, new_platform
 from twin.stream.recorder import MemoryRecorder
@@ -110,3 +112,31 @@ def test_a_name_or_kind_that_will_not_do_is_answered(
     assert main(words) == 2
     assert said in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_machine_begins_with_the_sensors_of_a_log(tmp_path: Path):
+    draw = np.random.default_rng(5)
+    time = np.arange(4000) / 200.0
+    streams = {
+        "gyro": Series(time, draw.normal(0.0, 2e-3, (4000, 3)), ("x", "y", "z"), "rad/s"),
+        "accelerometer": Series(
+            time[::2],
+            np.array([0.0, 0.0, 9.81]) + draw.normal(0.0, 0.02, (2000, 3)),
+            ("x", "y", "z"),
+            "m/s^2",
+        ),
+    }
+    log = Recording(streams, {"kind": "log"})
+    platform = load_platform(new_platform(tmp_path / "my-own", "table", log))
+    assert set(platform.sensors) == {"gyro", "accelerometer"}
+    assert platform.sensors["gyro"].rate == pytest.approx(200.0)
+    np.testing.assert_allclose(platform.sensors["gyro"].noise, 2e-3, rtol=0.1)
+    assert platform.sensors["accelerometer"].rate == pytest.approx(100.0)
+    assert [finding.sentence for finding in check_platform(platform) if not finding.ok] == []
+
+
+def test_a_log_without_a_sensor_of_such_a_machine_begins_none(tmp_path: Path):
+    log = Recording({"gyro": Series(np.arange(9.0), np.ones((9, 3)), tuple("xyz"), "rad/s")})
+    with pytest.raises(UsageError, match="has no stream of a sensor of a pendulum"):
+        new_platform(tmp_path / "my-own", "pendulum", log)
+    assert not (tmp_path / "my-own").exists()

@@ -20,11 +20,19 @@ class New:
     kind: Annotated[str, tyro.conf.arg(metavar="table|pendulum|free")] = "table"
     """A table on a ball bearing, a pendulum on a hinge, or a body that is thrown."""
 
+    from_log: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None
+    """Begin with the sensors of this log, their rates and their noise."""
+
     def run(self) -> int:
         """Write it; the exit code."""
         from twin.scaffold import KINDS, new_platform
 
-        folder = new_platform(Path(self.name), self.kind)
+        log = None
+        if self.from_log is not None:
+            from twin.recording import open_log
+
+            log = open_log(self.from_log)
+        folder = new_platform(Path(self.name), self.kind, log)
         print(f"{folder}: {KINDS[self.kind]}")
         print((folder / "README.md").read_text(encoding="utf-8").split("```")[1].strip())
         return 0

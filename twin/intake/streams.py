@@ -206,7 +206,10 @@ def _angles(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
             continue
         proposal = Proposal("attitude", table, columns, {"format": '"euler_zyx"'})
         proposal.reasons.append(f"{', '.join(columns)}: Euler angles")
-        _unit(proposal, values, (("deg", 6.5), ("rad", 0.0)))
+        steep = float(np.abs(values[:, 1]).max()) > 0.5 * np.pi  # no pitch is, in rad
+        _unit(proposal, values, (("deg", 0.0 if steep else 6.5), ("rad", 0.0)))
+        if not _texts(proposal) and not steep and "unit" not in proposal.keys:
+            proposal.unsure.append("whether the angles are in rad")
         proposal.unsure.append("the order in which the angles turn, and their signs")
         yield proposal
     for _, columns in _groups(names, ("rx", "ry", "rz")):
@@ -283,8 +286,10 @@ def _parts(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
         yield proposal
 
 
+TURNS = 40.0
+"""Angles of a hinge beyond are in degrees, for in rad it would have turned round six times."""
 _HINGE = (
-    ("joint_angle", r"angle|pos(ition)?$|theta|phi$", (("deg", 6.5), ("rad", 0.0))),
+    ("joint_angle", r"angle|pos(ition)?$|theta|phi$", (("deg", TURNS), ("rad", 0.0))),
     ("joint_rate", r"rate|vel(ocity)?$|speed|omega|gyro", (("rad/s", 0.0),)),
     ("command_joint_torque", r"torque|tau|effort", (("N m", 0.0),)),
 )
@@ -354,10 +359,15 @@ def _unit_by_length(
         proposal.reasons.append(f"{length:.3g} long: in {unit}")
 
 
+def _texts(proposal: Proposal) -> str:
+    """The unit's text that the file states beside one of the columns."""
+    texts = [proposal.table.unit(name) or stated_unit(name) for name in proposal.columns]
+    return next((text for text in texts if text), "")
+
+
 def _stated(proposal: Proposal) -> bool:
     """Whether the file states the unit, which is then taken over."""
-    texts = [proposal.table.unit(name) or stated_unit(name) for name in proposal.columns]
-    text = next((text for text in texts if text), "")
+    text = _texts(proposal)
     if not text:
         return False
     try:

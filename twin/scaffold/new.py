@@ -2,10 +2,15 @@
 
 import re
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from twin.errors import UnknownName, UsageError
 from twin.library import model_names
+from twin.noise import measure_noise
+from twin.recording import Recording
 
 KINDS = {
     "table": "a table on a ball bearing: three wheels, three sliding masses, gyro, attitude sensor",
@@ -14,20 +19,86 @@ KINDS = {
 }
 """Template folders, and what they hold."""
 
+_STEP, _CONTROL = r"(?m)^step = ([\d.]+)", r"(?m)^control_rate = ([\d.]+)"
 _HERE = Path(__file__).parent
 _TEMPLATE_NAME = "my-machine"
 """What the templates are called in their own files."""
 
 
-def new_platform(path: Path, kind: str) -> Path:
+SENSORS = {
+    "table": ("gyro", "attitude", "inclinometer", "accelerometer", "magnetometer", "wheel_speed")
+    + ("stage_position",),
+    "pendulum": ("joint_angle", "joint_rate"),
+    "free": ("gyro", "attitude", "magnetometer", "position", "wheel_speed"),
+}
+"""Streams that a machine of each kind can have a sensor for."""
+OF_PARTS = ("wheel_speed", "stage_position")
+AT_SITE = ("accelerometer", "inclinometer")
+"""Sensors that are somewhere on the body."""
+
+
+def sensors_of(recording: Recording, kind: str) -> str:
+    """[sensors.NAME] of a platform.toml: rate and noise as the log has them.
+
+    Raises:
+        UsageError: the log has no stream of a sensor that such a machine can have.
+    """
+    tables = list[str]()
+    for name in SENSORS[kind]:
+        if name not in recording or len(recording[name]) < 2 or recording[name].stands_still:
+            continue
+        series, noise = recording[name], measure_noise(recording[name])
+        clock = noise.clock.period
+        white = f"[{', '.join(f'{sigma:.3g}' for sigma in noise.white)}]"
+        if name in OF_PARTS:  # the machine may have another number of them
+            white = f"{float(noise.white.max()):.3g}"
+        lines = [
+            f"[sensors.{name}]",
+            f"rate = {1.0 / clock:.4g}  # Hz, of the log",
+            f"noise = {white}  # {series.unit}, 1 sigma a sample, of the log",
+        ]
+        if noise.quantised.any() and name != "attitude":
+            lines.append(f"resolution = {float(noise.resolution.max()):.3g}  # of the log's steps")
+        if name in AT_SITE:
+            lines.append('site = "imu"  # of platform.xml: where it is on the body')
+        tables.append("\n".join(lines))
+    if not tables:
+        listed = ", ".join(SENSORS[kind])
+        raise UsageError(
+            f"{recording.source} has no stream of a sensor of a {kind}: {listed}; name another kind"
+        )
+    return "\n\n".join(tables) + "\n"
+
+
+def _stepped(text: str, log: Recording | None, sensors: Sequence[str]) -> str:
+    """A platform.toml whose step is as short as the period of the log's fastest sensor, and goes
+    into the period of the control."""
+    rates = [] if log is None else [log[name].rate for name in sensors if name in log]
+    step, control = (
+        float(found[1]) for found in (re.search(p, text) for p in (_STEP, _CONTROL)) if found
+    )
+    if max(rates, default=0.0) * step <= 1.0:
+        return text
+    count = int(np.ceil(max(rates) / control - 1e-6))
+    return re.sub(_STEP, f"step = {1.0 / (control * count)!r}", text)
+
+
+def new_platform(path: Path, kind: str, log: Recording | None = None) -> Path:
     """Write a platform folder of that kind; its last part is the machine's name.
+
+    Args:
+        path: of the folder.
+        kind: one of KINDS.
+        log: what the machine recorded: its sensors, their rates and their noise.
 
     Raises:
         UnknownName: no such kind.
-        UsageError: the folder exists, or its name is no name for a machine.
+        UsageError: the folder exists, its name is no name for a machine, or the log has no sensor
+            of such a machine.
     """
     if kind not in KINDS:
         raise UnknownName("kind of machine", kind, KINDS)
+    sensors = None if log is None else sensors_of(log, kind)
     name = path.name
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
         raise UsageError(
@@ -45,6 +116,8 @@ def new_platform(path: Path, kind: str) -> Path:
     try:
         for file in sorted((_HERE / kind).iterdir()):
             text = file.read_text(encoding="utf-8").replace(_TEMPLATE_NAME, name)
+            if sensors is not None and file.name == "platform.toml":
+                text = _stepped(text[: text.index("[sensors.")], log, SENSORS[kind]) + sensors
             (path / file.name).write_text(text, encoding="utf-8")
     except OSError as problem:
         shutil.rmtree(path, ignore_errors=True)
