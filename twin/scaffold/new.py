@@ -2,7 +2,6 @@
 
 import re
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -70,17 +69,15 @@ def sensors_of(recording: Recording, kind: str) -> str:
     return "\n\n".join(tables) + "\n"
 
 
-def _stepped(text: str, log: Recording | None, sensors: Sequence[str]) -> str:
-    """A platform.toml whose step is as short as the period of the log's fastest sensor, and goes
-    into the period of the control."""
-    rates = [] if log is None else [log[name].rate for name in sensors if name in log]
-    step, control = (
-        float(found[1]) for found in (re.search(p, text) for p in (_STEP, _CONTROL)) if found
-    )
-    if max(rates, default=0.0) * step <= 1.0:
-        return text
-    count = int(np.ceil(max(rates) / control - 1e-6))
-    return re.sub(_STEP, f"step = {1.0 / (control * count)!r}", text)
+def _step_for(log: Recording, kind: str) -> str | None:
+    """A step [s] as short as the period of the log's fastest sensor, which goes into the period of
+    the control; None where that of the template is short enough."""
+    text = (_HERE / kind / "platform.toml").read_text(encoding="utf-8")
+    (step,), (control,) = (map(float, re.findall(p, text)) for p in (_STEP, _CONTROL))
+    fastest = max(log[name].rate for name in SENSORS[kind] if name in log)
+    if fastest * step <= 1.0 + 1e-6:
+        return None
+    return repr(float(1.0 / (control * np.ceil(fastest / control - 1e-6))))
 
 
 def new_platform(path: Path, kind: str, log: Recording | None = None) -> Path:
@@ -99,6 +96,7 @@ def new_platform(path: Path, kind: str, log: Recording | None = None) -> Path:
     if kind not in KINDS:
         raise UnknownName("kind of machine", kind, KINDS)
     sensors = None if log is None else sensors_of(log, kind)
+    step = None if log is None else _step_for(log, kind)
     name = path.name
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
         raise UsageError(
@@ -117,7 +115,10 @@ def new_platform(path: Path, kind: str, log: Recording | None = None) -> Path:
         for file in sorted((_HERE / kind).iterdir()):
             text = file.read_text(encoding="utf-8").replace(_TEMPLATE_NAME, name)
             if sensors is not None and file.name == "platform.toml":
-                text = _stepped(text[: text.index("[sensors.")], log, SENSORS[kind]) + sensors
+                text = text[: text.index("[sensors.")] + sensors
+            if step is not None:
+                text = re.sub(_STEP, f"step = {step}", text)
+                text = re.sub(r'timestep="[\d.]+"', f'timestep="{step}"', text)
             (path / file.name).write_text(text, encoding="utf-8")
     except OSError as problem:
         shutil.rmtree(path, ignore_errors=True)
