@@ -68,6 +68,12 @@ def _chance_of_a_repeat(series: Series) -> float:
     return float(np.prod(np.minimum(chance, 1.0)))
 
 
+def run_lengths(rows: Mask) -> NDArray[np.intp]:
+    """Lengths of the stretches of True in (m,)."""
+    edges = np.flatnonzero(np.diff(np.r_[False, rows, False].astype(np.int8)))
+    return edges[1::2] - edges[::2]
+
+
 def _leaps(step: Array, index: int) -> bool:
     """Whether a stretch ends in a jump. `step` (stretches - 1, k) is from each to the next."""
     if index >= len(step):
