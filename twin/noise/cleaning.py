@@ -1,10 +1,11 @@
 """A log without samples that are no measurements, each kind counted and said.
 
-In this order: samples at the end of a sensor's range, those that a sensor repeats after it hung,
-those that a slow sensor repeats or that are interpolated between its measurements, and glitches.
+In this order: streams with a dead axis; samples at the end of a sensor's range, those that a sensor
+repeats after it hung, those of one stuck axis, those that a slow sensor repeats or that are
+interpolated between its measurements, and glitches.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from twin.noise.clipping import CLIPPED, range_ends
 from twin.noise.glitches import glitches
 from twin.noise.held import SLOW, slow_sensor
 from twin.noise.stopped import stopped
+from twin.noise.stuck import OF_AXES, dead_axes, stuck_rows
 from twin.recording import Recording, Series
 from twin.signals import OF_MOTION
 from twin.units import printed, three_digits
@@ -27,12 +29,23 @@ OF_PARTS = ("wheel_speed", "gimbal_angle")
 jump, and a stage stands still."""
 
 
-def cleaned(recording: Recording) -> Recording:
-    """A log without samples that are no measurements; `repairs` says what was left out."""
+def cleaned(recording: Recording, *, all_axes: bool = True) -> Recording:
+    """A log without samples that are no measurements; `repairs` says what was left out.
+
+    Args:
+        recording: a log.
+        all_axes: the body turns about all axes; else a sensor with a dead axis is of use too.
+    """
     streams, said = dict(recording.streams), list(recording.repairs)
     for name, series in recording.items():
         # a stream that says nothing at all is refused elsewhere
         if series.stands_still:
+            continue
+        dead = dead_axes(series) if all_axes and name in OF_AXES else ()
+        if dead:
+            if not is_needed(name, recording):
+                del streams[name]
+                said.append(f"{dead_words(name, dead)}: {name} is not used")
             continue
         for find, names in FINDERS:
             if name not in names:
@@ -42,6 +55,17 @@ def cleaned(recording: Recording) -> Recording:
                 streams[name] = streams[name].only(~lost)
                 said.append(sentence)
     return replace(recording, streams=streams, repairs=tuple(said))
+
+
+def is_needed(name: str, recording: Recording) -> bool:
+    """Whether nothing else in a log shows the motion that a sensor measures."""
+    return name != "magnetometer" and "attitude" not in recording
+
+
+def dead_words(name: str, axes: Sequence[str]) -> str:
+    """That axes of a sensor are dead, as the begin of a sentence."""
+    verb = "keeps" if len(axes) == 1 else "keep"
+    return f"{name} {', '.join(axes)} {verb} one value in nearly all rows while other axes scatter"
 
 
 def _at_range_ends(series: Series, name: str, unit: str) -> tuple[Mask, str]:
@@ -62,6 +86,15 @@ def _hung(series: Series, name: str, unit: str) -> tuple[Mask, str]:
     del unit
     lost = stopped(series, steady=name in OF_PARTS)
     words = "repeat one that was read before, as of a sensor that hung"
+    return lost, _sentence(name, series, lost, words)
+
+
+def _stuck(series: Series, name: str, unit: str) -> tuple[Mask, str]:
+    del unit
+    stuck = stuck_rows(series)
+    axes = [column for column, one in zip(series.columns, stuck.T, strict=True) if one.any()]
+    lost = stuck.any(axis=1)
+    words = f"have {' or '.join(axes)} stuck at one value while the other axes scatter"
     return lost, _sentence(name, series, lost, words)
 
 
@@ -91,6 +124,7 @@ def _glitches(series: Series, name: str, unit: str) -> tuple[Mask, str]:
 FINDERS: tuple[tuple[Finder, tuple[str, ...]], ...] = (
     (_at_range_ends, CLIPPED),
     (_hung, (*OF_MOTION, *OF_PARTS)),
+    (_stuck, OF_AXES),
     (_not_measured, SLOW),
     (_glitches, (*OF_MOTION, *OF_PARTS)),
 )

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.noise.quantisation import resolution_of
-from twin.noise.stopped import run_lengths
+from twin.noise.stopped import chance_of_a_repeat, repeats_needed, runs_of, usual_run
 from twin.noise.stream import noise_of
 from twin.recording import Series
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
 
 CLIPPED = ("gyro", "joint_rate", "accelerometer", "magnetometer")
 """Streams whose sensors have a range that the machine can leave. An angle may really stay where it
@@ -28,12 +29,6 @@ LARGE = 0.5
 that is never negative is at rest at its smallest value."""
 FEWEST = 5
 """Repeated rows at an end, at least."""
-CHANCE = 1e-9
-"""That noise repeats an end so often somewhere in a log."""
-QUIET = 1e-6
-"""Of the largest value: a stream with less noise than this is computed, not measured."""
-USUAL = 0.95
-"""Quantile of the rows for which a value is held that a sensor slower than its log holds it."""
 SHARE, STRETCH, OFTEN = 0.02, 5, 10.0
 """On a grid that hides the noise: share of the rows at an end, rows of each of at least two
 stretches there, and times the rows at the most frequent value that is no end."""
@@ -62,7 +57,7 @@ def range_ends(series: Series) -> RangeEnds:
     value = series.value
     high, low = value.max(axis=0), value.min(axis=0)
     at_ends = np.stack([_same(value, high), _same(value, low)])
-    inside = ~at_ends.any(axis=(0, 2))
+    inside = ~(at_ends & (high > low)).any(axis=(0, 2))
     noise = noise_of(series.only(inside)) if inside.any() else np.zeros(value.shape[1])
     stuck = np.r_[False, (np.diff(value, axis=0) == 0.0).all(axis=1)]
     stuck &= ~at_ends.any(axis=0).all(axis=1)
@@ -93,7 +88,7 @@ def _is_end(column: Array, at: Mask, ends: Mask, noise: float, peak: float) -> b
         peak: largest size of a value.
     """
     others = column[~ends.any(axis=0)]
-    lengths = run_lengths(at)
+    lengths = _lengths(at)
     if not len(others) or not len(lengths):
         return False
     grid = resolution_of(others)
@@ -101,11 +96,15 @@ def _is_end(column: Array, at: Mask, ends: Mask, noise: float, peak: float) -> b
         most = np.unique(others, return_counts=True)[1].max()
         many = np.count_nonzero(at) > max(SHARE * len(at), OFTEN * float(most))
         return bool(many and np.count_nonzero(lengths >= STRETCH) >= 2)
-    if noise <= QUIET * peak:
+    chance = chance_of_a_repeat(grid, noise, peak)
+    if chance == 1.0:
         return False
-    again = min(grid / (2.0 * np.sqrt(np.pi) * noise), 1.0)
-    needed = np.log(CHANCE / len(at)) / np.log(again) if 0.0 < again < 1.0 else 0.0
-    held = np.diff(np.r_[np.flatnonzero(np.r_[True, np.diff(others) != 0.0]), len(others)])
-    usual = float(np.quantile(held, USUAL, method="inverted_cdf"))
+    usual = usual_run(runs_of(others[:, None])[1])
     repeats = np.maximum(lengths - usual, 0.0).sum()
-    return bool(repeats >= usual * max(FEWEST, needed))
+    return bool(repeats >= usual * max(FEWEST, repeats_needed(chance, len(at))))
+
+
+def _lengths(rows: Mask) -> Rows:
+    """Lengths of the stretches of True in (m,)."""
+    first, length = runs_of(rows[:, None])
+    return length[rows[first]]

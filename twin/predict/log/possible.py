@@ -4,8 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import UsageError
+from twin.noise.cleaning import dead_words, is_needed
+from twin.noise.stuck import OF_AXES, dead_axes
 from twin.platform import Platform
 from twin.predict.log.motion import Motion
+from twin.predict.log.usable import turns_about_all_axes
 from twin.recording import Recording
 from twin.signals import OF_MOTION
 
@@ -43,6 +46,8 @@ def check_possible(recording: Recording, platform: Platform) -> None:
     _check_sizes(recording, platform)
     _check_clocks(recording, platform)
     _check_alive(recording)
+    if turns_about_all_axes(platform):
+        _check_axes(recording)
 
 
 def _check_sizes(recording: Recording, platform: Platform) -> None:
@@ -128,4 +133,16 @@ def _check_alive(recording: Recording) -> None:
                 f"{recording.source}: {name} is the same in all {len(recording[name])} rows, "
                 "which tells nothing of a machine that moves; if the sensor was off, leave the "
                 "stream out"
+            )
+
+
+def _check_axes(recording: Recording) -> None:
+    """No sensor that alone shows the motion has a dead axis."""
+    for name in OF_AXES:
+        if name not in recording or not is_needed(name, recording):
+            continue
+        if dead := dead_axes(recording[name]):
+            raise ImpossibleLog(
+                f"{recording.source}: {dead_words(name, dead)}; that axis was off, and no "
+                "attitude shows the motion instead: record it again, or add the attitude"
             )

@@ -1,5 +1,5 @@
-"""Samples that say nothing of the motion are not used: at the end of a sensor's range, repeated by
-a sensor that hung, or far off between good ones. Each is counted and said."""
+"""Samples that say nothing of the motion are not used: at the end of the range that platform.toml
+states, or no measurements at all by `twin.noise.cleaning`. Each kind is counted and said."""
 
 from dataclasses import replace
 
@@ -17,7 +17,15 @@ AT_RANGE = 1e-3
 def usable(recording: Recording, platform: Platform) -> Recording:
     """A log without samples that say nothing of the motion; `repairs` says so."""
     held, said = within_range(recording, platform)
-    return cleaned(replace(held, repairs=(*held.repairs, *said)))
+    return cleaned(
+        replace(held, repairs=(*held.repairs, *said)), all_axes=turns_about_all_axes(platform)
+    )
+
+
+def turns_about_all_axes(platform: Platform) -> bool:
+    """Whether the base turns about three axes, so that a sensor must measure all of them."""
+    base = platform.base
+    return base.kind != "hinge" and not base.planar and not base.locked
 
 
 def within_range(recording: Recording, platform: Platform) -> tuple[Recording, tuple[str, ...]]:
