@@ -21,7 +21,7 @@ def test_all_rows_at_an_end_and_no_others_are_found(swing, draw, end, grid):
     if grid:
         whole = replace(whole, value=grid * np.round(whole.value / grid))
     found = range_ends(clipped(whole, -end, end))
-    assert found.lost.tolist() == (np.abs(whole.value) >= end).any(axis=1).tolist()
+    assert found.rows.tolist() == (np.abs(whole.value) >= end).any(axis=1).tolist()
     assert found.ends == pytest.approx((-end, end))
 
 
@@ -30,7 +30,7 @@ def test_one_end_of_one_axis_is_found(swing, draw):
     value = whole.value.copy()
     value[:, 1] = np.minimum(value[:, 1], 0.03)
     found = range_ends(replace(whole, value=value))
-    assert found.lost.tolist() == (whole.value[:, 1] >= 0.03).tolist()
+    assert found.rows.tolist() == (whole.value[:, 1] >= 0.03).tolist()
     assert found.ends == (0.03,)
 
 
@@ -42,17 +42,18 @@ def test_one_long_stretch_at_the_end_is_no_sensor_that_hung(swing, draw):
     count = np.count_nonzero(rate >= 3.5)
     assert log.repairs == (
         f"{count} of 6000 samples of joint_rate ({count / 60.0:.2g} %) are at 201 deg/s, the end "
-        "of its range, and are not used",
+        "of its range, and are not used, nor are those next to them",
     )
-    assert len(log["joint_rate"]) == 6000 - count
+    # three on either side: of rows near an end, noise picks those that stay off it
+    assert 6000 - len(log["joint_rate"]) == count + 6
 
 
 def test_a_held_sensor_is_at_its_end_when_it_stays_there(swing, draw):
     whole = swing(draw, 1e-3)
     slow = replace(whole, value=whole.value[::10].repeat(10, axis=0))
-    assert not range_ends(slow).lost.any()
+    assert not range_ends(slow).rows.any()
     ends = range_ends(clipped(slow, -0.04, 0.04))
-    assert ends.lost.tolist() == (np.abs(slow.value) >= 0.04).any(axis=1).tolist()
+    assert ends.rows.tolist() == (np.abs(slow.value) >= 0.04).any(axis=1).tolist()
 
 
 def test_a_sensor_that_hung_at_its_largest_value_is_not_at_its_end(swing, draw):
@@ -60,7 +61,7 @@ def test_a_sensor_that_hung_at_its_largest_value_is_not_at_its_end(swing, draw):
     first = int(np.argmax(whole.value[:5000, 0]))
     value = whole.value.copy()
     value[first : first + 300] = value[first]
-    assert not range_ends(replace(whole, value=value)).lost.any()
+    assert not range_ends(replace(whole, value=value)).rows.any()
 
 
 @pytest.mark.parametrize("grid", [0.0, 1e-4, 1e-3, 5e-3, 0.03])

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.noise.clipping import CLIPPED, range_ends
+from twin.noise.clipping import CLIPPED, range_ends, with_neighbours
 from twin.noise.glitches import glitches
 from twin.noise.held import SLOW, slow_sensor
 from twin.noise.stopped import stopped
@@ -70,15 +70,16 @@ def dead_words(name: str, axes: Sequence[str]) -> str:
 
 def _at_range_ends(series: Series, name: str, unit: str) -> tuple[Mask, str]:
     found = range_ends(series)
-    if not found.lost.any():
-        return found.lost, ""
+    lost = with_neighbours(found.rows)
+    if not lost.any():
+        return lost, ""
     sizes = sorted({round(abs(end), 12) for end in found.ends})
     ends = " or ".join(printed(size, unit, sizes[-1]) for size in sizes)
-    count = np.count_nonzero(found.lost)
+    count = np.count_nonzero(found.rows)
     share = f"{100.0 * count / len(series):.2g}"
-    return found.lost, (
+    return lost, (
         f"{count} of {len(series)} samples of {name} ({share} %) are at {ends}, the end of its "
-        "range, and are not used"
+        "range, and are not used, nor are those next to them"
     )
 
 

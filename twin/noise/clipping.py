@@ -29,6 +29,9 @@ LARGE = 0.5
 that is never negative is at rest at its smallest value."""
 FEWEST = 5
 """Repeated rows at an end, at least."""
+BESIDE = 3
+"""Rows on either side of one at an end that are not used. Near an end, only the rows whose noise
+points inwards stay off it: used alone, they would bend the motion inwards too."""
 SHARE, STRETCH, OFTEN = 0.02, 5, 10.0
 """On a grid that hides the noise: share of the rows at an end, rows of each of at least two
 stretches there, and times the rows at the most frequent value that is no end."""
@@ -38,7 +41,7 @@ stretches there, and times the rows at the most frequent value that is no end.""
 class RangeEnds:
     """Samples at the ends of a range."""
 
-    lost: Mask
+    rows: Mask
     """(m,) rows in which at least one column is at an end."""
     ends: tuple[float, ...]
     """The values of the ends, in the stream's unit, rising."""
@@ -50,10 +53,10 @@ def range_ends(series: Series) -> RangeEnds:
     Args:
         series: m rows of a sensor.
     """
-    lost = np.zeros(len(series), dtype=np.bool_)
+    rows = np.zeros(len(series), dtype=np.bool_)
     ends: list[float] = []
     if len(series) <= FEWEST or series.stands_still:
-        return RangeEnds(lost, ())
+        return RangeEnds(rows, ())
     value = series.value
     high, low = value.max(axis=0), value.min(axis=0)
     at_ends = np.stack([_same(value, high), _same(value, low)])
@@ -68,9 +71,16 @@ def range_ends(series: Series) -> RangeEnds:
                 continue
             # a row in which all columns repeat is of a sensor that hung
             if _is_end(value[:, column], at & ~stuck, at_ends[:, :, column], noise[column], peak):
-                lost |= at
+                rows |= at
                 ends.append(float(end))
-    return RangeEnds(lost, tuple(sorted(set(ends))))
+    return RangeEnds(rows, tuple(sorted(set(ends))))
+
+
+def with_neighbours(rows: Mask) -> Mask:
+    """Rows (m,) at an end of a range, and those too near to it to be used."""
+    if not rows.any():
+        return rows
+    return np.convolve(rows, np.ones(2 * BESIDE + 1), mode="full")[BESIDE:-BESIDE] > 0.5
 
 
 def _same(value: Array, end: Array) -> Mask:

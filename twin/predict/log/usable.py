@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from twin.noise.cleaning import cleaned
+from twin.noise.clipping import with_neighbours
 from twin.platform import Platform
 from twin.recording import Recording
 from twin.units import printed
@@ -39,9 +40,10 @@ def within_range(recording: Recording, platform: Platform) -> tuple[Recording, t
         good = np.all(np.abs(series.value) < sensor.range * (1.0 - AT_RANGE), axis=1)
         lost = int(np.count_nonzero(~good))
         if lost:
-            streams[name] = series.only(good)
+            streams[name] = series.only(~with_neighbours(~good))
             said.append(
                 f"{lost} of {len(series)} samples of {name} are at the end of its range, "
-                f"{printed(sensor.range, series.unit)}, and are not used"
+                f"{printed(sensor.range, series.unit)}, and are not used, nor are those next "
+                "to them"
             )
     return replace(recording, streams=streams), tuple(said)
