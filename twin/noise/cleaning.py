@@ -94,7 +94,7 @@ def _stuck(series: Series, name: str, unit: str) -> tuple[Mask, str]:
     del unit
     stuck = stuck_rows(series)
     axes = [column for column, one in zip(series.columns, stuck.T, strict=True) if one.any()]
-    lost = stuck.any(axis=1)
+    lost: Mask = np.asarray(stuck.any(axis=1))
     words = f"have {' or '.join(axes)} stuck at one value while the other axes scatter"
     return lost, _sentence(name, series, lost, words)
 

@@ -59,11 +59,11 @@ def range_ends(series: Series) -> RangeEnds:
         return RangeEnds(rows, ())
     value = series.value
     high, low = value.max(axis=0), value.min(axis=0)
-    at_ends = np.stack([_same(value, high), _same(value, low)])
+    at_ends: Mask = np.stack([_same(value, high), _same(value, low)])
     inside = ~(at_ends & (high > low)).any(axis=(0, 2))
     noise = noise_of(series.only(inside)) if inside.any() else np.zeros(value.shape[1])
     stuck = np.r_[False, (np.diff(value, axis=0) == 0.0).all(axis=1)]
-    stuck &= ~at_ends.any(axis=0).all(axis=1)
+    stuck &= ~np.all(at_ends[0] | at_ends[1], axis=1)
     for column in range(value.shape[1]):
         peak = max(abs(high[column]), abs(low[column]))
         for end, at in zip((high[column], low[column]), at_ends[:, :, column], strict=True):

@@ -57,7 +57,7 @@ def _stuck(series: Series, coarse: Array) -> Mask:
     repeats = np.maximum(coarse, slow)
     for column in range(value.shape[1]):
         others = np.flatnonzero(alive & (np.arange(len(alive)) != column))
-        first, length = runs_of(value[:, column : column + 1])
+        length = runs_of(value[:, column : column + 1])[1]
         long = length > FEWEST
         if not len(others) or not long.any():
             continue
