@@ -147,18 +147,6 @@ def test_a_machine_at_rest_is_not_called_healthy(log, said):
     assert "no verdict on the model" in text
 
 
-def test_a_gyro_at_the_end_of_its_range_is_told_with_the_line_to_write(log, said):
-    def clipped(_: str, table: Array) -> Array:
-        end = 0.3 * np.abs(table[:, 1:]).max(axis=0)
-        return np.column_stack([table[:, 0], np.clip(table[:, 1:], -end, end)])
-
-    spoil(log, clipped, "gyro")
-    code, text = said(log)
-    assert code == 2
-    assert "State `range` = " in text
-    assert "[sensors.gyro]" in text
-
-
 def test_a_gyro_beyond_its_stated_range_leaves_nothing_to_go_by(log, said):
     spoil(log, lambda _, table: np.column_stack([table[:, 0], 100.0 + table[:, 1:]]), "gyro")
     code, text = said(log)

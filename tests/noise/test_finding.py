@@ -82,7 +82,10 @@ def test_gaps_jitter_outliers_grids_and_repeats_are_said(swing):
     assert kinds(good.time[kept], good.value[kept]) == ["gaps"]
     assert kinds(shaken, good.value) == ["jitter"]
     assert kinds(good.time, np.round(good.value / 0.01) * 0.01) == ["quantised"]
-    assert kinds(good.time, np.repeat(good.value[::5], 5, axis=0)) == ["repeated"]
+    irregular = np.maximum.accumulate(np.where(draw.random(6000) < 0.5, np.arange(6000), 0))
+    assert kinds(good.time, good.value[irregular]) == ["repeated"]
+    # at a steady rate they are left out, and `cleaned` says so
+    assert kinds(good.time, np.repeat(good.value[::5], 5, axis=0)) == []
 
 
 def test_neither_commands_nor_truth_are_sensors(swing):

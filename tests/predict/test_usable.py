@@ -68,7 +68,24 @@ def another_marker(value: np.ndarray) -> np.ndarray:
     return value
 
 
+def clips(value: np.ndarray) -> np.ndarray:
+    end = 0.5 * np.abs(value).max()
+    return np.clip(value, -end, end)
+
+
+def holds(value: np.ndarray) -> np.ndarray:
+    return value[np.arange(len(value)) // 10 * 10]
+
+
+def sticks(value: np.ndarray) -> np.ndarray:
+    value[FIRST : FIRST + 500, 1] = value[FIRST, 1]
+    return value
+
+
 FAULTS = [
+    ("gyro", clips, "the end of its range"),
+    ("attitude", holds, "and its fresh samples are used"),
+    ("gyro", sticks, "have y stuck at one value"),
     ("gyro", hangs, "repeat one that was read before"),
     ("attitude", hangs, "repeat one that was read before"),
     ("gyro", wrong_bytes, "lie far off the ones before and after"),

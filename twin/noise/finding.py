@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.noise.held import measurements
 from twin.noise.stream import StreamNoise, measure_noise
 from twin.platform import Platform
 from twin.recording import Recording
@@ -57,7 +58,8 @@ def noise_findings(recording: Recording, platform: Platform | None) -> list[Nois
     What a log states of its noise stands before what its platform states.
     """
     findings: list[NoiseFinding] = []
-    for name, series in recording.items():
+    for name, rows in recording.items():
+        series = measurements(name, rows) if _measured(name) else rows
         if not _measured(name) or len(series) < FEWEST:
             continue
         if (series.value == series.value[0]).all():

@@ -13,6 +13,7 @@ from twin.recording import Series
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
 
 FEWEST = 5
 """Fresh values that a stretch must lack, or it is no more than a hiccup."""
@@ -20,6 +21,8 @@ CHANCE = 1e-9
 """Of a stretch that noise leaves alone, over all the rows of a log."""
 ROUNDED = 1e-9
 """Of the largest value: what scatters by less does so by rounding, and is no sensor's noise."""
+QUIET = 1e-6
+"""Of the largest value: a column with less noise than this is computed, not measured."""
 USUAL = 0.95
 """Quantile of the rows for which a value is held that a sensor slower than its log holds it."""
 LEAP = 3.0
@@ -38,16 +41,14 @@ def stopped(series: Series, *, steady: bool = False) -> Mask:
         (m,); the first row of a stretch is not one of them.
     """
     lost = np.zeros(len(series), dtype=np.bool_)
-    fresh = np.r_[True, (np.diff(series.value, axis=0) != 0.0).any(axis=1)]
-    first = np.flatnonzero(fresh)
-    held = np.diff(np.r_[first, len(series)])
+    first, held = runs_of(series.value)
     if held.max(initial=0) <= FEWEST:
         return lost
     repeats = _chance_of_a_repeat(series)
     if repeats == 1.0:
         return lost
-    needed = np.log(CHANCE / len(series)) / np.log(repeats) if repeats > 0.0 else 0.0
-    usual = float(np.quantile(held, USUAL, method="inverted_cdf"))
+    needed = repeats_needed(repeats, len(series))
+    usual = usual_run(held)
     step = np.abs(np.diff(series.value[first], axis=0))
     for index in np.flatnonzero(held > usual * max(FEWEST, needed)):
         if steady and not _leaps(step, int(index)):
@@ -66,6 +67,36 @@ def _chance_of_a_repeat(series: Series) -> float:
     told = ~noise.quantised & (noise.white > ROUNDED * peak)
     chance = noise.resolution[told] / (2.0 * np.sqrt(np.pi) * noise.white[told])
     return float(np.prod(np.minimum(chance, 1.0)))
+
+
+def runs_of(value: Array | Mask) -> tuple[Rows, Rows]:
+    """First rows and lengths of the runs of equal rows in (m, k)."""
+    changes = (value[1:] != value[:-1]).any(axis=1)
+    first = np.flatnonzero(np.r_[np.ones(min(len(value), 1), dtype=np.bool_), changes])
+    return first, np.diff(np.r_[first, len(value)])
+
+
+def usual_run(lengths: Rows) -> float:
+    """Rows for which a sensor, perhaps slower than its log, holds a value."""
+    return float(np.quantile(lengths, USUAL, method="inverted_cdf"))
+
+
+def chance_of_a_repeat(grid: float, noise: float, peak: float) -> float:
+    """That noise leaves one value in its step of the grid; 1 where that cannot be known.
+
+    Args:
+        grid: step of the values; 0 without one.
+        noise: white, 1 sigma a sample. A grid may hide it.
+        peak: largest size of a value. With hardly any noise beside it, values are computed.
+    """
+    if grid / np.sqrt(12.0) > np.sqrt(0.5) * noise or noise <= QUIET * peak:
+        return 1.0
+    return min(grid / (2.0 * np.sqrt(np.pi) * noise), 1.0)
+
+
+def repeats_needed(chance: float, rows: int) -> float:
+    """How many repeats in a row are beyond CHANCE anywhere in a log of so many rows."""
+    return float(np.log(CHANCE / rows) / np.log(chance)) if chance > 0.0 else 0.0
 
 
 def _leaps(step: Array, index: int) -> bool:

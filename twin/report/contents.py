@@ -12,7 +12,8 @@ from twin.conventions import ConventionAdvice, convention_advice
 from twin.errors import TwinError, UnknownName, UsageError
 from twin.noise import StreamNoise, measure_noise, noise_findings
 from twin.noise.cleaning import cleaned
-from twin.noise.clock import GAP
+from twin.noise.clock import GAP, clock_of
+from twin.noise.held import measurements
 from twin.platform import Platform, check_columns, in_order_of, taken_as_at_rest
 from twin.predict.log.motion import motion_of
 from twin.predict.log.possible import (
@@ -170,7 +171,7 @@ def _entry(recording: Recording, name: str) -> Mapping[str, Any]:
 
 def _stream(recording: Recording, name: str) -> StreamContents:
     series, entry = recording[name], _entry(recording, name)
-    noise = measure_noise(series)
+    noise = replace(measure_noise(measurements(name, series)), clock=clock_of(series))
     intervals = np.diff(series.time)
     wide = np.flatnonzero(intervals > GAP * noise.clock.period)
     wide = wide[np.argsort(-intervals[wide], kind="stable")]

@@ -85,6 +85,8 @@ def compare_gyro(recording: Recording) -> GyroComparison:
     ):
         raise UsageError("the log has no gyro about x, y and z beside an attitude; nothing to hold")
     recording = cleaned(recording)
+    if "gyro" not in recording:
+        raise UsageError(f"{recording.repairs[-1]}; nothing to hold")
     gyro_noise, attitude_noise = (
         float(np.sqrt(np.mean(np.square(noise_of(recording[name]))))) for name in _STREAMS
     )

@@ -4,12 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import UsageError
+from twin.noise.cleaning import dead_words, is_needed
+from twin.noise.stuck import OF_AXES, dead_axes
 from twin.platform import Platform
 from twin.predict.log.motion import Motion
-from twin.predict.log.usable import AT_RANGE
+from twin.predict.log.usable import turns_about_all_axes
 from twin.recording import Recording
 from twin.signals import OF_MOTION
-from twin.units import printed
 
 Array = NDArray[np.float64]
 
@@ -21,14 +22,6 @@ OF_PARTS = {
     "magnetorquers": ("command_dipole",),
 }
 """Streams that only a machine with such parts has."""
-
-OF_RATE = ("gyro", "joint_rate")
-"""Streams of motion whose sensors have a range that a machine can leave."""
-
-CLIPPED = 0.02
-"""Share of all rows that must be at an end to speak of it."""
-STRETCH = 5
-"""Rows in a row of which at least two stretches must be there."""
 
 BEYOND = 10.0
 """Times what a part can do at which its unit is doubted."""
@@ -48,12 +41,13 @@ def check_possible(recording: Recording, platform: Platform) -> None:
 
     Raises:
         ImpossibleLog: parts did ten times what they can, streams share no time, or a sensor of the
-            motion was off, or at the end of a range that nobody stated.
+            motion was off.
     """
     _check_sizes(recording, platform)
     _check_clocks(recording, platform)
     _check_alive(recording)
-    _check_ranges(recording, platform)
+    if turns_about_all_axes(platform):
+        _check_axes(recording)
 
 
 def _check_sizes(recording: Recording, platform: Platform) -> None:
@@ -142,33 +136,13 @@ def _check_alive(recording: Recording) -> None:
             )
 
 
-def _check_ranges(recording: Recording, platform: Platform) -> None:
-    """A rate that stays where no other value is beyond, again and again, is not the body's."""
-    for name in OF_RATE:
-        if name not in recording or not len(recording[name]):
+def _check_axes(recording: Recording) -> None:
+    """No sensor that alone shows the motion has a dead axis."""
+    for name in OF_AXES:
+        if name not in recording or not is_needed(name, recording):
             continue
-        series = recording[name]
-        sensor = platform.sensors.get(name)
-        most = np.inf if sensor is None else sensor.range * (1.0 - AT_RANGE)
-        for column, values in zip(series.columns, series.value.T, strict=True):
-            for end in (float(values.max()), float(values.min())):
-                at = values == end
-                if abs(end) >= most:  # stated: such rows are left out
-                    continue
-                if abs(end) < 0.5 * float(np.abs(values).max()) or not _clipped(values, at):
-                    continue
-                size = printed(abs(end), series.unit)
-                raise ImpossibleLog(
-                    f"{recording.source}: {np.count_nonzero(at)} of {len(at)} rows of {name} "
-                    f"{column} are exactly {printed(end, series.unit)} and none is beyond: it "
-                    f"looks like the end of the sensor's range. State `range` = {abs(end):.6g} "
-                    f"({size}) under [sensors.{name}] in platform.toml, and such rows are left out"
-                )
-
-
-def _clipped(values: Array, at: NDArray[np.bool_]) -> bool:
-    """Whether rows at one end are many, in stretches, and more than a grid of values has there."""
-    other = np.unique(values[~at], return_counts=True)[1].max(initial=1)
-    lengths = np.diff(np.flatnonzero(np.diff(np.r_[False, at, False].astype(int))))[::2]
-    many = np.count_nonzero(at) > max(CLIPPED * len(at), 10.0 * float(other))
-    return bool(many and np.count_nonzero(lengths >= STRETCH) >= 2)
+        if dead := dead_axes(recording[name]):
+            raise ImpossibleLog(
+                f"{recording.source}: {dead_words(name, dead)}; that axis was off, and no "
+                "attitude shows the motion instead: record it again, or add the attitude"
+            )
