@@ -63,8 +63,10 @@ class Body:
         listed = motion_hypotheses(self._recording, self._turning, self._upright)
         ranked = sorted(listed, key=lambda h: h.score)
         kept = ranked[:BODIES]
-        if all(h.corrections for h in kept):
-            kept.append(next(h for h in ranked if not h.corrections))
+        # what only the wheels can tell is kept for them: the log as read, and in other frames
+        for kind in (set[str](), {"frame"}):
+            whole = [h for h in ranked if {c.kind for c in h.corrections} == kind]
+            kept += [h for h in whole[:1] if not any(h is one for one in kept)]
         return kept
 
     @cached_property

@@ -81,6 +81,7 @@ def axes_change(stream: str, axes: Array, names: Sequence[str]) -> Correction | 
 def attitude_changes(recording: Recording) -> Iterator[tuple[Array, Correction | None]]:
     """(4 x 4, correction) every way in which the attitude may have been misread."""
     facts = stated(recording, "attitude")
+    layout = facts.get("format")
     backwards = facts.get("direction") == "world_to_body"
     wrong = ("world-to-body", "body-to-world")[backwards]
     direction = ("direction", wrong.replace("-", "_"))
@@ -89,12 +90,12 @@ def attitude_changes(recording: Recording) -> Iterator[tuple[Array, Correction |
     for name, matrix in quaternion_matrices():
         order = name.split()[0] if name else ""
         if order in ("xyzw", "wxyz"):
-            if facts.get("format") in (order, "euler_zyx"):
+            if layout == order or layout not in (None, "wxyz", "xyzw"):
                 continue
             right = undo @ matrix @ undo
             words = f"the attitude's scalar stands {'last' if order == 'xyzw' else 'first'}"
             keys = (("format", order),)
-            cost = SIMPLE + (order == "wxyz" and facts.get("format") != "xyzw") * 2.0
+            cost = SIMPLE + (order == "wxyz" and layout != "xyzw") * 2.0
             if name.endswith("inverse"):
                 words += f", and it is {wrong}"
                 keys, cost = (*keys, direction), cost + SIMPLE
@@ -108,6 +109,8 @@ def attitude_changes(recording: Recording) -> Iterator[tuple[Array, Correction |
                 ),
             )
         elif name == "axes":
+            if str(layout).startswith("euler"):
+                continue  # angles have signs and an order of their own
             axes = matrix[1:, 1:]
             yield (
                 matrix,

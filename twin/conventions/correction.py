@@ -17,9 +17,10 @@ class Correction:
 
     stream: str
     kind: str
-    """`unit`, `axes`, `order`, `direction`, `time_unit` or `clock_lag`."""
+    """`unit`, `axes`, `frame`, `order`, `direction`, `time_unit` or `clock_lag`."""
     words: str
-    """What is wrong, without a capital or a full stop: "gyro looks like deg/s, read as rad/s"."""
+    """What is wrong, without a capital or a full stop: "gyro looks like deg/s, read as rad/s".
+    Empty for the further streams of a frame, which the first one's words name."""
     keys: tuple[tuple[str, str], ...] = ()
     """Keys of [streams.<stream>] in log.toml with the right text. Columns, rate and clock_lag
     depend on what stands there; `log_toml.py` works them out."""

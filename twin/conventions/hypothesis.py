@@ -36,7 +36,7 @@ class Hypothesis:
     @property
     def words(self) -> str:
         """What is wrong; empty for the log as read."""
-        return ", and ".join(correction.words for correction in self.corrections)
+        return ", and ".join(c.words for c in self.corrections if c.words)
 
     @property
     def out_of_step(self) -> bool:

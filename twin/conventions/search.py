@@ -7,7 +7,7 @@ import numpy as np
 from twin.conventions.body import Body
 from twin.conventions.changes import CLOSE, unit_change, unit_changes
 from twin.conventions.correction import Correction, apply_all, stated
-from twin.conventions.finding import CERTAIN, CLEAR, TIED, ConventionFinding
+from twin.conventions.finding import CERTAIN, CLEAR, TIED, ConventionFinding, findings_of
 from twin.conventions.gravity import median_length
 from twin.conventions.hypothesis import Hypothesis
 from twin.conventions.joint import joint_findings
@@ -92,13 +92,13 @@ def _choose(body: Body, ranked: list[Hypothesis]) -> list[ConventionFinding]:
         return []
     best, *rivals = (body.dated(h) for h in simplest)
     others = dict.fromkeys(h.words for h in rivals if h.words != best.words)
-    return [ConventionFinding(c, certainty, tuple(others)) for c in best.corrections]
+    return list(findings_of(best.corrections, certainty, tuple(others)))
 
 
 def corrected(recording: Recording, findings: list[ConventionFinding]) -> Recording:
     """The recording as it should have been read, by the findings that name one reading only."""
-    sure = [finding.correction for finding in findings if not finding.ambiguous]
-    return apply_all(recording, sure)
+    sure = [finding for finding in findings if not finding.ambiguous]
+    return apply_all(recording, (c for finding in sure for c in finding.corrections))
 
 
 def _unit_by_length(recording: Recording, stream: str, length: float) -> list[Correction]:
