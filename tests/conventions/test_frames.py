@@ -5,6 +5,7 @@ import secrets
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from tests.conventions.flights import flights, misread
 from twin import rotation
@@ -69,7 +70,7 @@ def test_a_right_log_with_an_accelerometer_has_no_finding(sads, right_logs):
 
 
 def test_a_frame_with_z_down_is_one_finding_that_mends_every_stream(sads, right_logs):
-    for log in right_logs:
+    for log in right_logs[:2]:
         wrong = with_z_down(log)
         advice = convention_advice(wrong, sads)
         assert [finding.sentence for finding in advice.findings] == [NED]
@@ -108,3 +109,67 @@ def test_an_accelerometer_that_shows_gravity_is_no_frame(sads, right_logs):
     log = right_logs[0]
     wrong = misread(log, "accelerometer", value=-log["accelerometer"].value)
     assert sentences(wrong, sads) == ["Every axis of accelerometer points the other way."]
+
+
+def lab(log: Recording) -> Recording:
+    """Attitude and accelerometer alone."""
+    return only(log, "attitude", "accelerometer")
+
+
+def test_an_accelerometer_askew_beside_an_attitude_has_no_finding(drawn, right_logs):
+    for log in right_logs:
+        askew = rotation.from_rotation_vector(drawn.normal(0.0, np.radians(2.0), 3))
+        felt = rotation.rotate(askew, log["accelerometer"].value)
+        assert sentences(lab(log), None) == []
+        assert sentences(lab(misread(log, "accelerometer", value=felt)), None) == []
+
+
+def test_an_attitude_is_held_against_gravity_without_a_gyro(right_logs):
+    for log in right_logs:
+        two, attitude = lab(log), log["attitude"].value
+        wrong = misread(two, "attitude", value=attitude[:, [1, 2, 3, 0]])
+        assert sentences(wrong, None) == ["The attitude's scalar stands last."]
+        turned = misread(two, "accelerometer", value=two["accelerometer"].value[:, [2, 0, 1]])
+        (said,) = sentences(turned, None)
+        assert said.startswith("Accelerometer's axes are turned: x is read as y, y is read as z")
+        (said,) = sentences(with_z_down(two), None)
+        assert "ttitude and accelerometer are in axes with z down (NED, FRD)" in said
+        assert "every axis of accelerometer points the other way" in said
+
+
+def test_an_inverse_attitude_leans_against_gravity(right_logs):
+    two = lab(right_logs[0])
+    wrong = misread(two, "attitude", value=two["attitude"].value * [1.0, -1.0, -1.0, -1.0])
+    (said,) = sentences(wrong, None)
+    assert "ttitude is world-to-body" in said
+
+
+def test_gravity_read_as_a_gyro_fits_nothing(sads, right_logs):
+    for log in right_logs:
+        up = log["accelerometer"]
+        gyro = Series(up.time, up.value, up.columns, "rad/s")
+        wrong = dataclasses.replace(log, streams={**log.streams, "gyro": gyro})
+        (said,) = sentences(wrong, sads)
+        assert said.startswith("No reading of gyro and attitude fits: they turn at 56")
+        assert convention_advice(wrong, sads).log_toml == ""
+
+
+def test_a_gyro_of_another_motion_fits_nothing(drawn):
+    """Both shake for a minute, each in its own way."""
+    time = np.arange(0.0, 60.0, 0.01)
+    tones = np.linspace(0.3, 1.7, 15)
+
+    def shaking() -> NDArray[np.float64]:
+        phase = drawn.uniform(0.0, 2.0 * np.pi, (len(tones), 3))
+        return np.sin(2.0 * np.pi * tones[:, None] * time[:, None, None] + phase).sum(axis=1)
+
+    turned = rotation.from_rotation_vector(0.02 * shaking())
+    gyro = 0.1 * shaking() + drawn.normal(0.0, 1e-3, (len(time), 3))
+    turned = rotation.normalized(turned + drawn.normal(0.0, 1e-4, turned.shape))
+    streams = {
+        "gyro": Series(time, gyro, ("x", "y", "z"), "rad/s"),
+        "attitude": Series(time, turned, ("w", "x", "y", "z"), "1"),
+    }
+    log = Recording(streams, {"kind": "log"})
+    said = "No reading of gyro and attitude fits: both move, and not together."
+    assert sentences(log, None) == [said]

@@ -14,6 +14,10 @@ SIMPLE = 6.0
 ODD = 12.0
 """What a rarer one costs, as much as two plain ones."""
 
+MIRROR = 3.5
+"""What a left-handed sensor of three axes costs beside that: nobody builds one, so that it is named
+only where nothing right-handed fits, or with what fits as well."""
+
 
 @cache
 def signed_permutations(size: int) -> Array:

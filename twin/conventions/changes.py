@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.conventions.axes import (
+    MIRROR,
     ODD,
     SIMPLE,
     cost_of,
@@ -26,6 +27,9 @@ UNITS = {
     "T": ("T", "uT", "G", "mG", "nT"),
 }
 """What a stream may really be in, by its SI unit."""
+
+TRIADS = ("gyro", "accelerometer", "magnetometer")
+"""Streams of one sensor with three axes."""
 
 TOLD = 0.2
 """A smaller lag is a latency or a filter's; a diagnosis may find it, here it is not told [s]."""
@@ -75,7 +79,12 @@ def axes_change(stream: str, axes: Array, names: Sequence[str]) -> Correction | 
     if (axes == np.eye(len(axes))).all():
         return None
     words = words_for(stream, axes, names)
-    return Correction(stream, "axes", words, cost=cost_of(axes), axes=as_tuple(axes))
+    cost = cost_of(axes)
+    # gravity in the place of specific force turns every axis of an accelerometer
+    gravity = stream == "accelerometer" and bool((axes == -np.eye(len(axes))).all())
+    if stream in TRIADS and np.linalg.det(axes) < 0.0 and not gravity:
+        cost += MIRROR
+    return Correction(stream, "axes", words, cost=cost, axes=as_tuple(axes))
 
 
 def attitude_changes(recording: Recording) -> Iterator[tuple[Array, Correction | None]]:

@@ -37,7 +37,8 @@ class ConventionFinding:
 
     @property
     def kind(self) -> str:
-        """`unit`, `axes`, `frame`, `order`, `direction`, `time_unit` or `clock_lag`."""
+        """`unit`, `axes`, `frame`, `order`, `direction`, `angles`, `time_unit`, `clock_lag`
+        or `no_fit`."""
         return self.correction.kind
 
     @property
@@ -65,6 +66,13 @@ def findings_of(
         if correction.words:
             others = frame[1:] if correction.kind == "frame" else ()
             yield ConventionFinding(correction, evidence, alternatives, others)
+
+
+def no_fit(stream: str, words: str) -> ConventionFinding:
+    """Two streams that go together in no reading: nothing is corrected, and nothing is silent."""
+    return ConventionFinding(
+        Correction(stream, "no_fit", f"no reading of {words}"), evidence=CERTAIN
+    )
 
 
 def opened(words: str) -> str:

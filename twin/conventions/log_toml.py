@@ -21,7 +21,7 @@ def corrected_lines(recording: Recording, corrections: Iterable[Correction]) -> 
     For a recording of our own they belong into the log.toml that `twin export` writes.
     """
     by_stream: dict[str, list[Correction]] = {}
-    for correction in corrections:
+    for correction in (c for c in corrections if c.kind != "no_fit"):
         by_stream.setdefault(correction.stream, []).append(correction)
     lines: list[str] = []
     for stream, wrong in by_stream.items():
@@ -47,6 +47,9 @@ def _keys(
             keys["columns"] = json.dumps(listed)  # their names are wrong, too
         if correction.kind == "order":
             layout = dict(correction.keys)["format"]
+        if correction.kind == "angles":
+            listed = _turned(listed, np.array(correction.axes), (0, 1, 2))
+            keys["columns"] = json.dumps(listed)
         if correction.kind in ("axes", "frame"):
             listed = _turned(listed, *_of_columns(np.array(correction.axes), layout))
             keys["columns"] = json.dumps(listed)

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from twin.conventions.axes import SIMPLE, signed_permutations
 from twin.conventions.changes import attitude_changes, axes_changes, lag_change
 from twin.conventions.correction import Correction
+from twin.conventions.euler import read_angles
 from twin.conventions.frames import Frame, frames_of
 from twin.conventions.gravity import Upright
-from twin.conventions.hypothesis import Hypothesis
+from twin.conventions.hypothesis import AttitudeReading, Hypothesis
 from twin.conventions.turning import NEAR, Turning, far_lags, vector_axes
 from twin.recording import Recording
 
@@ -21,6 +22,8 @@ DEAREST = 20.0
 
 Axes = tuple[Array, Correction | None]
 """Axes of a stream before the frame is turned, and the correction to them."""
+Orientation = tuple[Frame, Array, Correction | None]
+"""A frame, what it and a correction before it make of the quaternion (4, 4), and the correction."""
 Force = tuple[Array, Correction | None, float]
 """Total axes of an accelerometer, the correction before the frame, and their misfit [nats]."""
 
@@ -32,23 +35,38 @@ def motion_hypotheses(
 ) -> Iterator[Hypothesis]:
     """Every frame with every reading of the attitude and every axes of the gyro, each in step, and
     with the one or the other late; the log as read among them."""
+    gyros = list(axes_changes(recording, "gyro"))
+    felt = upright is not None and upright.has_accelerometer
+    forces = list(axes_changes(recording, "accelerometer")) if felt else []
+    options = list(orientations(recording)), gyros, forces
+    for change, series in read_angles(recording):
+        turned, up = turning, upright
+        if change is not None:
+            turned, up = turning.with_attitude(series), upright and upright.with_attitude(series)
+        yield from _hypotheses(AttitudeReading(change, series, turned, up), *options)
+
+
+def _hypotheses(
+    reading: AttitudeReading,
+    turns: Sequence[Orientation],
+    gyros: Sequence[Axes],
+    felt: Sequence[Axes],
+) -> Iterator[Hypothesis]:
+    turning, upright = reading.turning, reading.upright
     near, lags = turning.match(NEAR), far_lags(turning.grid.longest_lag)
     matches = [("", near)]
     if len(lags):
         far = turning.match(lags)
         matches += [("gyro", far), ("attitude", far)]
-    gyros = list(axes_changes(recording, "gyro"))
-    felt = upright if upright is not None and upright.has_accelerometer else None
-    read = list(axes_changes(recording, "accelerometer")) if felt is not None else []
-    for frame, attitude, attitude_change in orientations(recording):
+    for frame, attitude, attitude_change in turns:
         family, turned = vector_axes(attitude)
         lean = upright.penalty(attitude) if upright is not None else 0.0
-        forces = _forces(felt, read, frame, attitude)
+        forces = _forces(upright, felt, frame, attitude)
         for axes, gyro_change in gyros:
             gyro = frame.vector @ axes
             index = family, place_of(turned.T @ gyro)
             for force, force_change, force_misfit in forces:
-                changes = [attitude_change, gyro_change, force_change]
+                changes = [reading.change, attitude_change, gyro_change, force_change]
                 own = [change for change in changes if change is not None]
                 cost = lean + frame.cost + sum(change.cost for change in own)
                 if own and cost > DEAREST:
@@ -61,6 +79,7 @@ def motion_hypotheses(
                         corrections=(*own, *frame.corrections, *([clock] if clock else [])),
                         cost=cost + (SIMPLE if late else 0.0),
                         misfit=0.5 * float(match.misfit[index]) + force_misfit,
+                        reading=reading,
                         attitude=attitude,
                         gyro=gyro,
                         force=force,
@@ -69,8 +88,8 @@ def motion_hypotheses(
                     )
 
 
-def orientations(recording: Recording) -> Iterator[tuple[Frame, Array, Correction | None]]:
-    """Every frame with every reading of the attitude; (4, 4) is both of them together."""
+def orientations(recording: Recording) -> Iterator[Orientation]:
+    """Every frame with every reading of the attitude."""
     changes = list(attitude_changes(recording))
     for frame in frames_of(recording):
         for attitude, change in changes:
@@ -86,7 +105,7 @@ def _forces(
     upright: Upright | None, read: Sequence[Axes], frame: Frame, attitude: Array
 ) -> list[Force]:
     """The accelerometer in no other axes than the frame's, and in its best axes beside that."""
-    if upright is None:
+    if upright is None or not read:
         return [(frame.vector, None, 0.0)]
     misfit = 0.5 * upright.match(attitude)
     total = [(frame.vector @ axes, change) for axes, change in read]
