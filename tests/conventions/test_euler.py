@@ -6,11 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from tests.conventions.flights import flights, misread
 from twin.conventions import check_conventions, convention_advice, corrected
 from twin.conventions.angles import angles_of, attitude_of
+from twin.conventions.changes import attitude_changes
+from twin.conventions.correction import Correction
 from twin.conventions.euler import angle_changes
+from twin.conventions.frames import frames_of
 from twin.conventions.log_toml import corrected_lines
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, read_log
@@ -106,19 +111,48 @@ def test_clockwise_angles_are_written_with_minus_signs(sads, right_logs):
     assert check_conventions(mended, sads) == []
 
 
+def attitude_log(folder: Path, keys: str, values: NDArray[np.float64]) -> Recording:
+    """A log of an attitude alone, in columns of any names."""
+    names = ",".join(f"c{i}" for i in range(values.shape[1]))
+    rows = "".join(f"{i},{','.join(map(repr, row.tolist()))}\n" for i, row in enumerate(values))
+    (folder / "a.csv").write_text(f"t,{names}\n{rows}")
+    (folder / "log.toml").write_text(f'[streams.attitude]\nfile = "a.csv"\n{keys}')
+    return read_log(folder)
+
+
+def written(folder: Path, log: Recording, change: Correction) -> NDArray[np.float64]:
+    """The attitude read again with the lines that are offered for a correction."""
+    text = (folder / "log.toml").read_text()
+    lines = corrected_lines(log, [change])[1:]
+    kept = [row for row in text.splitlines() if row.split(" =")[0] not in "\n".join(lines)]
+    (folder / "log.toml").write_text("\n".join([*kept, *lines]))
+    value = read_log(folder)["attitude"].value
+    (folder / "log.toml").write_text(text)
+    return value
+
+
 @pytest.mark.parametrize("layout", ["euler_zyx", "euler_xyz", "euler_zxy"])
 @pytest.mark.parametrize("direction", ["body_to_world", "world_to_body"])
 def test_every_reading_of_angles_can_be_written(tmp_path: Path, layout: str, direction: str):
     angles = np.random.default_rng(2).uniform(-1.0, 1.0, (20, 3))
-    rows = "".join(f"{i},{','.join(map(repr, row.tolist()))}\n" for i, row in enumerate(angles))
-    (tmp_path / "a.csv").write_text(f"t,one,two,three\n{rows}")
-    toml = f'[streams.attitude]\nfile = "a.csv"\nformat = "{layout}"\ndirection = "{direction}"\n'
-    (tmp_path / "log.toml").write_text(toml)
-    log = read_log(tmp_path)
-    changes = list(angle_changes(log))
-    assert len(changes) == 47
+    keys = f'format = "{layout}"\ndirection = "{direction}"\n'
+    log = attitude_log(tmp_path, keys, angles)
+    changes = [*angle_changes(log), *frames_of(log)[1].corrections]
+    assert len(changes) == 48
     for change in changes:
-        head, *lines = corrected_lines(log, [change])
-        (tmp_path / "log.toml").write_text(toml + "\n".join(lines))
-        wanted, right = change.apply(log["attitude"]).value, read_log(tmp_path)["attitude"].value
-        np.testing.assert_allclose(np.abs(np.sum(wanted * right, axis=1)), 1.0, err_msg=str(lines))
+        wanted = np.sum(change.apply(log["attitude"]).value * written(tmp_path, log, change), 1)
+        np.testing.assert_allclose(np.abs(wanted), 1.0, err_msg=change.words)
+
+
+@pytest.mark.parametrize("layout", ["rotation_vector", "matrix"])
+def test_every_reading_of_vectors_and_matrices_can_be_written(tmp_path: Path, layout: str):
+    values = np.random.default_rng(3).uniform(-1.0, 1.0, (20, 3))
+    if layout == "matrix":
+        values = Rotation.from_rotvec(values).as_matrix().reshape(-1, 9)
+    log = attitude_log(tmp_path, f'format = "{layout}"\n', values)
+    changes = [change for _, change in attitude_changes(log) if change is not None]
+    changes += frames_of(log)[1].corrections
+    assert len(changes) == 48
+    for change in changes:
+        wanted = np.sum(change.apply(log["attitude"]).value * written(tmp_path, log, change), 1)
+        np.testing.assert_allclose(np.abs(wanted), 1.0, err_msg=change.words)

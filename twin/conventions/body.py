@@ -64,8 +64,8 @@ class Body:
         ranked = sorted(listed, key=lambda h: h.score)
         kept = ranked[:BODIES]
         # what only the wheels can tell is kept for them: the log as read, and in other frames
-        for kind in (set[str](), {"frame"}):
-            whole = [h for h in ranked if {c.kind for c in h.corrections} == kind]
+        for framed in (False, True):
+            whole = [h for h in ranked if h.of_whole_log and h.framed == framed]
             kept += [h for h in whole[:1] if not any(h is one for one in kept)]
         return kept
 
@@ -102,7 +102,7 @@ class Body:
     def wheel_factor(self) -> float | None:
         """By what the wheel speeds must be multiplied to answer that of the likeliest bodies which
         they answer best; None where they leave most of it unanswered, or only follow it."""
-        bodies = self.of_motion
+        bodies = [h for h in self.of_motion if h.framed == self.of_motion[0].framed]
         if self._wheels is None or self._wheels.momentum.follows_body:
             return None
         momentum = self._wheels.momentum
@@ -134,7 +134,7 @@ class Body:
                 late = wheels.readings(exchange, far=True)[:LIKELY]
                 full += [self._joined(body, reading, late=True) for reading in late]
         full.sort(key=lambda h: h.score)
-        chosen = full[:RIVALS] + [h for h in full[RIVALS:] if not h.corrections]
+        chosen = full[:RIVALS] + [h for h in full[RIVALS:] if h.of_whole_log]
         return sorted((self._polished(h, wheels) for h in chosen), key=lambda h: h.score)
 
     def weigh(self, one: Hypothesis, other: Hypothesis) -> float:

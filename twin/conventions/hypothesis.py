@@ -49,6 +49,16 @@ class Hypothesis:
     wheels: WheelReading | None = None
 
     @property
+    def of_whole_log(self) -> bool:
+        """Whether no stream is corrected by itself: the log as read, or in another frame."""
+        return all(c.kind == "frame" for c in self.corrections)
+
+    @property
+    def framed(self) -> bool:
+        """Whether the whole log is in another frame than as read."""
+        return any(c.kind == "frame" for c in self.corrections)
+
+    @property
     def out_of_step(self) -> bool:
         """Whether gyro and attitude are on clocks further apart than a latency."""
         return abs(self.gyro_lag - self.attitude_lag) > SMALL_LAG + 1e-9
