@@ -72,7 +72,7 @@ def _of_columns(axes: Array, layout: str) -> tuple[Array, Sequence[int]]:
     elif layout == "rotation_vector":
         axes = turn
     elif layout == "matrix":
-        axes = np.kron(turn, turn)
+        axes = np.asarray(np.kron(turn, turn), dtype=np.float64)
         if np.linalg.det(turn) < 0.0:  # a mirror is a turn and the inverse
             axes = axes[np.arange(9).reshape(3, 3).T.ravel()]
     return axes, FILE_ORDER.get(layout, tuple(range(len(axes))))
