@@ -53,6 +53,6 @@ def convention_advice(recording: Recording, platform: Platform | None) -> Conven
         together = [f.correction.words for f in open_ones if f.alternatives == others]
         words = "; or ".join([", and ".join(together), *others])
         sentences.append(f"{opened(words)}: the log does not tell which.")
-    lines = corrected_lines(recording, (finding.correction for finding in sure))
+    lines = corrected_lines(recording, (c for finding in sure for c in finding.corrections))
     exported = recording.provenance.get("kind") != "log"
     return ConventionAdvice(tuple(findings), tuple(sentences), "\n".join(lines), exported)

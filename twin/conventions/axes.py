@@ -14,6 +14,10 @@ SIMPLE = 6.0
 ODD = 12.0
 """What a rarer one costs, as much as two plain ones."""
 
+MIRROR = 3.5
+"""What a left-handed sensor of three axes costs beside that: nobody builds one, so that it is named
+only where nothing right-handed fits, or with what fits as well."""
+
 
 @cache
 def signed_permutations(size: int) -> Array:
@@ -59,12 +63,12 @@ def words_for(stream: str, axes: Array, names: Sequence[str]) -> str:
             return f"every axis of {stream} points the other way"
         if len(axes) == 1:
             return f"{stream} has the wrong sign"
-        which = _listed([names[i] for i in flipped])
+        which = listed([names[i] for i in flipped])
         if len(flipped) == 1:
             return f"{stream}'s {which} axis points the other way"
         return f"{stream}'s {which} axes point the other way"
     if not flipped and len(moved) == 2:
-        return f"{stream}'s {_listed([names[i] for i in moved])} axes are swapped"
+        return f"{stream}'s {listed([names[i] for i in moved])} axes are swapped"
     return f"{stream}'s axes are turned: " + ", ".join(
         f"{name} is read as {entry}"
         for name, entry in zip(names, entries(axes, names), strict=True)
@@ -77,7 +81,8 @@ def entries(axes: Array, names: Sequence[str]) -> list[str]:
     return ["-" * int(row.min() < 0.0) + names[int(np.argmax(np.abs(row)))] for row in axes]
 
 
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
+    """Names as a sentence has them: "x, y and z"."""
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
 
 

@@ -63,8 +63,10 @@ class Body:
         listed = motion_hypotheses(self._recording, self._turning, self._upright)
         ranked = sorted(listed, key=lambda h: h.score)
         kept = ranked[:BODIES]
-        if all(h.corrections for h in kept):
-            kept.append(next(h for h in ranked if not h.corrections))
+        # what only the wheels can tell is kept for them: the log as read, and in other frames
+        for framed in (False, True):
+            whole = [h for h in ranked if h.of_whole_log and h.framed == framed]
+            kept += [h for h in whole[:1] if not any(h is one for one in kept)]
         return kept
 
     @cached_property
@@ -74,9 +76,10 @@ class Body:
     @cached_property
     def _upright_inflation(self) -> float:
         best = self._ranked[0]
-        if self._upright is None or not self._upright.has_accelerometer:
+        up = best.reading.upright
+        if up is None or not up.has_accelerometer:
             return 1.0
-        return inflation(self._upright.residual(best.attitude, best.force))
+        return inflation(up.residual(best.attitude, best.force))
 
     @cached_property
     def _answer(self) -> bool:
@@ -88,8 +91,9 @@ class Body:
     def _wheels(self) -> Wheels | None:
         """Held against the body while that floats freely."""
         recording = self._recording
-        if self._upright is not None:
-            recording = recording.between(*self._upright.free(self._ranked[0].attitude))
+        best = self._ranked[0]
+        if best.reading.upright is not None:
+            recording = recording.between(*best.reading.upright.free(best.attitude))
         momentum = momentum_of(recording, self._platform)
         if self._platform is None or momentum is None:
             return None
@@ -98,7 +102,7 @@ class Body:
     def wheel_factor(self) -> float | None:
         """By what the wheel speeds must be multiplied to answer that of the likeliest bodies which
         they answer best; None where they leave most of it unanswered, or only follow it."""
-        bodies = self.of_motion
+        bodies = [h for h in self.of_motion if h.framed == self.of_motion[0].framed]
         if self._wheels is None or self._wheels.momentum.follows_body:
             return None
         momentum = self._wheels.momentum
@@ -130,7 +134,7 @@ class Body:
                 late = wheels.readings(exchange, far=True)[:LIKELY]
                 full += [self._joined(body, reading, late=True) for reading in late]
         full.sort(key=lambda h: h.score)
-        chosen = full[:RIVALS] + [h for h in full[RIVALS:] if not h.corrections]
+        chosen = full[:RIVALS] + [h for h in full[RIVALS:] if h.of_whole_log]
         return sorted((self._polished(h, wheels) for h in chosen), key=lambda h: h.score)
 
     def weigh(self, one: Hypothesis, other: Hypothesis) -> float:
@@ -157,7 +161,7 @@ class Body:
             late = -1.0 if clock.stream == "attitude" else 1.0
 
             def residual(lag: float) -> Array:
-                return self._turning.residual(h.attitude, h.gyro, late * lag)
+                return h.reading.turning.residual(h.attitude, h.gyro, late * lag)
         elif (drive := wheels.drive) is not None:
             # Commands have no noise, so they tell the time better than the body does.
 
@@ -176,14 +180,15 @@ class Body:
     ) -> Iterator[tuple[Array, Array, float]]:
         """What both leave, relation by relation, and the relation's inflation."""
         yield self._turn(one), self._turn(other), self._inflation
-        up = self._upright
-        if up is not None and up.has_accelerometer:
-            left = [up.residual(h.attitude, h.force) for h in (one, other)]
+        mine, theirs = one.reading.upright, other.reading.upright
+        if mine is not None and theirs is not None and mine.has_accelerometer:
+            left = [up.residual(h.attitude, h.force) for up, h in ((mine, one), (theirs, other))]
             yield left[0], left[1], self._upright_inflation
-        wheels, mine, theirs = self._wheels, one.wheels, other.wheels
-        if wheels is None or mine is None or theirs is None or not self._answer:
+        wheels = self._wheels
+        if wheels is None or one.wheels is None or other.wheels is None or not self._answer:
             return
-        left = [wheels.residual(self._exchange(h), r) for h, r in ((one, mine), (other, theirs))]
+        pairs = (one, one.wheels), (other, other.wheels)
+        left = [wheels.residual(self._exchange(h), reading) for h, reading in pairs]
         yield left[0], left[1], wheels.inflation
 
     def _driven(self, h: Hypothesis) -> float:
@@ -224,14 +229,18 @@ class Body:
 
     def _exchange(self, body: Hypothesis, *, rough: bool = False) -> Exchange:
         assert self._wheels is not None
-        return self._wheels.momentum.exchange(
+        momentum = self._wheels.momentum
+        if body.reading.change is not None:
+            momentum = momentum.with_attitude(body.reading.series)
+        return momentum.exchange(
             body.attitude,
             body.gyro,
-            self._turning.bias(body.attitude, body.gyro, body.gyro_lag - body.attitude_lag),
+            body.reading.turning.bias(body.attitude, body.gyro, body.gyro_lag - body.attitude_lag),
             gyro_lag=body.gyro_lag,
             attitude_lag=body.attitude_lag,
             rough=rough,
         )
 
     def _turn(self, h: Hypothesis) -> Array:
-        return self._turning.residual(h.attitude, h.gyro, h.gyro_lag - h.attitude_lag)
+        lag = h.gyro_lag - h.attitude_lag
+        return h.reading.turning.residual(h.attitude, h.gyro, lag)

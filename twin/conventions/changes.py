@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.conventions.axes import (
+    MIRROR,
     ODD,
     SIMPLE,
     cost_of,
@@ -26,6 +27,9 @@ UNITS = {
     "T": ("T", "uT", "G", "mG", "nT"),
 }
 """What a stream may really be in, by its SI unit."""
+
+TRIADS = ("gyro", "accelerometer", "magnetometer")
+"""Streams of one sensor with three axes."""
 
 TOLD = 0.2
 """A smaller lag is a latency or a filter's; a diagnosis may find it, here it is not told [s]."""
@@ -75,12 +79,18 @@ def axes_change(stream: str, axes: Array, names: Sequence[str]) -> Correction | 
     if (axes == np.eye(len(axes))).all():
         return None
     words = words_for(stream, axes, names)
-    return Correction(stream, "axes", words, cost=cost_of(axes), axes=as_tuple(axes))
+    cost = cost_of(axes)
+    # gravity in the place of specific force turns every axis of an accelerometer
+    gravity = stream == "accelerometer" and bool((axes == -np.eye(len(axes))).all())
+    if stream in TRIADS and np.linalg.det(axes) < 0.0 and not gravity:
+        cost += MIRROR
+    return Correction(stream, "axes", words, cost=cost, axes=as_tuple(axes))
 
 
 def attitude_changes(recording: Recording) -> Iterator[tuple[Array, Correction | None]]:
     """(4 x 4, correction) every way in which the attitude may have been misread."""
     facts = stated(recording, "attitude")
+    layout = facts.get("format")
     backwards = facts.get("direction") == "world_to_body"
     wrong = ("world-to-body", "body-to-world")[backwards]
     direction = ("direction", wrong.replace("-", "_"))
@@ -89,12 +99,12 @@ def attitude_changes(recording: Recording) -> Iterator[tuple[Array, Correction |
     for name, matrix in quaternion_matrices():
         order = name.split()[0] if name else ""
         if order in ("xyzw", "wxyz"):
-            if facts.get("format") in (order, "euler_zyx"):
+            if layout == order or layout not in (None, "wxyz", "xyzw"):
                 continue
             right = undo @ matrix @ undo
             words = f"the attitude's scalar stands {'last' if order == 'xyzw' else 'first'}"
             keys = (("format", order),)
-            cost = SIMPLE + (order == "wxyz" and facts.get("format") != "xyzw") * 2.0
+            cost = SIMPLE + (order == "wxyz" and layout != "xyzw") * 2.0
             if name.endswith("inverse"):
                 words += f", and it is {wrong}"
                 keys, cost = (*keys, direction), cost + SIMPLE
@@ -108,6 +118,8 @@ def attitude_changes(recording: Recording) -> Iterator[tuple[Array, Correction |
                 ),
             )
         elif name == "axes":
+            if str(layout).startswith("euler"):
+                continue  # angles have signs and an order of their own
             axes = matrix[1:, 1:]
             yield (
                 matrix,

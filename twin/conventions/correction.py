@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.conventions.angles import angles_of, attitude_of
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
@@ -17,9 +18,11 @@ class Correction:
 
     stream: str
     kind: str
-    """`unit`, `axes`, `order`, `direction`, `time_unit` or `clock_lag`."""
+    """`unit`, `axes`, `frame`, `order`, `direction`, `angles`, `time_unit`, `clock_lag`
+    or `no_fit`, which corrects nothing."""
     words: str
-    """What is wrong, without a capital or a full stop: "gyro looks like deg/s, read as rad/s"."""
+    """What is wrong, without a capital or a full stop: "gyro looks like deg/s, read as rad/s".
+    Empty for the further streams of a frame, which the first one's words name."""
     keys: tuple[tuple[str, str], ...] = ()
     """Keys of [streams.<stream>] in log.toml with the right text. Columns, rate and clock_lag
     depend on what stands there; `log_toml.py` works them out."""
@@ -31,11 +34,20 @@ class Correction:
     time_factor: float = 1.0
     lag: float = 0.0
     """[s], positive: stamped late."""
+    sequence: str = ""
+    """Of Euler angles ("ZYX"), whose file has them: `axes` (3, 3) are of these angles then."""
+    world_to_body: bool = False
+    """Whether these angles turn world components into body components."""
 
     def apply(self, series: Series) -> Series:
         """The stream as it should have been read."""
         value = series.value
-        if self.axes:
+        if self.sequence:
+            backwards = self.world_to_body
+            angles = angles_of(value, self.sequence, world_to_body=backwards)
+            angles = angles @ np.array(self.axes).T
+            value = attitude_of(angles, self.sequence, world_to_body=backwards)
+        elif self.axes:
             value = value @ np.array(self.axes).T
         if self.factor != 1.0:
             value = value * self.factor

@@ -1,5 +1,7 @@
 """Which way is up: the accelerometer's length and direction, and that a platform stands upright."""
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,7 +9,7 @@ from twin import rotation
 from twin.conventions.axes import signed_permutations
 from twin.conventions.grid import Grid, Means, grid_of
 from twin.platform import Platform
-from twin.recording import Recording
+from twin.recording import Recording, Series
 from twin.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
@@ -44,6 +46,12 @@ class Upright:
         if series is not None and series.columns == ("x", "y", "z"):
             self._force = Means(series).over(grid.edges)
         self._every = max(int(AGREE / grid.cell), 1)
+
+    def with_attitude(self, series: Series) -> "Upright":
+        """The same beside another reading of the attitude."""
+        other = copy(self)
+        other._attitude = rotation.normalized(Means(series).over(self._edges) + 1e-9)
+        return other
 
     @property
     def has_accelerometer(self) -> bool:

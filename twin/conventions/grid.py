@@ -1,6 +1,7 @@
 """Streams of any rate as means over the cells of one grid, so that they can be compared."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +41,15 @@ class Means:
         between = value[:-1] if held else 0.5 * (value[1:] + value[:-1])
         steps = between * np.diff(self.time)[:, None]
         self._integral = np.concatenate([np.zeros((1, value.shape[1])), np.cumsum(steps, axis=0)])
-        self.noise = 0.0 if held else float(np.sqrt(np.mean(np.square(noise_of(series)))))
         self.rate = series.rate
+        self._series, self._held = series, held
+
+    @cached_property
+    def noise(self) -> float:
+        """1 sigma of a sample; 0 of what holds."""
+        if self._held:
+            return 0.0
+        return float(np.sqrt(np.mean(np.square(noise_of(self._series)))))
 
     def over(self, edges: Array) -> Array:
         """(n, k) means between n + 1 edges [s]."""

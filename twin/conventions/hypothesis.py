@@ -6,10 +6,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.conventions.correction import Correction
-from twin.conventions.turning import SMALL_LAG
+from twin.conventions.gravity import Upright
+from twin.conventions.turning import SMALL_LAG, Turning
 from twin.conventions.wheels import WheelReading
+from twin.recording import Series
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AttitudeReading:
+    """The attitude as its file's angles are read, held against gyro and gravity."""
+
+    change: Correction | None
+    """Of signs and order of Euler angles; None: as read, and of every quaternion."""
+    series: Series
+    turning: Turning
+    upright: Upright | None
 
 
 @dataclass(frozen=True)
@@ -21,6 +34,8 @@ class Hypothesis:
     """[nats]: of the corrections, of lags however small, and of leaning over."""
     misfit: float
     """[nats]: of what is left unexplained."""
+    reading: AttitudeReading
+    """Which attitude the following turn."""
     attitude: Array
     """(4, 4) right = attitude @ read."""
     gyro: Array
@@ -34,9 +49,14 @@ class Hypothesis:
     wheels: WheelReading | None = None
 
     @property
-    def words(self) -> str:
-        """What is wrong; empty for the log as read."""
-        return ", and ".join(correction.words for correction in self.corrections)
+    def of_whole_log(self) -> bool:
+        """Whether no stream is corrected by itself: the log as read, or in another frame."""
+        return all(c.kind == "frame" for c in self.corrections)
+
+    @property
+    def framed(self) -> bool:
+        """Whether the whole log is in another frame than as read."""
+        return any(c.kind == "frame" for c in self.corrections)
 
     @property
     def out_of_step(self) -> bool:
@@ -47,11 +67,3 @@ class Hypothesis:
     def score(self) -> float:
         """[nats], the less the better; good enough to rank, not to decide."""
         return self.misfit + self.cost
-
-    def says_less_than(self, other: "Hypothesis") -> bool:
-        """Whether it corrects some of what the other does, in the same way, and nothing else."""
-        return self._told < other._told
-
-    @property
-    def _told(self) -> set[tuple[object, ...]]:
-        return {(c.stream, c.kind, c.axes, c.lag > 0.0) for c in self.corrections}

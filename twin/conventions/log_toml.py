@@ -13,8 +13,6 @@ Array = NDArray[np.float64]
 
 FILE_ORDER = {"xyzw": (3, 0, 1, 2)}
 """Where w, x, y, z stand in the file."""
-EULER_ORDER = (2, 1, 0)
-"""Where the angles about x, y, z stand among yaw, pitch, roll."""
 
 
 def corrected_lines(recording: Recording, corrections: Iterable[Correction]) -> list[str]:
@@ -23,7 +21,7 @@ def corrected_lines(recording: Recording, corrections: Iterable[Correction]) -> 
     For a recording of our own they belong into the log.toml that `twin export` writes.
     """
     by_stream: dict[str, list[Correction]] = {}
-    for correction in corrections:
+    for correction in (c for c in corrections if c.kind != "no_fit"):
         by_stream.setdefault(correction.stream, []).append(correction)
     lines: list[str] = []
     for stream, wrong in by_stream.items():
@@ -38,7 +36,7 @@ def _keys(
     keys: dict[str, str] = {}
     columns = facts.get("columns")
     listed = [str(name) for name in columns] if isinstance(columns, list) else list(names)
-    lag = _number(facts, "clock_lag")
+    lag, layout = _number(facts, "clock_lag"), str(facts.get("format"))
     for correction in wrong:
         keys |= {key: _value(key, text) for key, text in correction.keys}
         if correction.kind == "time_unit" and _number(facts, "rate"):
@@ -47,20 +45,37 @@ def _keys(
             keys["rate"] = f"{rate:.9g}"
         if correction.kind == "order" and set(map(str.lower, listed)) == set("wxyz"):
             keys["columns"] = json.dumps(listed)  # their names are wrong, too
-        if correction.kind == "axes":
-            axes = np.array(correction.axes)
-            order = FILE_ORDER.get(str(facts.get("format")), tuple(range(len(listed))))
-            if facts.get("format") == "euler_zyx":
-                axes, order = axes[1:, 1:], EULER_ORDER
-                if (axes < 0.0).any():
-                    keys["# turned axes of Euler angles"] = '"export the attitude as a quaternion"'
-                    continue
-            listed = _turned(listed, axes, order)
+        if correction.kind == "order":
+            layout = dict(correction.keys)["format"]
+        if correction.kind == "angles":
+            listed = _turned(listed, np.array(correction.axes), (0, 1, 2))
+            keys["columns"] = json.dumps(listed)
+        if correction.kind in ("axes", "frame"):
+            listed = _turned(listed, *_of_columns(np.array(correction.axes), layout))
             keys["columns"] = json.dumps(listed)
         if correction.lag:
             lag += correction.lag
             keys["clock_lag"] = f"{lag:.3f}"
     return keys
+
+
+def _of_columns(axes: Array, layout: str) -> tuple[Array, Sequence[int]]:
+    """What axes of a stream do to the columns of its file, and where these stand.
+
+    Of an attitude, `axes` (4, 4) turn the vector part of its quaternion. Angles about axes that
+    keep their place change signs with them; the entries of a matrix go by pairs of axes.
+    """
+    turn = axes[1:, 1:]
+    if layout.startswith("euler"):
+        about = ["xyz".index(letter) for letter in layout.removeprefix("euler_")]
+        axes = np.diag(np.diag(turn)[about])
+    elif layout == "rotation_vector":
+        axes = turn
+    elif layout == "matrix":
+        axes = np.asarray(np.kron(turn, turn), dtype=np.float64)
+        if np.linalg.det(turn) < 0.0:  # a mirror is a turn and the inverse
+            axes = axes[np.arange(9).reshape(3, 3).T.ravel()]
+    return axes, FILE_ORDER.get(layout, tuple(range(len(axes))))
 
 
 def _turned(listed: list[str], axes: Array, order: Sequence[int]) -> list[str]:

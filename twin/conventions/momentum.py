@@ -11,6 +11,7 @@ J. L. Schwartz and C. D. Hall, System identification of a spherical air-bearing 
 simulator, AAS 04-122: the momentum integral.
 """
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.conventions.grid import Grid, Means, grid_of
 from twin.platform import Platform
-from twin.recording import Recording
+from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
 
@@ -64,6 +65,7 @@ class Momentum:
         self._platform = platform
         self._gyro = Means(recording["gyro"])
         self._attitude = Means(recording["attitude"])
+        self._angle_noise = self._attitude.cell_noise(grid.cell)
         self._wheels = Means(recording["wheel_speed"])
         self._stages = (
             Means(recording["stage_position"])
@@ -72,6 +74,12 @@ class Momentum:
         )
         self._axes = np.array([wheel.axis for wheel in platform.wheels])
         self._inertia = np.array([wheel.inertia for wheel in platform.wheels])
+
+    def with_attitude(self, series: Series) -> "Momentum":
+        """The same beside another reading of the attitude, as noisy as that."""
+        other = copy(self)
+        other._attitude = Means(series)
+        return other
 
     @property
     def wheels(self) -> int:
@@ -172,7 +180,7 @@ class Momentum:
         speed = self._wheels.over(self.grid.edges)
         held = np.sqrt(np.mean(np.sum(np.square(self._inertia * speed), axis=1)))
         # an attitude error turns what the wheels hold
-        return float(np.sqrt(body**2 + wheels**2 + (held * self._attitude.cell_noise(cell)) ** 2))
+        return float(np.sqrt(body**2 + wheels**2 + (held * self._angle_noise) ** 2))
 
 
 def momentum_of(recording: Recording, platform: Platform | None) -> Momentum | None:

@@ -6,13 +6,17 @@ import numpy as np
 
 from twin.conventions.body import Body
 from twin.conventions.changes import CLOSE, unit_change, unit_changes
+from twin.conventions.choice import choose, words_of
 from twin.conventions.correction import Correction, apply_all, stated
-from twin.conventions.finding import CERTAIN, CLEAR, TIED, ConventionFinding
+from twin.conventions.finding import CERTAIN, ConventionFinding, findings_of
 from twin.conventions.gravity import median_length
+from twin.conventions.guard import brings_together
 from twin.conventions.hypothesis import Hypothesis
 from twin.conventions.joint import joint_findings
+from twin.conventions.strange import no_common_motion
 from twin.conventions.time_base import time_unit_changes
 from twin.conventions.turning import NEAR, far_lags, turning_of
+from twin.conventions.vertical import vertical_findings
 from twin.platform import Platform, field_world
 from twin.recording import Recording
 from twin.recording.pauses import longest_of
@@ -54,15 +58,18 @@ def check_conventions(
         plain += unit
         recording = apply_all(recording, unit)
     turning = turning_of(recording)
-    if turning is None:
-        return [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
+    strange = no_common_motion(recording, turning) if turning is not None else None
+    if turning is None or strange is not None:
+        found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
+        found += [strange] if strange is not None else []
+        return found + _sound(recording, vertical_findings(recording, gravity), gravity)
     body = Body(recording, platform, turning)
     unit = _wheel_unit(body, recording) if "wheel_speed" in recording else None
     if unit is not None:
         plain.append(unit)
         body = body.with_wheels_in(unit)
     found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
-    return found + _choose(body, body.with_wheels())
+    return found + _sound(recording, _choose(body, body.with_wheels()), gravity)
 
 
 def _scaled(recording: Recording) -> Recording:
@@ -79,26 +86,26 @@ def _scaled(recording: Recording) -> Recording:
 
 def _choose(body: Body, ranked: list[Hypothesis]) -> list[ConventionFinding]:
     """What the best hypothesis says, if it clearly beats the log as read; with its equals."""
-    as_read = [h for h in ranked if not h.corrections]
-    best = ranked[0]
-    for rival in ranked[1:]:
-        best = rival if body.weigh(rival, best) > 0.0 else best
-    equals = [h for h in ranked if h is not best and body.weigh(best, h) < TIED]
-    # of those that the data cannot tell apart, one that says less than another says enough
-    simplest = [h for h in [best, *equals] if not any(o.says_less_than(h) for o in [best, *equals])]
-    best = simplest[0]
-    certainty = min(body.weigh(best, h) for h in as_read)
-    if not best.corrections or certainty < CLEAR:
+    chosen, certainty = choose(ranked, body.weigh)
+    if not chosen:
         return []
-    best, *rivals = (body.dated(h) for h in simplest)
-    others = dict.fromkeys(h.words for h in rivals if h.words != best.words)
-    return [ConventionFinding(c, certainty, tuple(others)) for c in best.corrections]
+    best, *rivals = (body.dated(h) for h in chosen)
+    others = dict.fromkeys(words_of(h) for h in rivals if words_of(h) != words_of(best))
+    return list(findings_of(best.corrections, certainty, tuple(others)))
+
+
+def _sound(
+    recording: Recording, findings: list[ConventionFinding], gravity: float
+) -> list[ConventionFinding]:
+    """The findings, or none where they would part the streams further."""
+    corrections = [c for finding in findings for c in finding.corrections]
+    return findings if brings_together(recording, corrections, gravity) else []
 
 
 def corrected(recording: Recording, findings: list[ConventionFinding]) -> Recording:
     """The recording as it should have been read, by the findings that name one reading only."""
-    sure = [finding.correction for finding in findings if not finding.ambiguous]
-    return apply_all(recording, sure)
+    sure = [finding for finding in findings if not finding.ambiguous]
+    return apply_all(recording, (c for finding in sure for c in finding.corrections))
 
 
 def _unit_by_length(recording: Recording, stream: str, length: float) -> list[Correction]:

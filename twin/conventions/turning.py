@@ -7,6 +7,7 @@ cost one correlation matrix each: for a signed permutation S, abs(S w)^2 = abs(w
 trace(S' C) differs.
 """
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +16,8 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.conventions.axes import signed_permutations
 from twin.conventions.evidence import drift, forgetting, whitened, without
-from twin.conventions.grid import Grid, Means, attitude_rates, grid_of
-from twin.recording import Recording
+from twin.conventions.grid import FEWEST, Grid, Means, attitude_rates, grid_of
+from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,10 @@ SHIFTS = (-0.4, -0.2, 0.0, 0.2, 0.4)
 """Of a cell: a mean of means over these is the mean of a triangle."""
 STEP = 0.05
 """Between the large lags tried [s]."""
+BLOCKS = (1, 4, 16)
+"""Cells over which motion is summed up, to be compared."""
+MOVING = 25.0
+"""Power from which on a stream moves beyond doubt, in units of its noise."""
 
 
 def far_lags(longest: float, step: float = STEP) -> Array:
@@ -53,10 +58,16 @@ class Turning:
         self.grid = grid
         self._gyro = Means(recording["gyro"])
         attitude = Means(recording["attitude"])
-        self.attitude = rotation.normalized(attitude.over(grid.around_edges) + 1e-9)
-        self.rates = attitude_rates(self.attitude, grid.cell)
+        self.rates = _rates(attitude, grid)
         self._angle_noise = attitude.cell_noise(grid.cell) / grid.cell
         self._rate_noise = self._gyro.cell_noise(grid.cell)
+        self._white: dict[float, Array] = {}
+
+    def with_attitude(self, series: Series) -> "Turning":
+        """The same gyro beside another reading of the same attitude, as noisy as that."""
+        other = copy(self)
+        other.rates = _rates(Means(series), self.grid)
+        return other
 
     def gyro(self, lag: float) -> Array:
         """(n, 3) rate between the centres of two cells if the gyro is late by `lag` [s]: the mean
@@ -68,6 +79,11 @@ class Turning:
         """A rate or rate difference, in units of its noise, without bias."""
         nuisance = drift(len(rate), forgetting(self._angle_noise, self._rate_noise))
         return without(nuisance, whitened(rate, self._angle_noise, self._rate_noise))
+
+    def _white_gyro(self, lag: float) -> Array:
+        if lag not in self._white:
+            self._white[lag] = self.whiten(self.gyro(lag))
+        return self._white[lag]
 
     def residual(self, attitude: Array, gyro: Array, lag: float) -> Array:
         """(n, 3) for a quaternion read as the 4 x 4 and a gyro as the 3 x 3 matrix say."""
@@ -89,11 +105,38 @@ class Turning:
         axes = signed_permutations(3)
         misfit = np.empty((len(lags), 2, len(axes)))
         for row, lag in zip(misfit, lags, strict=True):
-            gyro = self.whiten(self.gyro(float(lag)))
+            gyro = self._white_gyro(float(lag))
             for entry, rate in zip(row, turned, strict=True):
                 shared = np.einsum("sij,ij->s", axes, rate.T @ gyro)
                 entry[:] = np.sum(np.square(rate)) + np.sum(np.square(gyro)) - 2.0 * shared
         return Match(*least(lags, misfit))
+
+    def correlation(self, lags: Array) -> float | None:
+        """The largest of gyro and attitude, over both families, all axes, these lags and stretches
+        of time of several lengths; None where the one or the other hardly moves."""
+        turned = [self.whiten(rate) for rate in self.rates]
+        axes, best = signed_permutations(3), None
+        for block in BLOCKS:
+            rates = [_summed(rate, block) for rate in turned]
+            if len(rates[0]) < FEWEST:
+                break
+            still = MOVING * rates[0].size * block
+            for lag in lags:
+                gyro = _summed(self._white_gyro(float(lag)), block)
+                power = float(np.sum(np.square(gyro)))
+                for rate in rates:
+                    own = float(np.sum(np.square(rate)))
+                    if min(power, own) < still:
+                        continue
+                    shared = float(np.einsum("sij,ij->s", axes, rate.T @ gyro).max())
+                    best = max(best or 0.0, shared / np.sqrt(power * own))
+        return best
+
+    @property
+    def strain(self) -> float:
+        """Gyro against attitude as read, without the gyro's bias: rms [rad/s]."""
+        off = self.gyro(0.0) - self.rates[0]
+        return float(np.sqrt(np.mean(np.square(off - off.mean(axis=0)))))
 
     def factor(self, lags: Array) -> tuple[float, float]:
         """By what the gyro's values must be multiplied to follow the attitude, and how many sigmas
@@ -106,7 +149,7 @@ class Turning:
         sigmas, factor = 0.0, 1.0
         own_noise = 3.0 * self.grid.count * _power_of_noise(self._angle_noise, self._rate_noise)
         for lag in lags:
-            gyro = self.whiten(self.gyro(float(lag)))
+            gyro = self._white_gyro(float(lag))
             power = max(float(np.sum(np.square(gyro))), 1e-300)
             for rate in turned:
                 shared = float(np.einsum("sij,ij->s", axes, rate.T @ gyro).max())
@@ -148,6 +191,16 @@ def turning_of(recording: Recording) -> Turning | None:
         return None
     grid = grid_of(recording, "gyro", "attitude")
     return Turning(recording, grid) if grid is not None else None
+
+
+def _summed(values: Array, block: int) -> Array:
+    """Sums over so many rows each, without the rest."""
+    count = len(values) // block
+    return values[: count * block].reshape(count, block, -1).sum(axis=1)
+
+
+def _rates(attitude: Means, grid: Grid) -> tuple[Array, Array]:
+    return attitude_rates(rotation.normalized(attitude.over(grid.around_edges) + 1e-9), grid.cell)
 
 
 def _power_of_noise(angle_noise: float, rate_noise: float) -> float:

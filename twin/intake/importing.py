@@ -183,10 +183,10 @@ def _take(entries: dict[str, _Entry], advice: ConventionAdvice) -> None:
             else:
                 entries[stream].proposal.keys[key] = value
     for finding in advice.findings:
-        if not finding.ambiguous and finding.stream in entries and finding.correction.words:
-            entries[finding.stream].proposal.reasons.append(
-                f"against the others: {finding.sentence}"
-            )
+        for correction in () if finding.ambiguous else finding.corrections:
+            if correction.stream in entries:
+                reason = f"against the others: {finding.sentence}"
+                entries[correction.stream].proposal.reasons.append(reason)
 
 
 def _log_toml(entries: dict[str, _Entry], unread: tuple[str, ...], name: str | None) -> str:

@@ -305,6 +305,7 @@ def contents_document(contents: Contents) -> dict[str, Any]:
         "conventions": [
             {
                 "stream": finding.stream,
+                "streams": [correction.stream for correction in finding.corrections],
                 "kind": finding.kind,
                 "sentence": finding.sentence,
                 "alternatives": finding.alternatives,

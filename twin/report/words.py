@@ -119,8 +119,7 @@ def _conventions(comparison: Comparison) -> list[str]:
     if not found:
         return []
     said = [finding.sentence for finding in found]
-    unsure = [finding for finding in found if finding.ambiguous]
-    if len(unsure) < len(found):
+    if any(not finding.ambiguous and finding.kind != "no_fit" for finding in found):
         said.append("What follows is about the log as it should have been read.")
     return said
 
