@@ -1,8 +1,9 @@
 """A log without samples that are no measurements, each kind counted and said.
 
-In this order: streams with a dead axis; samples at the end of a sensor's range, those that a sensor
-repeats after it hung, those of one stuck axis, those that a slow sensor repeats or that are
-interpolated between its measurements, and glitches.
+In this order: steps of the clock and resets of the attitude are undone; left out are streams with a
+dead axis, samples at the end of a sensor's range, those that a sensor repeats after it hung, those
+of one stuck axis, those that a slow sensor repeats or that are interpolated between its
+measurements, and glitches.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from twin.noise.clipping import CLIPPED, range_ends, with_neighbours
 from twin.noise.glitches import glitches
 from twin.noise.held import SLOW, slow_sensor
+from twin.noise.steps import without_steps
 from twin.noise.stopped import stopped
 from twin.noise.stuck import OF_AXES, dead_axes, stuck_rows
 from twin.recording import Recording, Series
@@ -30,13 +32,14 @@ jump, and a stage stands still."""
 
 
 def cleaned(recording: Recording, *, all_axes: bool = True) -> Recording:
-    """A log without samples that are no measurements; `repairs` says what was left out.
+    """A log without samples that are no measurements; `repairs` says what was left out or undone.
 
     Args:
         recording: a log.
         all_axes: the body turns about all axes; else a sensor with a dead axis is of use too.
     """
-    streams, said = dict(recording.streams), list(recording.repairs)
+    recording, undone = without_steps(recording)
+    streams, said = dict(recording.streams), [*recording.repairs, *undone]
     for name, series in recording.items():
         # a stream that says nothing at all is refused elsewhere
         if series.stands_still:
