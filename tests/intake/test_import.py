@@ -61,6 +61,26 @@ def test_what_nobody_can_know_is_refused_with_the_reason(maker, motion, tmp_path
     assert not (tmp_path / "log").exists()
 
 
+def test_a_folder_of_files_and_one_that_is_the_logs_are_taken_too(motion, tmp_path: Path):
+    (tmp_path / "files").mkdir()
+    makers.MAKERS[0].write(tmp_path / "files" / "imu.csv", motion)
+    import_files([tmp_path / "files"], tmp_path / "log", None, None)
+    import_files([tmp_path / "files" / "imu.csv"], tmp_path / "files", None, None)
+    first, second = read_log(tmp_path / "log"), read_log(tmp_path / "files")
+    np.testing.assert_array_equal(first["gyro"].value, second["gyro"].value)
+    assert (tmp_path / "log" / "imu.csv").exists()
+
+
+def test_a_unit_that_no_name_states_is_found_by_physics(motion, tmp_path: Path):
+    gyro = np.degrees(motion.gyro)
+    table = np.column_stack([motion.time, motion.attitude, gyro, motion.accelerometer])
+    names = "t,qw,qx,qy,qz,gx,gy,gz,ax,ay,az"
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=names, comments="", fmt="%.9f")
+    done = import_files([tmp_path / "a.csv"], tmp_path / "log", None, None)
+    np.testing.assert_allclose(done.recording["gyro"].value, motion.gyro, atol=1e-6)
+    assert done.advice.findings == ()
+
+
 @pytest.mark.parametrize(("log", "machine"), makers.REAL)
 def test_a_real_file_is_read_as_its_shipped_log_states_it(log, machine, tmp_path: Path):
     shipped = read_log(makers.MODELS / log)

@@ -72,6 +72,18 @@ def test_a_counter_beside_a_rate_makes_gaps_of_lost_samples(folder_with, tmp_pat
     assert any(f"{lost} row" in one and "by the counter" in one for one in log.repairs) or not lost
 
 
+def test_a_column_that_is_only_called_like_a_counter_tells_no_times(
+    folder_with, tmp_path: Path, rows
+):
+    """The steps of an experiment, beside a stated rate."""
+    text = "step,x,y,z\n" + "".join(
+        f"{i // 7},{a},{b},{c}\n" for i, (_, a, b, c) in enumerate(rows)
+    )
+    toml = GYRO + 'columns = ["x", "y", "z"]\nrate = 100\n'
+    log = read_log(folder_with(tmp_path, toml, gyro=text))
+    np.testing.assert_allclose(log["gyro"].time, rows[:, 0], atol=1e-9)
+
+
 def test_ticks_are_seconds_by_time_scale(folder_with, tmp_path: Path, rows):
     table = rows * [1e4, 1.0, 1.0, 1.0]
     toml = GYRO + "time_scale = 1e-4\n"

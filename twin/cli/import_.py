@@ -19,8 +19,8 @@ class Import:
     paths: Annotated[
         tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="FILE [FILE ...] OUT")
     ]
-    """Files: text (.csv .tsv .txt .log), .mcap .bag .db3, .ulg, .mat .h5 .tdms .xlsx .parquet; and
-    the folder of the log, new or that of the files."""
+    """Files, or folders of such: text (.csv .tsv .txt .log), .mcap .bag .db3, .ulg, .mat .h5 .tdms
+    .xlsx .parquet; and the folder of the log, new or that of the files."""
     platform: str | None = None
     """The machine: one of models/, or the path of a platform folder."""
     rate: float | None = None

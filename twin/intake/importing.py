@@ -1,6 +1,7 @@
 """`twin import`: files of a lab -> a folder with a log.toml, each line of it with its reason."""
 
 import shutil
+import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +51,8 @@ def import_files(
     """Look at files, write a log.toml beside copies of them, and read it.
 
     Args:
-        paths: of the files; those in `folder` already stay where they are.
+        paths: of the files, or of folders of such (a ROS 2 bag, say); those in `folder` already
+            stay where they are.
         folder: of the log; made, and without a log.toml.
         platform: the machine, against whose wheels and rates the log is held.
         name: of the machine, as log.toml names it.
@@ -61,6 +63,7 @@ def import_files(
     """
     if (folder / "log.toml").exists():
         raise LogError(folder / "log.toml", "is there already", "name a new folder")
+    paths = [file for path in paths for file in _files(path)]
     for path in paths:
         if not path.is_file():
             raise LogError(path, "is no file", "name the files that the lab recorded")
@@ -109,6 +112,16 @@ def import_files(
         if made:
             folder.rmdir()
         raise
+
+
+def _files(path: Path) -> list[Path]:
+    """The files of a folder that can be read; a file itself."""
+    if not path.is_dir():
+        return [path]
+    found = sorted(one for one in path.iterdir() if one.suffix.lower() in ENDINGS)
+    if not found:
+        raise LogError(path, "holds no file that can be read", f"of {', '.join(ENDINGS)}")
+    return found
 
 
 def _mended(
@@ -171,22 +184,20 @@ def _read(
 
 def _take(entries: dict[str, _Entry], advice: ConventionAdvice) -> None:
     """Write what the conventions' search is sure of into the entries."""
-    stream = ""
-    for line in advice.log_toml.splitlines():
-        if line.startswith("[streams."):
-            stream = line.removeprefix("[streams.").rstrip("]")
-        elif stream in entries and not line.startswith("#"):
-            key, _, value = line.partition(" = ")
+    for stream, keys in tomllib.loads(advice.log_toml).get("streams", {}).items():
+        if stream not in entries:
+            continue
+        proposal = entries[stream].proposal
+        for key, value in keys.items():
             if key == "columns":
-                columns = tuple(part.strip().strip('"') for part in value.strip("[]").split(","))
-                entries[stream].proposal.columns = columns
+                proposal.columns = tuple(value)
             else:
-                entries[stream].proposal.keys[key] = value
+                proposal.keys[key] = _quoted(value) if isinstance(value, str) else f"{value!r}"
     for finding in advice.findings:
         for correction in () if finding.ambiguous else finding.corrections:
             if correction.stream in entries:
-                reason = f"against the others: {finding.sentence}"
-                entries[correction.stream].proposal.reasons.append(reason)
+                reasons = entries[correction.stream].proposal.reasons
+                reasons.append(f"against the others: {finding.sentence}")
 
 
 def _log_toml(entries: dict[str, _Entry], unread: tuple[str, ...], name: str | None) -> str:
@@ -212,6 +223,8 @@ def _lines(entries: dict[str, _Entry], unread: tuple[str, ...], name: str | None
         for key, value in table.keys.items():
             yield f"{key} = {_quoted(value)}"
         keys = entry.clock.keys | proposal.keys
+        if "time_scale" in proposal.keys:
+            keys.pop("time_unit", None)
         yield f"columns = [{', '.join(map(_quoted, proposal.columns))}]"
         for key, value in keys.items():
             yield f"{key} = {value}"

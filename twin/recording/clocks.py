@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 
 WRAPS = (2.0**8, 2.0**16, 2.0**32)
 """Where counters of one, two and four bytes begin anew."""
+USUALLY = 0.5
+"""Share of the rows at least that follow one another by such a counter."""
 EVEN = 0.2
 """Share of the usual step by which most steps of a clock differ at most."""
 MOST_LISTED = 3
@@ -37,6 +39,12 @@ def counted(count: Array) -> tuple[Array | None, str]:
             return None, "goes back, so it is no count of samples"
         steps = np.where(steps < 0.0, steps + modulus, steps)
     return np.concatenate([[0.0], np.cumsum(steps)]), ""
+
+
+def counts_samples(count: Array) -> bool:
+    """Whether a counter, which nobody named, goes up by one as a rule, and never stays."""
+    steps = np.diff(count)
+    return len(steps) > 0 and bool((steps >= 1.0).all()) and float((steps == 1.0).mean()) > USUALLY
 
 
 def lost_by_counter(count: Array, name: str, where: str) -> tuple[str, ...]:

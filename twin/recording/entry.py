@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from twin.config import Table
 from twin.errors import UnknownName
-from twin.recording.clocks import clocks_among, counted, is_count, lost_by_counter
+from twin.recording.clocks import (
+    clocks_among,
+    counted,
+    counts_samples,
+    is_count,
+    lost_by_counter,
+)
 from twin.recording.column_names import (
     in_order,
     is_clock,
@@ -343,8 +349,10 @@ class Entry:
         time = table[:, 0]
         if not np.isnan(self.rate):
             count, fault = counted(time)
-            if count is None:
+            if count is None and self.time is not None:
                 raise file.fault(f"column {clock!r} {fault}", "name another as `time`")
+            if count is None or (self.time is None and not counts_samples(count)):
+                return self.start + np.arange(len(value)) / self.rate, value, rows, ()
             lost = lost_by_counter(count, clock, f"{self.name} ({self.path.name})")
             return self.start + count / self.rate, value, rows, lost
         if clock in file.clocks:
