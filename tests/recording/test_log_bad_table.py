@@ -115,7 +115,7 @@ GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
         ),
         (
             "0,1,2,3\n1,4,5,6\n0,7,8,9\n1,4,5,7\n",
-            "log.toml:3: streams.gyro.file begins its rows with 0, 1 by turns: rows of several "
+            "log.toml:3: streams.gyro.file begins each row with 0 or 1: rows of several "
             'kinds, it seems; pick those of gyro with `rows = { "1" = 0 }`, or all of them with '
             "`rows = {}`",
         ),

@@ -389,12 +389,12 @@ class Entry:
         kinds, counts = np.unique(first, return_counts=True)
         if not 1 < len(kinds) <= FEW_KINDS or counts.min() < LEAST_OF_KIND * len(first):
             return
-        if (kinds != np.round(kinds)).any() or (np.diff(first) >= 0.0).all():
+        if (kinds != np.round(kinds)).any():
             return
-        listed = ", ".join(f"{kind:g}" for kind in kinds)
+        listed = " or ".join(f"{kind:g}" for kind in kinds)
         raise self.table.fail(
             "file",
-            f"begins its rows with {listed} by turns: rows of several kinds, it seems",
+            f"begins each row with {listed}: rows of several kinds, it seems",
             f'pick those of {self.name} with `rows = {{ "{key}" = {kinds[0]:g} }}`, or all of them '
             "with `rows = {}`",
         )
