@@ -2,7 +2,9 @@
 
 import gc
 import json
+import os
 import signal
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -21,6 +23,10 @@ from twin.stream.recorder import MemoryRecorder
 
 SLOW_LIMIT = 600.0
 """Of a slow test [s]; the limit of all others is in pyproject.toml."""
+SLOW_BUDGET = float(os.environ.get("SLOW_TESTS_BUDGET", "inf"))
+"""After which no slow test begins [s]: on a computer at a third of the usual speed CI would not
+end in its time. What does not run is skipped, and counted."""
+STARTED = time.monotonic()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -34,6 +40,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(SLOW_LIMIT))
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip slow tests that the budget has no time for."""
+    if item.get_closest_marker("slow") and time.monotonic() - STARTED > SLOW_BUDGET:
+        pytest.skip(f"the slow tests' {SLOW_BUDGET:.0f} s are over")
 
 
 def pytest_collection_finish() -> None:
