@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 from twin.errors import LogError
 from twin.recording.column_names import is_clock
 from twin.recording.formats import ARRAYS, TEXTS, TOPICS, NumberFile, OpenFiles
+from twin.recording.formats.find import topics_of
 
 Array = NDArray[np.float64]
 
 LOOKED_AT = 2000
 """Rows from which a column's kind is judged: enough for its size, its steps and its sign."""
+_NO_STREAMS = r"Image|PointCloud|LaserScan|CameraInfo|Marker|String|Log$|Diagnostic|Parameter|TFM"
+"""Types of messages that hold no stream of a machine."""
 
 
 @dataclass
@@ -76,7 +79,7 @@ def tables_in(path: Path) -> Iterator[DataTable]:
     ending = path.suffix.lower()
     files = OpenFiles()
     if ending in TOPICS:
-        yield from _topics(path, files)
+        yield from _topics(path)
     elif ending in ARRAYS and ending != ".xlsx":
         yield from _arrays(files.open(path, unit=""))
     elif ending in TEXTS:
@@ -127,12 +130,13 @@ def _whole(file: NumberFile, name: str) -> Array | None:
         return None
 
 
-def _topics(path: Path, files: OpenFiles) -> Iterator[DataTable]:
-    from twin.recording.formats.find import topics_of
-
+def _topics(path: Path) -> Iterator[DataTable]:
+    """Topics whose messages hold numbers; of each the first messages, for a file may be large."""
     for name, kind in topics_of(path).items():
+        if re.search(_NO_STREAMS, kind):
+            continue
         try:
-            file = files.open(path, unit="", topic=name)
+            file = OpenFiles().open(path, unit="", topic=name).beginning()
         except LogError:  # no numbers, or no message
             continue
         yield DataTable(file, {"topic": name}, file.header, type=kind)
