@@ -194,7 +194,7 @@ def test_what_no_verdict_is_built_on_no_other_command_takes_either(
     code = main([command, str(log)])
     out, err = capsys.readouterr()
     assert problem in (out if command == "show" else err)
-    assert code == (0 if command == "show" else 2)
+    assert code == (1 if command == "show" else 2)
 
 
 def test_a_log_that_leans_beyond_the_stop_is_not_of_that_machine(log, said):

@@ -87,10 +87,20 @@ def test_an_attitude_that_is_reset_is_named_and_turned_back(log):
 
     found, said = without_steps(_changed(recording, turned))
     (sentence,) = said
-    assert f"attitude is reset by {np.degrees(abs(angle)):.2g}"[:-1] in sentence
+    assert float(sentence.split()[4]) == pytest.approx(np.degrees(angle), abs=0.1)
     back, right = found["attitude"].value, recording["attitude"].value
     off = 2.0 * np.arccos(np.clip(np.abs(np.sum(back * right, axis=1)), 0.0, 1.0))
     assert off.max() < 2e-3
+
+
+def test_a_leap_that_tilts_the_body_is_left_as_it_is(log):
+    _, recording, where = log
+    tilt = rotation.from_rotation_vector(np.array([0.3, 0.0, 0.0]))
+    attitude = recording["attitude"]
+    after = (attitude.time >= where)[:, None]
+    value = np.where(after, rotation.multiply(tilt, attitude.value), attitude.value)
+    streams = {**recording.streams, "attitude": replace(attitude, value=value)}
+    assert without_steps(replace(recording, streams=streams))[1] == []
 
 
 def test_a_slew_that_the_gyro_shows_is_no_reset(log):

@@ -97,8 +97,8 @@ def test_euler_angles_that_were_exchanged_are_mended_by_columns(folder_with, tmp
     row = np.array([[0.01, 0.02, 0.03]] * 2)
     toml = ATTITUDE + 'format = "euler_zyx"\n'
     log = read_log(folder_with(tmp_path, toml, a=table("a,b,c", row)))
-    exchanged = np.eye(4)[[0, 3, 2, 1]]
-    wrong = Correction("attitude", "axes", "axes exchanged", axes=as_tuple(exchanged))
+    exchanged = np.eye(3)[[2, 1, 0]]
+    wrong = Correction("attitude", "angles", "angles exchanged", axes=as_tuple(exchanged))
     lines = corrected_lines(log, [wrong])
     assert lines == ["[streams.attitude]", 'columns = ["c", "b", "a"]']
 

@@ -1,8 +1,8 @@
 """Steps of a clock and resets of an attitude: nothing happened to the body, and it goes on.
 
-A clock that steps leaves a gap in all streams at once, over which the body moved no further than in
-a usual interval. An attitude that is reset leaps between two samples and stays, while the gyro
-shows no turn. Both are undone from there on, and said; where the motion is too slow to tell a step
+A clock that steps leaves a gap in all streams at once, over which the body moved no further than
+in a usual interval. A heading that is reset leaps between two samples and stays, while the gyro shows
+no turn; of a leap that tilts the body nobody knows whether it was one. Both are undone from there on, and said; where the motion is too slow to tell a step
 from a gap, the gap is left as it is.
 """
 
@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.recording import Recording, Series
-from twin.units import three_digits
 
 Array = NDArray[np.float64]
 
 LEAST_GAP = 5.0
 """Usual intervals of the slowest stream that a step of the clock is longer than."""
+LONGEST_GAP = 5.0
+"""A longer one parts a log in two (`recording/pauses.py`), whatever happened in it [s]."""
 WINDOW = 1.0
 """Before and after, over which a motion is taken to be smooth [s]."""
 FEWEST = 8
@@ -28,6 +29,8 @@ SURE = 6.0
 """Sigmas by which the time that passed differs from the gap, and a turn from what noise may do."""
 LIKE = 4.0
 """Sigmas within which the time that passed is a usual interval."""
+UPRIGHT = 0.05
+"""Share of a reset's turn that is not about the vertical."""
 LATE = 0.1
 """Latency of a stamp within which the gyro may show a turn of the attitude [s]."""
 LEAP = 0.02
@@ -47,7 +50,7 @@ class _Side:
 
 
 def without_steps(recording: Recording) -> tuple[Recording, list[str]]:
-    """A log whose clock does not step and whose attitude is not reset, and a sentence on each."""
+    """A log whose clock does not step and whose heading is not reset, and a sentence on each."""
     said = list[str]()
     for start, step in list(_clock_steps(recording)):
         streams = {name: _earlier(series, start, step) for name, series in recording.items()}
@@ -60,11 +63,9 @@ def without_steps(recording: Recording) -> tuple[Recording, list[str]]:
         streams = dict(recording.streams)
         streams["attitude"] = _turned_back(streams["attitude"], time, turn)
         recording = replace(recording, streams=streams)
-        axis = rotation.to_rotation_vector(turn)
-        angle = float(np.linalg.norm(axis))
-        about = ", ".join(three_digits(part) for part in (axis / angle).round(3) + 0.0)
+        angle = float(rotation.to_rotation_vector(turn)[2])
         said.append(
-            f"attitude is reset by {np.degrees(angle):.3g} deg about ({about}) of the world at "
+            f"attitude is reset by {np.degrees(angle):.3g} deg about the vertical at "
             f"{time:.6g} s, where the gyro shows no such turn: it is turned back from there on"
         )
     return recording, said
@@ -80,7 +81,7 @@ def _clock_steps(recording: Recording) -> Iterator[tuple[float, float]]:
     usual = [float(np.median(np.diff(series.time))) for series in clocked]
     gaps = np.diff(motion.time)
     passed = 0.0
-    for row in np.flatnonzero(gaps > LEAST_GAP * max(usual)):
+    for row in np.flatnonzero((gaps > LEAST_GAP * max(usual)) & (gaps < LONGEST_GAP)):
         start, stop = float(motion.time[row]), float(motion.time[row + 1])
         edges = [_edges(series, 0.5 * (start + stop)) for series in clocked]
         if any(edge is None for edge in edges):
@@ -190,7 +191,10 @@ def _resets(recording: Recording) -> Iterator[tuple[float, Array]]:
         leap = rotation.from_rotation_vector(before.angle + shown[row])
         base = rotation.multiply(q[row], leap)
         found = rotation.multiply(q[row], rotation.from_rotation_vector(after.angle))
-        yield float(time[row + 1]), rotation.multiply(found, rotation.conjugate(base))
+        turn = rotation.multiply(found, rotation.conjugate(base))
+        about = rotation.to_rotation_vector(turn)
+        if np.hypot(about[0], about[1]) < max(UPRIGHT * np.linalg.norm(about), SURE * sigma):
+            yield float(time[row + 1]), turn
 
 
 def _integral(time: Array, value: Array, at: Array) -> Array:
