@@ -1,9 +1,9 @@
 """Steps of a clock and resets of an attitude: nothing happened to the body, and it goes on.
 
-A clock that steps leaves a gap in all streams at once, over which the body moved no further than
-in a usual interval. A heading that is reset leaps between two samples and stays, while the gyro shows
-no turn; of a leap that tilts the body nobody knows whether it was one. Both are undone from there on, and said; where the motion is too slow to tell a step
-from a gap, the gap is left as it is.
+A clock that steps leaves a gap in all streams at once, over which the body moved no further than in
+a usual interval. A heading that is reset leaps between two samples and stays, while the gyro shows
+no turn; of a leap that tilts the body nobody knows whether it was one. Both are undone from there
+on, and said; where the motion is too slow to tell a step from a gap, the gap is left as it is.
 """
 
 from collections.abc import Iterator
