@@ -6,11 +6,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from twin.conventions import ConventionAdvice, convention_advice
 from twin.errors import LogError, TwinError
 from twin.intake.clocks import Clock, clock_of
 from twin.intake.frames import known_frame
-from twin.intake.streams import Proposal, streams_among
+from twin.intake.streams import UNIT_BY_SIZE, Proposal, streams_among
 from twin.intake.tables import DataTable, tables_in
 from twin.platform import Platform
 from twin.recording import Recording, read_log
@@ -18,6 +20,8 @@ from twin.recording.formats import ENDINGS
 from twin.stop import check
 from twin.whole_file import write_whole
 
+MOVES = 0.05
+"""Rate from which on a unit that is wrong shows against an attitude [rad/s]."""
 ROUNDS = 2
 """Times that a log is mended and read again."""
 
@@ -138,6 +142,11 @@ def _mended(
             break
         _take(entries, advice)
         recording, advice = _held_against_physics(folder, entries, unread, platform, name)
+    both = {"gyro", "attitude"} <= entries.keys()
+    if both and not advice.findings and np.abs(recording["gyro"].value).max() > MOVES:
+        gyro = entries["gyro"].proposal  # the attitude's rate has the same size
+        gyro.unsure = [question for question in gyro.unsure if question != UNIT_BY_SIZE]
+        write_whole(folder / "log.toml", _log_toml(entries, unread, name))
     proposals = tuple(entry.proposal for entry in entries.values())
     return Imported(folder, recording, proposals, unread, advice)
 

@@ -54,6 +54,7 @@ _KINDS = (
 _SKIPPED = r"free[ _.]?acc|dv|dq|delta|covariance|residual|error|std|target|reference|setpoint|raw"
 """Names that look like a sensor's and are none."""
 
+UNIT_BY_SIZE = "its unit, which is by its size alone"
 _AXES = ("x", "y", "z")
 _LETTERS = {
     "w": "gyro",
@@ -256,7 +257,7 @@ def _triads(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
         elif kind == "gyro":
             _unit(proposal, values, (("deg/s", 35.0), ("rad/s", 0.0)))
             if not text:
-                proposal.unsure.append("its unit, which is by its size alone")
+                proposal.unsure.append(UNIT_BY_SIZE)
         else:
             _unit(proposal, values, (("mm", 20.0), ("m", 0.0)))
         yield proposal
