@@ -43,6 +43,13 @@ def normalized(q: Array) -> Array:
     return q / np.sqrt(np.einsum("...i,...i->...", q, q))[..., None]
 
 
+def continuous(q: Array) -> Array:
+    """Quaternions (m, 4) of one motion, without jumps of sign from one to the next."""
+    flips = np.einsum("ij,ij->i", q[1:], q[:-1]) < 0.0
+    sign = np.where(np.concatenate([[0], np.cumsum(flips)]) % 2, -1.0, 1.0)
+    return q * sign[:, None]
+
+
 def rotate(q: Array, v: Array) -> Array:
     """R(q) v: body components of a vector into world components."""
     scalar, axis = q[..., :1], q[..., 1:]

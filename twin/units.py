@@ -209,6 +209,14 @@ def unit_named(text: str) -> Unit:
     return Unit(product[0], si)
 
 
+def known_unit(text: str) -> Unit | None:
+    """The unit of that text; None where there is none."""
+    try:
+        return unit_named(text)
+    except UnknownName:
+        return None
+
+
 @cache
 def _si_texts() -> dict[frozenset[tuple[str, int]], str]:
     """The SI units of the table, by the powers of what they are made of."""

@@ -81,6 +81,14 @@ def test_a_unit_that_no_name_states_is_found_by_physics(motion, tmp_path: Path):
     assert done.advice.findings == ()
 
 
+def test_a_version_above_a_table_is_no_rate(motion, tmp_path: Path):
+    table = np.column_stack([motion.time, motion.gyro])
+    head = "1.2.3\nframe rate 1.2.3\nt,gyro_x,gyro_y,gyro_z"
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=head, comments="", fmt="%.9f")
+    done = import_files([tmp_path / "a.csv"], tmp_path / "log", None, None)
+    np.testing.assert_allclose(done.recording["gyro"].time, motion.time, atol=1e-9)
+
+
 @pytest.mark.parametrize(("log", "machine"), makers.REAL)
 def test_a_real_file_is_read_as_its_shipped_log_states_it(log, machine, tmp_path: Path):
     shipped = read_log(makers.MODELS / log)

@@ -26,6 +26,4 @@ def attitude_of(angles: Array, sequence: str, *, world_to_body: bool) -> Array:
     from scipy.spatial.transform import Rotation
 
     turned = Rotation.from_euler(sequence, angles).as_quat(scalar_first=True)
-    value = rotation.conjugate(turned) if world_to_body else turned
-    flips = np.einsum("ij,ij->i", value[1:], value[:-1]) < 0.0
-    return value * np.where(np.cumsum(np.r_[False, flips]) % 2, -1.0, 1.0)[:, None]
+    return rotation.continuous(rotation.conjugate(turned) if world_to_body else turned)

@@ -36,8 +36,7 @@ class Means:
         self.time, value = series.time[finite], series.value[finite]
         if series.columns == ("w", "x", "y", "z") and len(value) > 1:
             # q and -q are one attitude; their mean is none
-            flips = np.einsum("ij,ij->i", value[1:], value[:-1]) < 0.0
-            value = value * np.where(np.cumsum(np.r_[False, flips]) % 2, -1.0, 1.0)[:, None]
+            value = rotation.continuous(value)
         between = value[:-1] if held else 0.5 * (value[1:] + value[:-1])
         steps = between * np.diff(self.time)[:, None]
         self._integral = np.concatenate([np.zeros((1, value.shape[1])), np.cumsum(steps, axis=0)])

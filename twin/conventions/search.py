@@ -6,14 +6,14 @@ import numpy as np
 
 from twin.conventions.body import Body
 from twin.conventions.changes import CLOSE, unit_change, unit_changes
-from twin.conventions.choice import choose, words_of
+from twin.conventions.common_motion import no_common_motion
 from twin.conventions.correction import Correction, apply_all, stated
 from twin.conventions.finding import CERTAIN, ConventionFinding, findings_of
 from twin.conventions.gravity import median_length
 from twin.conventions.guard import brings_together
 from twin.conventions.hypothesis import Hypothesis
 from twin.conventions.joint import joint_findings
-from twin.conventions.strange import no_common_motion
+from twin.conventions.selection import choose, words_of
 from twin.conventions.time_base import time_unit_changes
 from twin.conventions.turning import NEAR, far_lags, turning_of
 from twin.conventions.vertical import vertical_findings

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.conventions.axes import SIMPLE, signed_permutations
 from twin.conventions.changes import axes_changes
-from twin.conventions.choice import choose, words_of
 from twin.conventions.correction import Correction
 from twin.conventions.euler import read_angles
 from twin.conventions.evidence import evidence, inflation
@@ -21,6 +20,7 @@ from twin.conventions.finding import ConventionFinding, findings_of, no_fit
 from twin.conventions.gravity import AGREE, SHAKEN
 from twin.conventions.grid import Grid, Means, grid_of
 from twin.conventions.motion import DEAREST, orientations, place_of
+from twin.conventions.selection import choose, words_of
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]

@@ -1,25 +1,28 @@
 """When the rows of a table were: times and their unit, a counter and its rate, or a rate."""
 
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from twin.errors import UnknownName
 from twin.intake.tables import DataTable
 from twin.recording.column_names import is_clock, is_counter, names_a_clock, stated_time_unit
-from twin.units import unit_named
+from twin.units import known_unit
 
+_NUMBER = r"\W*(\d+(?:\.\d+)?)"
 _RATES = (
-    r"(?:update|sampl\w*|output|capture|export|frame|actual)[ _]*(?:frame[ _]*)?rate\W*([\d.]+)",
-    r"^(?:sampl\w*[ _]*)?freq\w*\W*([\d.]+)",
-    r"^fs\W*([\d.]+)",
-    r"^([\d.]+)$",
+    rf"(?:update|sampl\w*|output|capture|export|frame|actual)[ _]*(?:frame[ _]*)?rate{_NUMBER}",
+    rf"^(?:sampl\w*[ _]*)?freq\w*{_NUMBER}",
+    rf"^fs{_NUMBER}",
+    r"^(\d+(?:\.\d+)?)$",
 )
 """How preambles state a rate, the surest first; Vicon's is a number alone on its line."""
 COMMON = (0.5, 5e3)
 """Rates of logs [Hz]."""
+FASTEST = 1e5
+"""A larger number in a preamble is no rate [Hz]."""
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -43,7 +46,7 @@ def clock_of(table: DataTable, rate: float | None) -> Clock | None:
     if table.file.clocks:
         first = table.file.time
         clock = first if first in table.file.clocks else table.file.clocks[0]
-        keys = {} if clock == first else {"time": _quoted(clock)}
+        keys = {} if clock == first else {"time": quoted(clock)}
         return Clock(keys, f"{clock} is a time by its type", clock)
     for test in (is_clock, names_a_clock):
         for name in table.names:
@@ -58,7 +61,7 @@ def clock_of(table: DataTable, rate: float | None) -> Clock | None:
         reason = f"{rate:g} Hz, {reason}"
         if counter is not None and _counts(table, counter):
             return Clock(
-                {"time": _quoted(counter), **keys}, f"{reason}, counted by {counter}", counter
+                {"time": quoted(counter), **keys}, f"{reason}, counted by {counter}", counter
             )
         return Clock(keys, reason, None)
     for name in table.names[:1]:
@@ -79,19 +82,16 @@ def _timed(table: DataTable, name: str) -> Clock | None:
     step = float(np.median(steps[steps > 0.0]))
     if step == 1.0 and (times == np.round(times)).all() and not is_clock(name.rpartition(".")[2]):
         return None
-    keys = {} if name == table.file.header[0] else {"time": _quoted(name)}
+    keys = {} if name == table.file.header[0] else {"time": quoted(name)}
     text = table.unit(name) or stated_time_unit(name)
     if text:
-        try:
-            unit = unit_named(text.strip("[]() "))
-        except UnknownName:
-            unit = None
+        unit = known_unit(text.strip("[]() "))
         if unit is not None and unit.si == "s":
             rate = 1.0 / (step * unit.factor)
             if COMMON[0] / 10.0 <= rate <= 10.0 * COMMON[1]:
-                stated = {} if unit.factor == 1.0 else {"time_unit": _quoted(text.strip("[]() "))}
+                stated = {} if unit.factor == 1.0 else {"time_unit": quoted(text.strip("[]() "))}
                 return Clock(keys | stated, f"{name}, in {text}: {rate:.4g} Hz", name)
-    if "finetime" in name.lower().replace("_", "") or "sampletimefine" in name.lower():
+    if "sampletimefine" in name.lower().replace("_", ""):  # of Xsens
         return Clock(keys | {"time_scale": "1e-4"}, f"{name} counts 0.1 ms", name)
     fitting = [u for u, s in UNITS.items() if COMMON[0] <= 1.0 / (step * s) <= COMMON[1]]
     if not fitting:
@@ -105,7 +105,7 @@ def _timed(table: DataTable, name: str) -> Clock | None:
         )
     unit_text = fitting[0]
     rate = 1.0 / (step * UNITS[unit_text])
-    stated = {} if unit_text == "s" else {"time_unit": _quoted(unit_text)}
+    stated = {} if unit_text == "s" else {"time_unit": quoted(unit_text)}
     sure = len(fitting) == 1
     return Clock(keys | stated, f"{name} in {unit_text}: {rate:.4g} Hz", name, sure)
 
@@ -121,10 +121,11 @@ def _rate_in(preamble: Sequence[str]) -> float | None:
     for pattern in _RATES:
         for line in preamble:
             found = re.search(pattern, line.strip(" ,;\t"), re.IGNORECASE)
-            if found and 0.0 < float(found[1].rstrip(".") or 0.0) < 1e5:
-                return float(found[1].rstrip("."))
+            if found and 0.0 < float(found[1]) < FASTEST:
+                return float(found[1])
     return None
 
 
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+def quoted(text: str) -> str:
+    """A text as TOML writes it."""
+    return json.dumps(text, ensure_ascii=False)

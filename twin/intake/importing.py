@@ -10,7 +10,7 @@ import numpy as np
 
 from twin.conventions import ConventionAdvice, convention_advice
 from twin.errors import LogError, TwinError
-from twin.intake.clocks import Clock, clock_of
+from twin.intake.clocks import Clock, clock_of, quoted
 from twin.intake.frames import known_frame
 from twin.intake.streams import UNIT_BY_SIZE, Proposal, streams_among
 from twin.intake.tables import DataTable, tables_in
@@ -201,7 +201,7 @@ def _take(entries: dict[str, _Entry], advice: ConventionAdvice) -> None:
             if key == "columns":
                 proposal.columns = tuple(value)
             else:
-                proposal.keys[key] = _quoted(value) if isinstance(value, str) else f"{value!r}"
+                proposal.keys[key] = quoted(value) if isinstance(value, str) else f"{value!r}"
     for finding in advice.findings:
         for correction in () if finding.ambiguous else finding.corrections:
             if correction.stream in entries:
@@ -216,7 +216,7 @@ def _log_toml(entries: dict[str, _Entry], unread: tuple[str, ...], name: str | N
 def _lines(entries: dict[str, _Entry], unread: tuple[str, ...], name: str | None) -> Iterator[str]:
     yield "# Written by `twin import`: what each stream was taken for, and why."
     if name is not None:
-        yield f"platform = {_quoted(name)}"
+        yield f"platform = {quoted(name)}"
     else:
         yield '# platform = "..."  # a machine of models/, or the path of yours'
     for stream, entry in entries.items():
@@ -228,23 +228,19 @@ def _lines(entries: dict[str, _Entry], unread: tuple[str, ...], name: str | None
         for open_question in unsure:
             yield f"# unsure: {open_question}"
         yield f"[streams.{stream}]"
-        yield f"file = {_quoted(table.file.path.name)}"
+        yield f"file = {quoted(table.file.path.name)}"
         for key, value in table.keys.items():
-            yield f"{key} = {_quoted(value)}"
+            yield f"{key} = {quoted(value)}"
         keys = entry.clock.keys | proposal.keys
         if "time_scale" in proposal.keys:
             keys.pop("time_unit", None)
-        yield f"columns = [{', '.join(map(_quoted, proposal.columns))}]"
+        yield f"columns = [{', '.join(map(quoted, proposal.columns))}]"
         for key, value in keys.items():
             yield f"{key} = {value}"
     if unread:
         yield ""
         yield "# Not taken:"
         yield from (f"#   {sentence}" for sentence in unread)
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def _where(path: Path, table: DataTable) -> str:

@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import UnknownName
 from twin.intake.tables import DataTable
 from twin.platform import Platform
 from twin.recording.column_names import stated_unit
 from twin.signals import STREAMS
-from twin.units import STANDARD_GRAVITY, unit_named
+from twin.units import STANDARD_GRAVITY, known_unit, unit_named
 
 Array = NDArray[np.float64]
 
@@ -324,10 +323,8 @@ def _kind(stem: str) -> str:
 
 def _kind_of_unit(kind: str, text: str) -> str:
     """What a stated unit says of a kind: accelerations are no angular rates."""
-    try:
-        si = unit_named(text).si if text else ""
-    except UnknownName:
-        si = ""
+    unit = known_unit(text) if text else None
+    si = unit.si if unit is not None else ""
     by_unit = {"rad/s": "gyro", "m/s^2": "accelerometer", "T": "magnetometer", "m": "position"}
     if si in by_unit and (not kind or (kind in STREAMS and STREAMS[kind].unit != si)):
         return by_unit[si]
@@ -371,9 +368,8 @@ def _stated(proposal: Proposal) -> bool:
     text = _texts(proposal)
     if not text:
         return False
-    try:
-        unit = unit_named(text)
-    except UnknownName:
+    unit = known_unit(text)
+    if unit is None:
         proposal.unsure.append(f"its unit, which the file calls {text!r}")
         return False
     if unit.factor != 1.0 or unit.offset:

@@ -29,7 +29,7 @@ LARGE = 0.5
 that is never negative is at rest at its smallest value."""
 FEWEST = 5
 """Repeated rows at an end, at least."""
-BESIDE = 3
+NEIGHBOURS = 3
 """Rows on either side of one at an end that are not used. Near an end, only the rows whose noise
 points inwards stay off it: used alone, they would bend the motion inwards too."""
 SHARE, STRETCH, OFTEN = 0.02, 5, 10.0
@@ -80,7 +80,7 @@ def with_neighbours(rows: Mask) -> Mask:
     """Rows (m,) at an end of a range, and those too near to it to be used."""
     if not rows.any():
         return rows
-    return np.convolve(rows, np.ones(2 * BESIDE + 1), mode="full")[BESIDE:-BESIDE] > 0.5
+    return np.convolve(rows, np.ones(2 * NEIGHBOURS + 1), mode="full")[NEIGHBOURS:-NEIGHBOURS] > 0.5
 
 
 def _same(value: Array, end: Array) -> Mask:

@@ -208,6 +208,4 @@ def _turned_back(series: Series, time: float, turn: Array) -> Series:
     after = series.time >= time
     value = series.value.copy()
     value[after] = rotation.multiply(rotation.conjugate(turn), value[after])
-    flips = np.einsum("ij,ij->i", value[1:], value[:-1]) < 0.0
-    sign = np.where(np.concatenate([[0], np.cumsum(flips)]) % 2, -1.0, 1.0)
-    return replace(series, value=value * sign[:, None])
+    return replace(series, value=rotation.continuous(value))

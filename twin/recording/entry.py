@@ -33,7 +33,7 @@ from twin.recording.recording import Series
 from twin.recording.rows import Rows, mended
 from twin.recording.turns import CONTINUOUS, unwrapped
 from twin.signals import LOGGED, Stream, stream_named
-from twin.units import Unit, unit_named
+from twin.units import Unit, known_unit
 
 Array = NDArray[np.float64]
 
@@ -202,7 +202,8 @@ class Entry:
         if self.time:
             return self.time
         if not np.isnan(self.rate):
-            unused = [name for name in file.header if name not in self.columns]
+            listed = {name.removeprefix("-") for name in self.columns}
+            unused = [name for name in file.header if name not in listed]
             return next((name for name in unused if is_counter(name)), None)
         named = [name for name in file.header if is_clock(name)]
         if named and file.time not in (*named, *file.clocks):
@@ -261,7 +262,7 @@ class Entry:
         open_unit = {"unit", "scale"}.isdisjoint(self.table.keys)
         for name in columns if open_unit else ():
             text = file.units.get(name) or stated_unit(name)
-            unit = _unit(text.strip("[]() ")) if text else self.unit
+            unit = known_unit(text.strip("[]() ")) if text else self.unit
             if unit is None:
                 raise self.table.fail(
                     "unit",
@@ -287,7 +288,7 @@ class Entry:
         if not {"time_unit", "time_scale"}.isdisjoint(self.table.keys):
             return
         text = (file.units.get(clock) or stated_time_unit(clock)).strip("[]() ")
-        unit = _unit(text) if text else None
+        unit = known_unit(text) if text else None
         if text and unit is None:
             raise self.table.fail(
                 "time_unit",
@@ -484,10 +485,3 @@ def _kinds(table: Table) -> dict[str, float]:
     """The values of columns that pick the stream's rows."""
     rows = table.table("rows", required=False)
     return {key: rows.number(key) for key in rows.keys}
-
-
-def _unit(text: str) -> Unit | None:
-    try:
-        return unit_named(text)
-    except UnknownName:
-        return None

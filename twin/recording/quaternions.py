@@ -107,9 +107,7 @@ def attitude(
             quaternion = rotation.normalized(quaternion)
     if world_to_body:
         quaternion = rotation.conjugate(quaternion)
-    flips = np.einsum("ij,ij->i", quaternion[1:], quaternion[:-1]) < 0.0
-    sign = np.where(np.concatenate([[0], np.cumsum(flips)]) % 2, -1.0, 1.0)
-    return quaternion * sign[:, None], repairs
+    return rotation.continuous(quaternion), repairs
 
 
 def _of_matrices(rows: Rows, file: NumberFile) -> Array:

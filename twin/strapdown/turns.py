@@ -161,9 +161,7 @@ def turns_of(recording: Recording, gyro_noise: float, spacing: float = 0.0) -> T
     gyro, attitude = recording["gyro"], recording["attitude"]
     inside = (attitude.time >= gyro.time[0]) & (attitude.time <= gyro.time[-1])
     inside &= _sparse(attitude.time, spacing)
-    q = attitude.value[inside]
-    flips = np.einsum("ij,ij->i", q[1:], q[:-1]) < 0.0
-    q = q * np.where(np.cumsum(np.r_[False, flips]) % 2, -1.0, 1.0)[:, None]
+    q = rotation.continuous(attitude.value[inside])
     return Turns(attitude.time[inside], q, gyro.time, gyro.value, gyro_noise)
 
 

@@ -11,9 +11,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from twin.errors import UnknownName
 from twin.recording.column_names import is_clock, is_counter
-from twin.units import unit_named
+from twin.units import known_unit
 
 SEPARATORS = (",", ";", "\t", " ")
 """Of columns; a space stands for any number of spaces and tabs."""
@@ -212,15 +211,7 @@ def _of_width(row: Sequence[str], width: int) -> list[str]:
 
 def _are_units(row: Sequence[str]) -> bool:
     texts = [cell.strip("[]() ") for cell in row if cell]
-    return bool(texts) and all(_is_unit(text) for text in texts if text)
-
-
-def _is_unit(text: str) -> bool:
-    try:
-        unit_named(text)
-    except UnknownName:
-        return False
-    return True
+    return bool(texts) and all(known_unit(text) for text in texts if text)
 
 
 def _joined(heading: Sequence[Sequence[str]]) -> tuple[str, ...]:

@@ -36,7 +36,7 @@ def choose(ranked: Sequence[R], weigh: Callable[[R, R], float]) -> tuple[list[R]
         best = rival if weigh(rival, best) > 0.0 else best
     equals = [best, *(h for h in ranked if h is not best and weigh(best, h) < TIED)]
     # of those that the data cannot tell apart, one that says less than another says enough
-    simplest = [h for h in equals if not any(_told(other) < _told(h) for other in equals)]
+    simplest = [h for h in equals if not any(_signature(other) < _signature(h) for other in equals)]
     best = simplest[0]
     certainty = min(weigh(best, one) for one in as_read)
     return (simplest, certainty) if best.corrections and certainty >= CLEAR else ([], certainty)
@@ -47,5 +47,5 @@ def words_of(reading: Reading) -> str:
     return ", and ".join(c.words for c in reading.corrections if c.words)
 
 
-def _told(reading: Reading) -> set[tuple[object, ...]]:
+def _signature(reading: Reading) -> set[tuple[object, ...]]:
     return {(c.stream, c.kind, c.axes, c.lag > 0.0) for c in reading.corrections}
