@@ -53,21 +53,25 @@ def check_conventions(
         _unit_by_length(recording, "accelerometer", gravity),
         _unit_by_length(recording, "magnetometer", field),
         _inclinometer_unit(recording),
-        _gyro_unit(recording),
     ):
         plain += unit
         recording = apply_all(recording, unit)
-    turning = turning_of(recording)
-    strange = no_common_motion(recording, turning) if turning is not None else None
+    unit = _gyro_unit(recording)
+    scaled = apply_all(recording, unit)
+    turning = turning_of(scaled)
+    strange = no_common_motion(scaled, turning) if turning is not None else None
+    if strange is None:  # a unit is a ratio of two motions, and means nothing where they differ
+        plain += unit
+        recording = scaled
     if turning is None or strange is not None:
         found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
         found += [strange] if strange is not None else []
         return found + _sound(recording, vertical_findings(recording, gravity), gravity)
     body = Body(recording, platform, turning)
-    unit = _wheel_unit(body, recording) if "wheel_speed" in recording else None
-    if unit is not None:
-        plain.append(unit)
-        body = body.with_wheels_in(unit)
+    wheels = _wheel_unit(body, recording) if "wheel_speed" in recording else None
+    if wheels is not None:
+        plain.append(wheels)
+        body = body.with_wheels_in(wheels)
     found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
     return found + _sound(recording, _choose(body, body.with_wheels()), gravity)
 
