@@ -43,11 +43,12 @@ def normalized(q: Array) -> Array:
     return q / np.sqrt(np.einsum("...i,...i->...", q, q))[..., None]
 
 
-def continuous(q: Array) -> Array:
-    """Quaternions (m, 4) of one motion, without jumps of sign from one to the next."""
+def continuous(q: Array, out: Array | None = None) -> Array:
+    """Quaternions (m, 4) of one motion, without jumps of sign from one to the next; into `out`,
+    which may be `q` itself, where it is given."""
     flips = np.einsum("ij,ij->i", q[1:], q[:-1]) < 0.0
-    sign = np.where(np.concatenate([[0], np.cumsum(flips)]) % 2, -1.0, 1.0)
-    return q * sign[:, None]
+    sign = np.where(np.concatenate([[False], np.logical_xor.accumulate(flips)]), -1.0, 1.0)
+    return np.multiply(q, sign[:, None], out=out)
 
 
 def rotate(q: Array, v: Array) -> Array:

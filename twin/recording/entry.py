@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from twin.recording.entry_units import noise_of, scale_of, si_of, time_factor, u
 from twin.recording.formats import ARRAYS, ENDINGS, TEXTS, TOPICS, NumberFile, OpenFiles
 from twin.recording.quaternions import DIRECTIONS, LAYOUTS, attitude, columns_of, started
 from twin.recording.recording import Series
-from twin.recording.rows import Rows, mended
+from twin.recording.rows import mended, own
 from twin.recording.turns import CONTINUOUS, unwrapped
 from twin.signals import LOGGED, Stream, stream_named
 from twin.units import Unit, known_unit
@@ -48,6 +48,37 @@ TURN = 2.0 * np.pi
 """Angles beyond are of a body that turns on, or in degrees [rad]."""
 LISTED = 8
 """Columns that an error names; of more it says how many."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Where in its file a stream is."""
+
+    file: NumberFile
+    clock: str | None
+    """The column of times, or of a counter beside `rate`; None where the rows alone count."""
+    columns: tuple[str, ...]
+    signs: Array
+    """With which each is taken."""
+    layout: str
+    """Of an attitude."""
+    names: tuple[str, ...]
+    """Of the stream's columns."""
+    kinds: tuple[str, ...]
+    """Columns that pick the rows."""
+    kind_of_row: str | None
+    """A column that nobody named, and that may tell rows of several kinds."""
+
+    @property
+    def tables(self) -> tuple[tuple[str, ...], ...]:
+        """What the file is asked for: times, values, what picks the rows, and what tells kinds.
+
+        Each is an array of its own, so that none is copied out of another; the times of several
+        streams are the same one.
+        """
+        clocks = () if self.clock is None else (self.clock,)
+        first = () if self.kind_of_row is None else (self.kind_of_row,)
+        return clocks, self.columns, self.kinds, first
 
 
 @dataclass(frozen=True)
@@ -84,14 +115,14 @@ class Entry:
         """The SI unit of the series."""
         return self.canonical.unit if self.canonical else self.unit.si
 
-    def facts(self, files: OpenFiles) -> dict[str, Any]:
+    def facts(self, selection: "Selection") -> dict[str, Any]:
         """What the recording says of where the stream is from, and how it was read."""
         return {
             "file": self.path.name,
             "unit": self.table.raw("unit"),
-            "noise": self._noise_by_name(self._open(files)),
+            "noise": self._noise_by_name(selection.file),
             "fit_scale": self.table.raw("scale") == "fit",
-            "columns": list(self._columns(self._open(files))),
+            "columns": list(self._columns(selection.file)),
             "listed": bool(self.columns) and not self.axes,
             "time_unit": self.table.raw("time_unit"),
             "time_scale": self.table.raw("time_scale"),
@@ -146,39 +177,66 @@ class Entry:
         table.close()
         return entry
 
-    def series(self, files: OpenFiles) -> tuple[Series, tuple[str, ...]]:
-        """Read the file, mend what can be mended; a sentence for each repair.
+    def select(self, files: OpenFiles) -> "Selection":
+        """Find the stream's columns in the file, and tell the file which numbers it will give.
 
         Raises:
-            LogError: the file cannot be read, or does not hold what the entry says.
+            LogError: the file cannot be read, or does not have what the entry says.
         """
-        file = self._open(files)
+        file = files.open(
+            self.path,
+            unit=self.si,
+            variable=self.variable,
+            topic=self.topic,
+            decimal=self.decimal,
+        )
         clock = self._clock(file)
         columns, signs = _signed(self._columns(file), file.header)
         layout = LAYOUTS[0] if file.by_name and not self.columns else self.layout
         names = self._names(columns, layout, file)
-        where = f"{self.name} ({self.path.name})"
         self._check_names(columns, clock, file)
-        time, value, origin, lost = self._numbers(file, clock, columns)
-        rows = mended(time, value, file, columns, clock, where, origin)
+        clocks = () if clock is None else (clock,)
+        kind_of_row = self._kind_of_row(file, (*clocks, *columns))
+        kinds = tuple(self.kinds)
+        selection = Selection(
+            file, clock, columns, signs, layout, names, kinds=kinds, kind_of_row=kind_of_row
+        )
+        for table in selection.tables:
+            file.expect(table)
+        return selection
+
+    def series(self, selection: "Selection") -> tuple[Series, tuple[str, ...]]:
+        """Read the numbers, mend what can be mended; a sentence for each repair.
+
+        Raises:
+            LogError: the file cannot be read, or does not hold what the entry says.
+        """
+        file, columns, layout = selection.file, selection.columns, selection.layout
+        names = selection.names
+        where = f"{self.name} ({self.path.name})"
+        time, value, origin, lost = self._numbers(selection)
+        rows = mended(time, value, file, columns, selection.clock, where, origin)
         if layout in QUATERNIONS:
             rows = started(rows, where)
-        factor = signs * self.unit.factor
-        value = rows.value if (factor == 1.0).all() else rows.value * factor
+        del time, value
+        factor = selection.signs * self.unit.factor
+        value = rows.value
+        if (factor != 1.0).any():
+            value = np.multiply(value, factor, out=own(value))
         repairs = (*rows.repairs, *lost)
         if not self.columns and columns != self._rest(file):
             given = ", ".join(self._rest(file))
             repairs = (*repairs, f"{where}: columns {given} taken by name, as {', '.join(columns)}")
         if self.unit.offset != 0.0:  # adding 0.0 would turn -0.0 into 0.0
-            value = value + self.unit.offset
-        value = value if self.scale == 1.0 else value * self.scale
-        angles = value
+            value = np.add(value, self.unit.offset, out=own(value))
+        if self.scale != 1.0:
+            value = np.multiply(value, self.scale, out=own(value))
+        rows = replace(rows, value=value)
         if layout and names == WXYZ:
-            scaled = Rows(rows.time, value, rows.origin, ())
-            value, more = attitude(scaled, layout, self.world_to_body, file, where)
+            value, more = attitude(rows, layout, self.world_to_body, file, where)
             repairs = (*repairs, *more)
         if layout.startswith("euler") and {"unit", "scale"}.isdisjoint(self.table.keys):
-            self._check_angles(angles)
+            self._check_angles(rows.value)
         if self.name in CONTINUOUS:
             value, more = unwrapped(value, where)
             repairs = (*repairs, *more)
@@ -187,15 +245,6 @@ class Entry:
             raise self.table.fail("noise", problem, "give one for all, or one a column")
         time = rows.time - self.clock_lag if self.clock_lag else rows.time
         return Series(time, np.ascontiguousarray(value), names, self.si), repairs
-
-    def _open(self, files: OpenFiles) -> NumberFile:
-        return files.open(
-            self.path,
-            unit=self.si,
-            variable=self.variable,
-            topic=self.topic,
-            decimal=self.decimal,
-        )
 
     def _clock(self, file: NumberFile) -> str | None:
         """The column of times, or of a counter beside `rate`; None where the rows alone count."""
@@ -328,26 +377,37 @@ class Entry:
         return self.canonical.columns if self.canonical else ()
 
     def _numbers(
-        self, file: NumberFile, clock: str | None, columns: tuple[str, ...]
+        self, selection: "Selection"
     ) -> tuple[Array, Array, NDArray[np.intp], tuple[str, ...]]:
         """Times [s] and values as the file has them, their rows, and what a counter says."""
-        clocks = () if clock is None else (clock,)
-        keys = tuple(self.kinds)
-        table = file.numbers((*clocks, *columns, *keys))
-        if not keys:
-            self._check_one_kind(file, (*clocks, *columns))
-        rows = np.arange(len(table))
-        if keys:
-            kinds = table[:, table.shape[1] - len(keys) :]
+        file, clock = selection.file, selection.clock
+        times, value, kinds, first = (
+            file.numbers(names) if names else np.empty((0, 0)) for names in selection.tables
+        )
+        samples = {
+            names[0]: len(table)
+            for names, table in zip(selection.tables, (times, value, kinds), strict=False)
+            if names
+        }
+        (one, count), *others = samples.items()
+        for other, differing in others:
+            if differing != count:
+                raise file.fault(
+                    f"has {count} samples in {one!r} and {differing} in {other!r}",
+                    "name `columns` of one length, or the right `time`",
+                )
+        if selection.kind_of_row:
+            self._check_one_kind(selection.kind_of_row, first[:, 0])
+        rows = np.arange(len(value))
+        if self.kinds:
             rows = np.flatnonzero((kinds == list(self.kinds.values())).all(axis=1))
-            table = table[rows]
+            times, value = times[rows], value[rows]
         if not len(rows):
             wanted = ", ".join(f"{key} = {value:g}" for key, value in self.kinds.items())
             raise self.table.fail("rows", f"picks none: no row has {wanted}", "correct it")
-        value = table[:, len(clocks) : table.shape[1] - len(keys)]
         if clock is None:
             return self.start + np.arange(len(value)) / self.rate, value, rows, ()
-        time = table[:, 0]
+        time = times[:, 0]
         if not np.isnan(self.rate):
             count, fault = counted(time)
             if count is None and self.time is not None:
@@ -371,7 +431,7 @@ class Entry:
             return
         listed = {name.removeprefix("-") for name in self.columns}
         others = [name for name in file.header if name not in (clock, *listed)]
-        found = clocks_among(file, others)
+        found = clocks_among(file.beginning(), others)
         if not is_counter(clock) and not any(map(names_a_clock, found)):
             return  # seconds, one a row
         named = " or ".join(f"`time = {json.dumps(name)}`" for name in found)
@@ -382,11 +442,14 @@ class Entry:
             + f" ({json.dumps(clock)} if these are seconds), or give `rate`",
         )
 
-    def _check_one_kind(self, file: NumberFile, used: tuple[str, ...]) -> None:
-        """Refuse rows of several kinds in a file without names, told by their first number."""
-        if "rows" in self.table or not file.numbered or (key := file.header[0]) in used[1:]:
-            return
-        first = file.numbers((key,))[:, 0]
+    def _kind_of_row(self, file: NumberFile, used: tuple[str, ...]) -> str | None:
+        """The column that may tell kinds of rows: the first, of a file without names."""
+        key = file.header[0]
+        asked = "rows" not in self.table and file.numbered and key not in used[1:]
+        return key if asked else None
+
+    def _check_one_kind(self, key: str, first: Array) -> None:
+        """Refuse rows of several kinds, told by their first number."""
         kinds, counts = np.unique(first, return_counts=True)
         if not 1 < len(kinds) <= FEW_KINDS or counts.min() < LEAST_OF_KIND * len(first):
             return

@@ -14,7 +14,7 @@ from twin.errors import LogError, UnknownName
 from twin.library import find_model
 from twin.recording.entry import Entry
 from twin.recording.environment import read_field, read_gravity
-from twin.recording.formats import OpenFiles
+from twin.recording.formats import OpenFiles, Say, silent
 from twin.recording.pauses import restricted, without_long_pauses
 from twin.recording.recording import Recording, Series
 
@@ -23,13 +23,17 @@ SOON = 60.0
 its own start becomes 0. What drifts is taken to have been as stated at time 0."""
 
 
-def read_log(path: str | Path) -> Recording:
-    """Read a measured log: its folder, or the log.toml in it.
+def read_log(path: str | Path, say: Say = silent) -> Recording:
+    """Read a measured log: its folder, or the log.toml in it; each file in one pass.
 
     Of a log with `start` or `stop`, the rows between are read, and what was commanded by then.
 
     `provenance` holds `kind` ("log"), `source`, `platform` (a name, the path of a folder, or None),
     `environment`, `notes`, and under `streams` each stream's file, unit and stated noise [SI].
+
+    Args:
+        path: of the folder, or of its log.toml.
+        say: takes a line of progress where reading takes more than a moment.
 
     Raises:
         LogError: anything in the folder that cannot be read; with file, line and remedy.
@@ -52,11 +56,13 @@ def read_log(path: str | Path) -> Recording:
     streams: dict[str, Series] = {}
     facts: dict[str, Any] = {}
     repairs: list[str] = []
-    files = OpenFiles()
-    for name in streams_table.keys:
-        entry = Entry.read(streams_table.table(name), folder, name)
-        streams[name], mended = entry.series(files)
-        facts[name] = entry.facts(files)
+    files = OpenFiles(say)
+    entries = [Entry.read(streams_table.table(name), folder, name) for name in streams_table.keys]
+    # all are selected before the first is read, so that a file is read once for all its streams
+    selections = [entry.select(files) for entry in entries]
+    for entry, selection in zip(entries, selections, strict=True):
+        streams[entry.name], mended = entry.series(selection)
+        facts[entry.name] = entry.facts(selection)
         repairs += (repair for repair in mended if repair not in repairs)
     if not streams:
         raise streams_table.fail("streams", "names no stream", "add [streams.gyro] or another")

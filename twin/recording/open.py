@@ -4,16 +4,16 @@ from dataclasses import replace
 from pathlib import Path
 
 from twin.errors import LogError, RecordingError
-from twin.recording.formats import ENDINGS
+from twin.recording.formats import ENDINGS, Say, silent
 from twin.recording.log import read_log
 from twin.recording.read import read_recording, which
 from twin.recording.recording import Recording
 from twin.stop import check
 
 
-def open_log(path: str | Path) -> Recording:
+def open_log(path: str | Path, say: Say = silent) -> Recording:
     """Read an `.rrd`, a folder that holds a log.toml, or that log.toml; its `provenance` has the
-    path as its `source`.
+    path as its `source`. `say` takes a line of progress where that takes more than a moment.
 
     Raises:
         RecordingError: no such thing, or an `.rrd` that cannot be read.
@@ -23,7 +23,7 @@ def open_log(path: str | Path) -> Recording:
     check()
     path = Path(path)
     if path.is_dir() or path.name == "log.toml":
-        return _from(path, read_log(path))
+        return _from(path, read_log(path, say))
     if not which(path)[0].exists():
         raise RecordingError(
             path, "there is no such log", "name an .rrd, or a folder that holds a log.toml"

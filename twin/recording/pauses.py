@@ -32,6 +32,8 @@ def without_long_pauses(
     streams: Mapping[str, Series],
 ) -> tuple[dict[str, Series], tuple[str, ...]]:
     """Streams whose rows after a long pause of all of them follow soon, and a sentence for each."""
+    if not _may_pause(streams):
+        return dict(streams), ()
     time = np.unique(np.concatenate([series.time for series in streams.values()]))
     interval = np.diff(time)
     usual = float(np.median(interval)) if len(interval) else 0.0
@@ -50,6 +52,19 @@ def without_long_pauses(
         for i, off in zip(pauses, cut, strict=True)
     )
     return shorter, said
+
+
+def _may_pause(streams: Mapping[str, Series]) -> bool:
+    """Whether a pause of all streams as long as that can be: a stream has one, or the next begins
+    that late. It needs no times of all streams in one array, which may be large."""
+    stop = -np.inf
+    for series in sorted(streams.values(), key=lambda series: series.time[0]):
+        if LONG < series.time[0] - stop < np.inf:
+            return True
+        if len(series) > 1 and float(np.diff(series.time).max()) > LONG:
+            return True
+        stop = max(stop, float(series.time[-1]))
+    return False
 
 
 def _passed(after: NDArray[np.float64], time: NDArray[np.float64]) -> NDArray[np.intp]:

@@ -1,10 +1,12 @@
 """Attitudes as labs write them -> ours: scalar first, unit, body to world, no jumps of sign."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from twin import rotation
 from twin.recording.formats import NumberFile
-from twin.recording.rows import Array, Rows
+from twin.recording.rows import Array, Rows, own
 
 SEQUENCES = ("zyx", "xyz", "zxy", "yxz", "yzx", "xzy", "zyz", "zxz")
 """Axes of intrinsic rotations, the first one first; backwards they are extrinsic ones."""
@@ -23,6 +25,8 @@ NOT_SQUARE = 0.02
 """Rows of a matrix that are further from square and from length 1 are of no rotation."""
 OFF_LENGTH = 1e-3
 """Those whose length is off by more are worth a word."""
+BLOCK = 1 << 16
+"""Rows that are turned into quaternions at once, so that what is computed on the way is small."""
 
 
 def columns_of(layout: str) -> tuple[str, ...]:
@@ -40,7 +44,7 @@ def columns_of(layout: str) -> tuple[str, ...]:
 
 def started(rows: Rows, where: str) -> Rows:
     """Without the zeros that a sensor of attitude gives before it starts."""
-    zero = np.linalg.norm(rows.value, axis=1) == 0.0
+    zero = _lengths(rows.value) == 0.0
     if not zero[:1].any() or zero.all():
         return rows
     first = int(np.argmin(zero))
@@ -75,21 +79,27 @@ def attitude(
                 'say unit = "deg" if that is what it is in, or check the order of `columns`',
                 int(rows.origin[row]),
             )
-        quaternion = rotation.from_euler_zyx(*rows.value.T)
+        quaternion = _by_blocks(lambda angles: rotation.from_euler_zyx(*angles.T), rows.value)
     elif layout.startswith("euler"):
         from scipy.spatial.transform import Rotation
 
-        turns = Rotation.from_euler(layout.removeprefix("euler_").upper(), rows.value)
-        quaternion = turns.as_quat(scalar_first=True)
+        axes = layout.removeprefix("euler_").upper()
+        quaternion = _by_blocks(
+            lambda angles: Rotation.from_euler(axes, angles).as_quat(scalar_first=True), rows.value
+        )
     elif layout == "rotation_vector":
         from scipy.spatial.transform import Rotation
 
-        quaternion = Rotation.from_rotvec(rows.value).as_quat(scalar_first=True)
+        quaternion = _by_blocks(
+            lambda turns: Rotation.from_rotvec(turns).as_quat(scalar_first=True), rows.value
+        )
     elif layout == "matrix":
         quaternion = _of_matrices(rows, file)
     else:
-        quaternion = rows.value[:, [3, 0, 1, 2]] if layout == "xyzw" else rows.value
-        length = np.linalg.norm(quaternion, axis=1)
+        quaternion = rows.value
+        if layout == "xyzw":
+            quaternion = _by_blocks(lambda q: q[:, [3, 0, 1, 2]], quaternion, own(quaternion))
+        length = _lengths(quaternion)
         if length.min() < 0.1:
             row = int(np.argmin(length))
             raise file.fault(
@@ -104,10 +114,32 @@ def attitude(
                 f"to length 1, the worst was {length[np.argmax(off)]:.4g}",
             )
         if off.max() > ROUNDING:
-            quaternion = rotation.normalized(quaternion)
+            quaternion = _by_blocks(rotation.normalized, quaternion, own(quaternion))
     if world_to_body:
-        quaternion = rotation.conjugate(quaternion)
-    return rotation.continuous(quaternion), repairs
+        quaternion = _by_blocks(rotation.conjugate, quaternion, own(quaternion))
+    return rotation.continuous(quaternion, out=own(quaternion)), repairs
+
+
+def _lengths(value: Array) -> Array:
+    """Of each row (m,)."""
+    return _by_blocks(lambda rows: np.linalg.norm(rows, axis=1), value)
+
+
+def _by_blocks(function: Callable[[Array], Array], value: Array, out: Array | None = None) -> Array:
+    """A function of each row by itself, of some rows (m, k) after the others.
+
+    Args:
+        function: of rows.
+        value: all rows.
+        out: where the results go, which may be `value` itself; a new array by default.
+    """
+    first = function(value[:BLOCK])
+    if out is None:
+        out = np.empty((len(value), *first.shape[1:]))
+    out[: len(first)] = first
+    for start in range(len(first), len(value), BLOCK):
+        out[start : start + BLOCK] = function(value[start : start + BLOCK])
+    return out
 
 
 def _of_matrices(rows: Rows, file: NumberFile) -> Array:

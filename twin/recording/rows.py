@@ -39,6 +39,14 @@ class Rows:
         return Rows(self.time[keep], self.value[keep], self.origin[keep], repairs)
 
 
+def own(value: Array) -> Array | None:
+    """The array, where nobody else holds it and a result may be written over it; else None.
+
+    A log's numbers may fill half of the memory, so no step holds them twice without need.
+    """
+    return value if value.flags.writeable else None
+
+
 def mended(
     time: Array,
     value: Array,

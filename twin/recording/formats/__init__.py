@@ -6,3 +6,5 @@ from twin.recording.formats.find import TEXTS as TEXTS
 from twin.recording.formats.find import TOPICS as TOPICS
 from twin.recording.formats.find import OpenFiles as OpenFiles
 from twin.recording.formats.number_file import NumberFile as NumberFile
+from twin.recording.formats.one_pass import Say as Say
+from twin.recording.formats.one_pass import silent as silent

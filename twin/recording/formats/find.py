@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from twin.recording.formats.number_file import NumberFile
+from twin.recording.formats.one_pass import Say, silent
 
 if TYPE_CHECKING:
     from twin.recording.formats.array_file import Variables
@@ -25,8 +26,10 @@ _T = TypeVar("_T")
 class OpenFiles:
     """The files of one log."""
 
-    def __init__(self) -> None:
+    def __init__(self, say: Say = silent) -> None:
+        """None is open yet; `say` takes a line of progress where reading takes long."""
         self._read: dict[Hashable, object] = {}
+        self._say = say
 
     def open(
         self,
@@ -54,7 +57,7 @@ class OpenFiles:
                 from twin.recording.formats.text_file import TextFile
 
                 key = path, variable, decimal
-                return self._once(key, lambda: TextFile(path, variable, decimal))
+                return self._once(key, lambda: TextFile(path, variable, decimal, say=self._say))
             case ".parquet":
                 from twin.recording.formats.parquet_file import ParquetFile
 

@@ -43,9 +43,14 @@ class NumberFile(ABC):
         """The columns of values, where log.toml names none (the time may be among them)."""
         return tuple(name for name in self.header if name not in self.clocks)
 
+    def expect(self, names: Sequence[str]) -> None:  # noqa: B027  (arrays are read one by one)
+        """Say that `numbers` will be asked for these columns: one pass then reads all of them."""
+
     @abstractmethod
     def numbers(self, names: Sequence[str]) -> Array:
         """The named columns, shape (rows, len(names)); NaN where the file has nothing.
+
+        An array that the caller may write into, or a read-only one.
 
         Raises:
             LogError: a name that is no column, or what is there are no numbers.

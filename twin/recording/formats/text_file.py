@@ -4,6 +4,7 @@ import codecs
 import csv
 import io
 import re
+from array import array
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
@@ -17,6 +18,7 @@ from pyarrow import csv as arrow_csv
 from twin.errors import LogError, UnknownName
 from twin.recording.formats.dates import seconds_of
 from twin.recording.formats.number_file import NumberFile
+from twin.recording.formats.one_pass import Names, Progress, Say, Tables, silent
 from twin.recording.formats.text_layout import (
     BLANKS,
     is_date,
@@ -55,6 +57,7 @@ class TextFile(NumberFile):
         variable: str | None = None,
         decimal: str | None = None,
         content: bytes | None = None,
+        say: Say = silent,
     ) -> None:
         """Read the layout and look through the text; no number is looked at yet.
 
@@ -63,12 +66,14 @@ class TextFile(NumberFile):
             variable: the title of one of several tables in it, a line of its own.
             decimal: "," or ".", where the file leaves open what its commas are.
             content: of the file, where it is no text itself.
+            say: takes a line of progress.
 
         Raises:
             LogError: empty, not text, a line longer than a log's, commas that may mean two things.
         """
         self._text = _Text(path, content)
-        self._variable, self._decimal = variable, decimal
+        self._variable, self._decimal, self._say = variable, decimal, say
+        self._tables = Tables()
         lines, above = self._text.head(variable)
         if not any(line.strip() for line in lines):
             raise LogError(path, "is empty", "check the export")
@@ -101,7 +106,18 @@ class TextFile(NumberFile):
         self._point, self._grouped = self._commas(decimal)
         self.repairs = tuple(self._remarks())
 
+    def expect(self, names: Sequence[str]) -> None:
+        self._tables.expect(names)
+
     def numbers(self, names: Sequence[str]) -> Array:
+        names = tuple(names)
+        if names not in self._tables:
+            self._read(list(dict.fromkeys([names, *self._tables.missing()])))
+        return self._tables.take(names)
+
+    def _read(self, wanted: Sequence[Names]) -> None:
+        """Fill these tables in one pass."""
+        names = list(dict.fromkeys(name for table in wanted for name in table))
         for name in names:
             if name not in self.header:
                 problem = str(UnknownName("column", name, self.header))
@@ -114,41 +130,36 @@ class TextFile(NumberFile):
         types = {name: pa.string() if name in self.clocks else pa.float64() for name in names}
         # its own handler of Ctrl-C would raise in the middle of the work (twin/stop.py)
         pa.enable_signal_handlers(False)
-        parts: list[Array] = []
+        tables = {table: array("d") for table in wanted}
         try:
             for batch in arrow_csv.open_csv(
                 pa.PythonFile(_Reader(self._blocks()), mode="r"),
                 read_options=arrow_csv.ReadOptions(column_names=self.header, block_size=BLOCK),
                 parse_options=arrow_csv.ParseOptions(delimiter=self._delimiter),
                 convert_options=arrow_csv.ConvertOptions(
-                    include_columns=list(dict.fromkeys(names)),
+                    include_columns=names,
                     column_types=types,
                     null_values=list(BLANKS),
                     decimal_point=self._point,
                 ),
             ):
                 check()
-                columns = [self._column(batch.column(name), name) for name in names]
-                parts.append(np.stack(columns, axis=-1))
+                columns = {name: self._column(batch.column(name), name) for name in names}
+                for table, rows in tables.items():
+                    rows.frombytes(np.stack([columns[name] for name in table], axis=-1).tobytes())
         except pa.ArrowInvalid as problem:
             if "Empty CSV" not in str(problem):
                 raise self._first_error(names) or LogError(
                     self.path, f"is no table of numbers ({problem})", "save it as CSV again"
                 ) from None
-        rows = sum(map(len, parts))
-        if not rows:
+        if not any(tables.values()):
             raise LogError(
                 self.path,
                 "has column names but no rows",
                 "check the export",
                 line=self._layout.names_line,
             )
-        table = np.empty((rows, len(names)))
-        while parts:  # each is freed when it is copied, so that a large file is held once
-            part = parts.pop()
-            table[rows - len(part) : rows] = part
-            rows -= len(part)
-        return table
+        self._tables.fill(tables)
 
     @property
     def preamble(self) -> tuple[str, ...]:
@@ -199,7 +210,8 @@ class TextFile(NumberFile):
 
     def _blocks(self) -> Iterator[bytes]:
         """The rows, as the fast reader takes them."""
-        for block in self._text.blocks(self._below, self._end):
+        progress = Progress(self._say, self.path)
+        for block in self._text.blocks(self._below, self._end, progress):
             if self._layout.separator == " ":
                 block = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", block)
                 block = re.sub(rb"[ \t]+", b"\t", block)
@@ -401,10 +413,12 @@ class _Text:
             for line in block.decode().split("\n")[: None if not block.endswith(b"\n") else -1]:
                 yield line.rstrip("\r")
 
-    def blocks(self, skip: int, last: int | None) -> Iterator[bytes]:
+    def blocks(
+        self, skip: int, last: int | None, progress: Progress | None = None
+    ) -> Iterator[bytes]:
         """The same as pieces of UTF-8 that end with a line."""
         number = 0
-        for block in self._whole_lines():
+        for block in self._whole_lines(progress):
             count = block.count(b"\n")
             self._check_text(block, number)
             start = _line_start(block, skip - number) if skip > number else 0
@@ -419,9 +433,9 @@ class _Text:
             if stop is not None:
                 return
 
-    def _whole_lines(self) -> Iterator[bytes]:
+    def _whole_lines(self, progress: Progress | None) -> Iterator[bytes]:
         carried = list[bytes]()
-        for block in self._checked():
+        for block in self._checked(progress):
             end = block.rfind(b"\n") + 1
             if end:
                 yield b"".join([*carried, block[:end]])
@@ -430,10 +444,10 @@ class _Text:
         if rest := b"".join(carried):
             yield rest
 
-    def _checked(self) -> Iterator[bytes]:
+    def _checked(self, progress: Progress | None) -> Iterator[bytes]:
         """Blocks of the file; a binary one and an endless line are refused before the next."""
         line, length, binary = 1, 0, False
-        for block in self._decoded():
+        for block in self._decoded(progress):
             first, ended, others = block.partition(b"\n")
             length, binary = length + len(first), binary or b"\0" in first
             if length >= LONGEST_LINE:
@@ -455,14 +469,17 @@ class _Text:
                 return
         raise LogError(self._path, "is not text but binary", "export it as CSV", line=line)
 
-    def _decoded(self) -> Iterator[bytes]:
+    def _decoded(self, progress: Progress | None) -> Iterator[bytes]:
         """In UTF-8, whatever the file is in."""
         decoder = codecs.getincrementaldecoder(self.encoding)("strict")
         with self._open() as file:
+            size = file.seek(0, io.SEEK_END)
             file.seek(self._mark)
             left = None if self.stop is None else self.stop - self._mark
             while block := self._read(file, BLOCK if left is None else min(BLOCK, left)):
                 left = None if left is None else left - len(block)
+                if progress is not None:
+                    progress.at(file.tell(), size)
                 yield block if self.encoding == "utf-8" else decoder.decode(block).encode()
 
     def _check_text(self, block: bytes, above: int) -> None:
