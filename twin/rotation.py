@@ -47,8 +47,11 @@ def continuous(q: Array, out: Array | None = None) -> Array:
     """Quaternions (m, 4) of one motion, without jumps of sign from one to the next; into `out`,
     which may be `q` itself, where it is given."""
     flips = np.einsum("ij,ij->i", q[1:], q[:-1]) < 0.0
-    sign = np.where(np.concatenate([[False], np.logical_xor.accumulate(flips)]), -1.0, 1.0)
-    return np.multiply(q, sign[:, None], out=out)
+    turned = np.concatenate([[False], np.logical_xor.accumulate(flips)])
+    out = q.copy() if out is None else out
+    if out is not q:
+        out[...] = q
+    return np.negative(out, out=out, where=turned[:, None])
 
 
 def rotate(q: Array, v: Array) -> Array:

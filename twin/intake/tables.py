@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from twin.errors import LogError
 from twin.recording.column_names import is_clock
 from twin.recording.formats import ARRAYS, TEXTS, TOPICS, NumberFile, OpenFiles
-from twin.recording.formats.find import topics_of
 
 Array = NDArray[np.float64]
 
@@ -79,7 +78,7 @@ def tables_in(path: Path) -> Iterator[DataTable]:
     ending = path.suffix.lower()
     files = OpenFiles()
     if ending in TOPICS:
-        yield from _topics(path)
+        yield from _topics(path, files)
     elif ending in ARRAYS and ending != ".xlsx":
         yield from _arrays(files.open(path, unit=""))
     elif ending in TEXTS:
@@ -130,13 +129,15 @@ def _whole(file: NumberFile, name: str) -> Array | None:
         return None
 
 
-def _topics(path: Path) -> Iterator[DataTable]:
+def _topics(path: Path, files: OpenFiles) -> Iterator[DataTable]:
     """Topics whose messages hold numbers; of each the first messages, for a file may be large."""
-    for name, kind in topics_of(path).items():
-        if re.search(_NO_STREAMS, kind):
-            continue
+    messages = files.messages(path)
+    types = messages.types()
+    names = [name for name, kind in types.items() if not re.search(_NO_STREAMS, kind)]
+    messages.look(names)
+    for name in names:
         try:
-            file = OpenFiles().open(path, unit="", topic=name).beginning()
+            file = files.open(path, unit="", topic=name).beginning()
         except LogError:  # no numbers, or no message
             continue
-        yield DataTable(file, {"topic": name}, file.header, type=kind)
+        yield DataTable(file, {"topic": name}, file.header, type=types[name])

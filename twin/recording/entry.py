@@ -423,7 +423,9 @@ class Entry:
                     raise self.table.fail(key, problem, "remove it")
             return time, value, rows, ()
         self._check_clock(file, clock, time)
-        return time * self.time_factor, value, rows, ()
+        if self.time_factor != 1.0:
+            time = time * self.time_factor
+        return time, value, rows, ()
 
     def _check_clock(self, file: NumberFile, clock: str, time: Array) -> None:
         """Refuse a first column that counts rows, by its name or beside a clock, and propose it."""

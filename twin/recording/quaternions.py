@@ -107,13 +107,16 @@ def attitude(
                 "check `format` and `columns`, or delete the row",
                 int(rows.origin[row]),
             )
-        off = np.abs(length - 1.0)
-        if off.max() > OFF_LENGTH:
+        off = np.abs(np.subtract(length, 1.0, out=length), out=length)
+        worst = int(np.argmax(off))
+        if off[worst] > OFF_LENGTH:
             repairs = (
                 f"{where}: {np.count_nonzero(off > OFF_LENGTH)} of {len(off)} quaternions scaled "
-                f"to length 1, the worst was {length[np.argmax(off)]:.4g}",
+                f"to length 1, the worst was {_lengths(quaternion[worst : worst + 1])[0]:.4g}",
             )
-        if off.max() > ROUNDING:
+        scaled = off[worst] > ROUNDING
+        del length, off
+        if scaled:
             quaternion = _by_blocks(rotation.normalized, quaternion, own(quaternion))
     if world_to_body:
         quaternion = _by_blocks(rotation.conjugate, quaternion, own(quaternion))

@@ -9,7 +9,7 @@ from twin.recording.formats.one_pass import Say, silent
 
 if TYPE_CHECKING:
     from twin.recording.formats.array_file import Variables
-    from twin.recording.formats.topic import Topic
+    from twin.recording.formats.topic import Messages
 
 TEXTS = (".csv", ".tsv", ".txt", ".log", ".dat", ".asc")
 """Of files with a table in text."""
@@ -77,9 +77,25 @@ class OpenFiles:
             case ending if ending in TOPICS:
                 from twin.recording.formats.message_file import MessageFile
 
-                return MessageFile(self._once((path, topic), lambda: _topic(path, topic)), unit)
+                messages = self.messages(path)
+                readers = self._once((path, MessageFile), list[MessageFile])
+                return MessageFile(messages, messages.topic(topic), unit, readers)
             case ending:
                 raise ValueError(f"no reader for {ending}")
+
+    def messages(self, path: Path) -> "Messages":
+        """The messages of a file of one of the TOPICS.
+
+        Raises:
+            LogError: it cannot be read.
+        """
+        if path.suffix.lower() == ".mcap":
+            from twin.recording.formats.mcap_topic import McapMessages
+
+            return self._once(path, lambda: McapMessages(path, self._say))
+        from twin.recording.formats.bag_topic import BagMessages
+
+        return self._once(path, lambda: BagMessages(path, self._say))
 
     def _once(self, key: Hashable, read: Callable[[], _T]) -> _T:
         if key not in self._read:
@@ -105,28 +121,3 @@ def _variables(path: Path) -> "Variables":
             from twin.recording.formats.hdf5_file import read_hdf5
 
             return read_hdf5(path)
-
-
-def _topic(path: Path, name: str | None) -> "Topic":
-    if path.suffix.lower() == ".mcap":
-        from twin.recording.formats.mcap_topic import read_topic
-
-        return read_topic(path, name)
-    from twin.recording.formats.bag_topic import read_bag
-
-    return read_bag(path, name)
-
-
-def topics_of(path: Path) -> dict[str, str]:
-    """Topics of a file of messages, and their types.
-
-    Raises:
-        LogError: it cannot be read.
-    """
-    if path.suffix.lower() == ".mcap":
-        from twin.recording.formats.mcap_topic import types_in
-
-        return types_in(path)
-    from twin.recording.formats.bag_topic import types_in_bag
-
-    return types_in_bag(path)

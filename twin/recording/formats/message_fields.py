@@ -89,13 +89,17 @@ class Fields:
     """Names of those that are the stream, where the type says which."""
 
 
-def fields_of(topic: Topic, unit: str) -> Fields:
+def fields_of(topic: Topic, first: Any, unit: str) -> Fields:
     """What the messages hold for a stream in that SI unit; JSON and Protobuf as the first has it.
+
+    Args:
+        topic: of the messages.
+        first: what the first one decodes to.
+        unit: SI unit of the stream.
 
     Raises:
         LogError: nothing.
     """
-    first = next(topic.decoded())
     if topic.type == "sensor_msgs/JointState" and topic.ros:
         fields = _joints(first, _JOINT.get(unit))
     elif topic.ros:
