@@ -27,9 +27,10 @@ class Export:
     def run(self) -> int:
         """Export; the exit code."""
         from twin.cli.output import print_json
-        from twin.recording import open_log, write_folder
+        from twin.cli.part import Part
+        from twin.recording import write_folder
 
-        recording = open_log(self.log)
+        recording = Part().open(self.log)
         files = write_folder(recording, self.out, format=self.format, truth=self.truth)
         rows = {name: len(recording[name]) for name in files}
         if self.json:

@@ -38,10 +38,10 @@ class Import:
             raise UsageError(f"--rate is {self.rate:g} Hz; it must be above 0")
 
         from twin.cli.output import print_json
+        from twin.cli.part import Part
         from twin.cli.show import platform_of_log
         from twin.intake import import_files
         from twin.platform import load_platform
-        from twin.recording import open_log
         from twin.report.contents import contents_document, contents_of, contents_words
 
         *files, folder = self.paths
@@ -51,7 +51,7 @@ class Import:
             name = str(Path(name).resolve())
         done = import_files(files, folder, platform, name, self.rate)
         unsure = [(one.stream, question) for one in done.proposals for question in one.unsure]
-        recording = open_log(folder)
+        recording = Part().open(folder)
         contents = contents_of(str(folder), recording, *platform_of_log(recording))
         if self.json:
             document = contents_document(contents)

@@ -29,9 +29,9 @@ class New:
 
         log = None
         if self.from_log is not None:
-            from twin.recording import open_log
+            from twin.cli.part import Part
 
-            log = open_log(self.from_log)
+            log = Part().open(self.from_log)
         folder = new_platform(Path(self.name), self.kind, log)
         print(f"{folder}: {KINDS[self.kind]}")
         print((folder / "README.md").read_text(encoding="utf-8").split("```")[1].strip())

@@ -22,7 +22,8 @@ class Part:
     """Of measured streams that are faster take every second, third ... row only."""
 
     def open(self, path: Path) -> "Recording":
-        """A log, or the part of it."""
+        """A log, or the part of it; a person who waits for it sees how far it is read."""
+        from twin.cli.output import progress
         from twin.errors import UsageError
         from twin.recording import open_log, restricted
 
@@ -31,7 +32,9 @@ class Part:
                 raise UsageError(f"--{name} is {value:g}; give a finite number")
         if self.rate is not None and self.rate <= 0.0:
             raise UsageError(f"--rate is {self.rate:g} Hz; it must be above 0")
-        return restricted(open_log(path), start=self.start, stop=self.stop, rate=self.rate)
+        with progress() as say:
+            recording = open_log(path, say)
+        return restricted(recording, start=self.start, stop=self.stop, rate=self.rate)
 
 
 Restricted = Annotated[Part, tyro.conf.arg(name="")]

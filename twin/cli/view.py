@@ -29,10 +29,10 @@ class View:
 
     def run(self) -> int:
         """Show it; the exit code."""
-        from twin.recording import open_log
+        from twin.cli.part import Part
         from twin.stream.runfile import write_recording
 
-        recording = open_log(self.log)
+        recording = Part().open(self.log)
         for repair in recording.repairs:
             print(f"repaired: {repair}", file=sys.stderr)
         if self.log.suffix == ".rrd" and not recording.repairs:
