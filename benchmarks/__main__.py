@@ -1,4 +1,7 @@
-"""`python -m benchmarks [SUBJECT ...]`: all subjects in turn, or those named."""
+"""`python -m benchmarks [SUBJECT ...]`: all subjects in turn, or those named.
+
+What follows one subject from the first option on is that subject's: `read --size 2GB`.
+"""
 
 import sys
 import time
@@ -10,6 +13,7 @@ SUBJECTS = {
     "start_up": "how long the command takes to answer",
     "single": "one run, against Basilisk where it is installed",
     "recording": "what recording costs",
+    "read": "what reading a large log costs: --size 2GB, --formats csv mcap bag",
     "identify": "the base from a log of five minutes",
     "diagnose": "the causes of what a model gets wrong, from a log of five minutes",
     "vendor": "bytes a second through the parsers of vendors' devices",
@@ -27,8 +31,13 @@ SUBJECTS = {
 }
 
 
-def main(names: list[str]) -> int:
+def main(words: list[str]) -> int:
     """Run the subjects; 2 if one of them is not known."""
+    first = next((i for i, word in enumerate(words) if word.startswith("-")), len(words))
+    names, options = words[:first], words[first:]
+    if options and names != ["read"]:
+        print(f"{options[0]} is an option of `read`, by itself", file=sys.stderr)
+        return 2
     unknown = [name for name in names if name not in SUBJECTS]
     if unknown:
         print(f"no benchmark named {unknown[0]!r}; known: {', '.join(SUBJECTS)}", file=sys.stderr)
@@ -37,7 +46,8 @@ def main(names: list[str]) -> int:
     for name in names or SUBJECTS:
         print(f"\n== {name}: {SUBJECTS[name]}\n", flush=True)
         start = time.perf_counter()
-        import_module(f"benchmarks.{name}").run()
+        subject = import_module(f"benchmarks.{name}")
+        subject.run(options) if options else subject.run()
         print(f"\n({time.perf_counter() - start:.0f} s)", flush=True)
     return 0
 
