@@ -74,6 +74,80 @@ def _mcap(path: Path) -> None:
     path.write_bytes(whole[:head] + chunk + whole[head:])
 
 
+def _lying_mcap(path: Path) -> None:
+    """A chunk that holds more than it says."""
+    import lz4.frame
+
+    with path.open("wb") as file:
+        from mcap.writer import Writer
+
+        writer = Writer(file)
+        writer.start()
+        writer.finish()
+    packer = lz4.frame.LZ4FrameCompressor()
+    parts = [packer.begin(), *(packer.compress(bytes(1 << 24)) for _ in range(8 * WIDTH >> 24))]
+    packed = b"".join([*parts, packer.flush()])
+    words = np.array([0, 0, 1000], "<u8").tobytes() + bytes(4)
+    words += np.array([3], "<u4").tobytes() + b"lz4" + np.array([len(packed)], "<u8").tobytes()
+    chunk = b"\x06" + np.array([len(words) + len(packed)], "<u8").tobytes() + words + packed
+    whole = path.read_bytes()
+    head = 8 + 9 + int.from_bytes(whole[9:17], "little")
+    path.write_bytes(whole[:head] + chunk + whole[head:])
+
+
+def _parquet(path: Path) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    part = pa.table({name: np.zeros(1 << 20) for name in "txyz"})
+    with parquet.ParquetWriter(path, part.schema) as file:
+        for _ in range(WIDTH >> 22):
+            file.write_table(part)
+
+
+def _bag(path: Path) -> None:
+    """A chunk of a good message, and then of 600 MB of zeros."""
+    import bz2
+
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    def packed(data: bytes) -> bytes:
+        packer = bz2.BZ2Compressor(1)
+        zeros = (packer.compress(bytes(1 << 24)) for _ in range(36))
+        return b"".join([packer.compress(data), *zeros, packer.flush()])
+
+    types = get_typestore(Stores.ROS1_NOETIC)
+    kind = "std_msgs/msg/Float64"
+    writer = Writer(path)
+    writer.set_compression(Writer.CompressionFormat.BZ2)
+    writer.compressor = packed
+    with writer:
+        connection = writer.add_connection("/g", kind, typestore=types)
+        message = types.types[kind](data=1.0)
+        writer.write(connection, 1, types.serialize_ros1(message, kind))
+
+
+def _laughs(path: Path) -> None:
+    """A sheet whose text refers to itself again and again."""
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    book.active.append(["t", "x", "y", "z"])
+    book.save(path)
+    words = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10 if i else "ha"}">' for i in range(10))
+    sheet = (
+        f'<!DOCTYPE x [{words}]><worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/'
+        '2006/main"><sheetData><row r="1"><c r="A1" t="inlineStr"><is><t>&a9;</t></is></c></row>'
+        "</sheetData></worksheet>"
+    )
+    with zipfile.ZipFile(path) as old:
+        parts = {name: old.read(name) for name in old.namelist()}
+    with zipfile.ZipFile(path, "w") as new:
+        for name, data in parts.items():
+            new.writestr(name, sheet if "sheet1" in name else data)
+
+
 def _deep_json(path: Path) -> None:
     from mcap.writer import Writer
 
@@ -119,7 +193,11 @@ print(open("/proc/self/status").read().split("VmHWM:")[1].split()[0])
         ("h5", _hdf5, "would unpack to"),
         ("xlsx", _excel, "would unpack to"),
         ("mcap", _mcap, "would unpack to"),
+        ("mcap", _lying_mcap, "is cut short before its first message"),
         ("mcap", _deep_json, "cannot be decoded"),
+        ("parquet", _parquet, "would unpack to"),
+        ("bag", _bag, "would unpack to"),
+        ("xlsx", _laughs, "cannot be read as Excel"),
         ("csv", _wide, "has 100000 columns"),
         ("h5", _external, "no numeric variable"),
     ],

@@ -47,6 +47,8 @@ class Variables:
     """Texts of the units that the file states."""
     save: str = ""
     """What turns a matrix that lies on its side, to be filled with its name."""
+    repairs: tuple[str, ...] = ()
+    """A sentence for each thing that was mended on reading the file."""
 
 
 class ArrayFile(NumberFile):
@@ -71,6 +73,7 @@ class ArrayFile(NumberFile):
         inside = [*clocks, *(column for column in inside if column not in clocks)]
         names = [column.removeprefix(self._prefix) for column in inside]
         super().__init__(path, names, [clock.removeprefix(self._prefix) for clock in clocks])
+        self.repairs = variables.repairs
         places = zip(names, (self._columns[column][0] for column in inside), strict=True)
         self.units = {name: variables.units.get(array, "") for name, array in places}
 

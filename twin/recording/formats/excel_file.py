@@ -1,13 +1,14 @@
 """A sheet of an Excel file with openpyxl, as the text that it would be exported as."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from datetime import datetime, time
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
 from twin.errors import LogError
-from twin.recording.formats.extras import check_unpacked, imported
+from twin.recording.formats.extras import check_unpacked, imported, library_errors
 
 
 def read_sheet(path: Path, name: str | None) -> bytes:
@@ -23,18 +24,14 @@ def read_sheet(path: Path, name: str | None) -> bytes:
     except (BadZipFile, OSError):  # said below
         size = 0
     check_unpacked(path, size)
-    try:
-        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-    except Exception as problem:  # on damaged bytes the reader raises what its parts raise
-        text = str(problem).split("\n", 1)[0]
-        raise LogError(path, f"cannot be read as Excel ({text})", "export it as CSV") from None
-    try:
+    with (
+        library_errors(path, "Excel", "export it as CSV"),
+        closing(openpyxl.load_workbook(path, read_only=True, data_only=True)) as book,
+    ):
         if name is not None and name not in book.sheetnames:
             listed = ", ".join(map(repr, book.sheetnames))
             raise LogError(path, f"has no sheet {name!r}", f"name one of {listed} in `variable`")
         return b"".join(_lines(book[name] if name is not None else book.worksheets[0]))
-    finally:
-        book.close()
 
 
 def _lines(sheet: Any) -> Iterator[bytes]:

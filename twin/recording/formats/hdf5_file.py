@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from twin.errors import LogError
 from twin.recording.formats.array_file import Numbers, Variables
-from twin.recording.formats.extras import check_unpacked, imported
+from twin.recording.formats.extras import check_unpacked, imported, library_errors
 
 MOST_NAMES = 10_000
 """Data sets and groups that are looked at."""
 DEEPEST = 32
 """Levels of groups: a link to a group above would go on for ever."""
+
+_AS = "HDF5", "save it again"
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class _DataSet:
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[np.generic]:
         h5py = imported("h5py", self.path)
-        with h5py.File(self.path, "r") as file:
+        with library_errors(self.path, *_AS), h5py.File(self.path, "r") as file:
             values = file[self.name][()]
         if self.field is not None:
             values = values[self.field]
@@ -48,14 +50,8 @@ def read_hdf5(path: Path) -> Variables:
     arrays: dict[str, Numbers] = {}
     others: dict[str, str] = {}
     units: dict[str, str] = {}
-    try:
-        with h5py.File(path, "r") as file:
-            _walk(h5py, path, file, (arrays, others, units), 0)
-    except LogError:
-        raise
-    except Exception as problem:  # h5py raises what its parts raise on damaged bytes
-        text = str(problem).split("\n", 1)[0]
-        raise LogError(path, f"cannot be read as HDF5 ({text})", "save it again") from None
+    with library_errors(path, *_AS), h5py.File(path, "r") as file:
+        _walk(h5py, path, file, (arrays, others, units), 0)
     return Variables(arrays, others, units=units, save="turn it before it is saved, a sample a row")
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from twin.errors import LogError
 from twin.recording.formats.array_file import Variables
-from twin.recording.formats.extras import check_unpacked
+from twin.recording.formats.extras import check_unpacked, library_errors
 
 WORD = 8
 """Of a number [bytes]."""
@@ -32,12 +32,9 @@ def read_variables(path: Path) -> Variables:
     except Exception:  # said below
         held = []
     check_unpacked(path, WORD * sum(held))
-    try:
-        content: dict[str, Any] = loadmat(path)
-    except Exception as problem:  # SciPy raises what its parts raise on damaged bytes
-        raise LogError(
-            path, f"cannot be read as a MAT file ({problem})", "save it again with -v7"
-        ) from None
+    content: dict[str, Any] = {}
+    with library_errors(path, "a MAT file", "save it again with -v7"):
+        content = loadmat(path)
     arrays: dict[str, NDArray[Any]] = {}
     others: dict[str, str] = {}
     for name, value in content.items():

@@ -9,10 +9,14 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from twin.errors import LogError
+from twin.recording.formats.extras import check_unpacked, library_errors
 from twin.recording.formats.number_file import NumberFile
 
 Array = NDArray[np.float64]
 
+_AS = "Parquet", "write it again"
+WORD = 8
+"""Of a number [bytes]."""
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 """Ticks a second of Arrow's time units."""
 
@@ -28,13 +32,12 @@ class ParquetFile(NumberFile):
         """
         from pyarrow import parquet
 
-        try:
-            table = parquet.ParquetFile(path).read()
-        except (pa.ArrowException, OSError) as problem:
-            text = str(problem).split("\n", 1)[0]
-            raise LogError(path, f"cannot be read as Parquet ({text})", "write it again") from None
-        while any(pa.types.is_struct(column.type) for column in table.columns):
-            table = table.flatten()
+        with library_errors(path, *_AS):
+            file = parquet.ParquetFile(path)
+            check_unpacked(path, WORD * file.metadata.num_rows * file.metadata.num_columns)
+            table = file.read()
+            while any(pa.types.is_struct(column.type) for column in table.columns):
+                table = table.flatten()
         if table.num_rows == 0 or table.num_columns == 0:
             raise LogError(path, "has no rows", "check the export")
         for name in table.column_names:
@@ -55,7 +58,8 @@ class ParquetFile(NumberFile):
         return self.header
 
     def numbers(self, names: Sequence[str]) -> Array:
-        return np.stack([self._numbers(self.find(name)) for name in names], axis=-1)
+        with library_errors(self.path, *_AS):
+            return np.stack([self._numbers(self.find(name)) for name in names], axis=-1)
 
     def fault(self, problem: str, remedy: str, row: int | None = None) -> LogError:
         where = "" if row is None else f" (row {row + 1})"

@@ -1,5 +1,8 @@
 """A LabVIEW file (`.tdms`) with nptdms: channels by group, with the times of their waveforms."""
 
+import logging
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -7,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import LogError
 from twin.recording.formats.array_file import Numbers, Variables
-from twin.recording.formats.extras import imported
+from twin.recording.formats.extras import damage, imported, library_errors
 
+_AS = "TDMS", "save it again"
 EPOCH = np.datetime64("1970-01-01T00:00:00", "us")
 
 
@@ -24,7 +27,7 @@ class _Channel:
     shape: tuple[int, ...]
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[np.generic]:
-        with imported("nptdms", self.path).TdmsFile.open(self.path) as file:
+        with _opened(self.path) as (file, _):
             values = np.asarray(file[self.group][self.name][:])
         if values.dtype.kind == "M":
             values = (values - EPOCH) / np.timedelta64(1, "s")
@@ -50,33 +53,53 @@ def read_tdms(path: Path) -> Variables:
     Raises:
         LogError: it is no TDMS file, is damaged, or nptdms is not installed.
     """
-    nptdms = imported("nptdms", path)
     arrays: dict[str, Numbers] = {}
     others: dict[str, str] = {}
     clocks: list[str] = []
     units: dict[str, str] = {}
+    with _opened(path) as (file, complaints):
+        for group in file.groups():
+            for channel in group.channels():
+                name = f"{group.name}.{channel.name}"
+                rows, kind = len(channel), channel.dtype.kind
+                if not rows or kind not in "biufM":
+                    others[name] = "text" if rows else "empty"
+                    continue
+                clock = f"{group.name}.time"
+                interval = channel.properties.get("wf_increment")
+                if interval and clock not in arrays:
+                    arrays[clock] = _Clock(_start(channel.properties), interval, (rows,))
+                    clocks.append(clock)
+                arrays[name] = _Channel(path, group.name, channel.name, (rows,))
+                if kind == "M":
+                    clocks.append(name)
+                units[name] = str(channel.properties.get("unit_string") or "")
+    repairs = damage(path) if complaints.heard else ()
+    return Variables(arrays, others, clocks, units, repairs=repairs)
+
+
+class _Complaints(logging.Filter):
+    """Takes what the library would print of damage, in the place of the user's terminal."""
+
+    heard = False
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        self.heard |= record.levelno >= logging.WARNING
+        return False
+
+
+@contextmanager
+def _opened(path: Path) -> Generator[tuple[Any, _Complaints]]:
+    """The file, and whether the library complains of it in this block."""
+    nptdms = imported("nptdms", path)
+    complaints = _Complaints()
+    printer = imported("nptdms.log", path).log_manager.console_handler
+    printer.addFilter(complaints)
     try:
-        with nptdms.TdmsFile.open(path) as file:
-            for group in file.groups():
-                for channel in group.channels():
-                    name = f"{group.name}.{channel.name}"
-                    rows, kind = len(channel), channel.dtype.kind
-                    if not rows or kind not in "biufM":
-                        others[name] = "text" if rows else "empty"
-                        continue
-                    clock = f"{group.name}.time"
-                    interval = channel.properties.get("wf_increment")
-                    if interval and clock not in arrays:
-                        arrays[clock] = _Clock(_start(channel.properties), interval, (rows,))
-                        clocks.append(clock)
-                    arrays[name] = _Channel(path, group.name, channel.name, (rows,))
-                    if kind == "M":
-                        clocks.append(name)
-                    units[name] = str(channel.properties.get("unit_string") or "")
-    except Exception as problem:  # on damaged bytes the reader raises what its parts raise
-        text = str(problem).split("\n", 1)[0]
-        raise LogError(path, f"cannot be read as TDMS ({text})", "save it again") from None
-    return Variables(arrays, others, clocks, units)
+        with library_errors(path, *_AS), nptdms.TdmsFile.open(path) as file:
+            yield file, complaints
+    finally:
+        printer.removeFilter(complaints)
 
 
 def _start(properties: Any) -> float:

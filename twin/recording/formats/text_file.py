@@ -480,7 +480,16 @@ class _Text:
                 left = None if left is None else left - len(block)
                 if progress is not None:
                     progress.at(file.tell(), size)
-                yield block if self.encoding == "utf-8" else decoder.decode(block).encode()
+                if self.encoding == "utf-8":
+                    yield block
+                    continue
+                try:
+                    text = decoder.decode(block)
+                except UnicodeDecodeError:
+                    raise LogError(
+                        self._path, f"is not {self.encoding} text", "save it as CSV in UTF-8"
+                    ) from None
+                yield text.encode()
 
     def _check_text(self, block: bytes, above: int) -> None:
         try:

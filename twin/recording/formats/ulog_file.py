@@ -9,7 +9,7 @@ import numpy as np
 
 from twin.errors import LogError
 from twin.recording.formats.array_file import Numbers, Variables
-from twin.recording.formats.extras import imported
+from twin.recording.formats.extras import damage, imported, library_errors
 
 
 def read_ulog(path: Path) -> Variables:
@@ -20,15 +20,13 @@ def read_ulog(path: Path) -> Variables:
     """
     core = imported("pyulog.core", path)
     said = io.StringIO()  # what the library prints of damage is said below
-    try:
-        with contextlib.redirect_stdout(said):
-            log = core.ULog(str(path))
-    except Exception as problem:  # on damaged bytes the reader raises what its parts raise
-        text = str(problem).split("\n", 1)[0] or type(problem).__name__
-        raise LogError(path, f"cannot be read as a PX4 log ({text})", "download it again") from None
+    with library_errors(path, "a PX4 log", "download it again"), contextlib.redirect_stdout(said):
+        log = core.ULog(str(path))
     arrays: dict[str, Numbers] = {}
     clocks: list[str] = []
     for topic in log.data_list:
+        if "timestamp" not in topic.data:
+            raise LogError(path, f"has no times of {topic.name}", "download it again")
         name = topic.name if not topic.multi_id else f"{topic.name}_{topic.multi_id}"
         clocks.append(f"{name}.timestamp")
         arrays[clocks[-1]] = np.asarray(topic.data["timestamp"], dtype=np.float64) * 1e-6
@@ -36,4 +34,4 @@ def read_ulog(path: Path) -> Variables:
             if key != "timestamp":
                 part = re.sub(r"\[(\d+)\]", lambda found: f".{int(found[1]) + 1}", key)
                 arrays[f"{name}.{part}"] = values
-    return Variables(arrays, {}, clocks)
+    return Variables(arrays, {}, clocks, repairs=damage(path) if log.file_corruption else ())
