@@ -247,11 +247,14 @@ def test_one_giant_line_costs_no_memory(folder_with, tmp_path: Path):
     assert int(peak) < 100_000, "kB of memory"
 
 
-def test_a_quaternion_of_no_length_is_refused(folder_with, complaint, tmp_path: Path):
+@pytest.mark.parametrize(("number", "length"), [("0", "0"), ("1e200", "inf")])
+def test_a_quaternion_of_no_length_or_an_endless_one_is_refused(
+    folder_with, complaint, tmp_path: Path, number: str, length: str
+):
     toml = '[streams.attitude]\nfile = "a.csv"\n'
-    folder = folder_with(tmp_path, toml, a="t,w,x,y,z\n0,1,0,0,0\n1,0,0,0,0\n")
+    folder = folder_with(tmp_path, toml, a=f"t,w,x,y,z\n0,1,0,0,0\n1,{number},0,0,0\n")
     assert complaint(folder) == (
-        "a.csv:3: attitude has a quaternion of length 0; check `format` and `columns`, "
+        f"a.csv:3: attitude has a quaternion of length {length}; check `format` and `columns`, "
         "or delete the row"
     )
 

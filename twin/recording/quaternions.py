@@ -100,8 +100,10 @@ def attitude(
         if layout == "xyzw":
             quaternion = _by_blocks(lambda q: q[:, [3, 0, 1, 2]], quaternion, own(quaternion))
         length = _lengths(quaternion)
-        if length.min() < 0.1:
-            row = int(np.argmin(length))
+        row = int(np.argmin(length))
+        if length[row] >= 0.1:
+            row = int(np.argmax(length))
+        if not 0.1 <= length[row] < np.inf:
             raise file.fault(
                 f"attitude has a quaternion of length {length[row]:.3g}",
                 "check `format` and `columns`, or delete the row",
@@ -124,8 +126,9 @@ def attitude(
 
 
 def _lengths(value: Array) -> Array:
-    """Of each row (m,)."""
-    return _by_blocks(lambda rows: np.linalg.norm(rows, axis=1), value)
+    """Of each row (m,); infinite where a square is."""
+    with np.errstate(over="ignore"):
+        return _by_blocks(lambda rows: np.linalg.norm(rows, axis=1), value)
 
 
 def _by_blocks(function: Callable[[Array], Array], value: Array, out: Array | None = None) -> Array:

@@ -22,6 +22,7 @@ import tempfile
 import threading
 import time
 import traceback
+import warnings
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -235,6 +236,8 @@ def work(seeds: Path, seed: int, first: int, stop: float, runs: int) -> None:
     """Run cases in this process; a line of JSON before and after each."""
     import twin.intake.tables  # noqa: F401  (its memory is no case's)
 
+    warnings.simplefilter("error")  # a user would see them
+    warnings.filterwarnings("ignore", module="rerun")  # what it warns of, `repairs` says
     signal.signal(signal.SIGPROF, _too_long)
     resource.setrlimit(resource.RLIMIT_AS, (SPACE, SPACE))
     valid = {log: file_of(log).read_bytes() for log in sorted(seeds.iterdir())}

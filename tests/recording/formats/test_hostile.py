@@ -39,6 +39,15 @@ def _matlab(path: Path) -> None:
     path.write_bytes(head + np.array([15, len(packed)], "<u4").tobytes() + packed)
 
 
+def _matlab_code(path: Path) -> None:
+    """Numbers of a type that there is none of, which ends a process within SciPy."""
+    from scipy.io import savemat
+
+    savemat(path, {"gyr": np.ones((8, 4))})
+    head, double, numbers = path.read_bytes().partition(bytes([9, 0, 0, 0, 0, 1, 0, 0]))
+    path.write_bytes(head + bytes([0, 0, 1, 0]) + double[4:] + numbers)
+
+
 def _hdf5(path: Path) -> None:
     import h5py
 
@@ -190,6 +199,7 @@ print(open("/proc/self/status").read().split("VmHWM:")[1].split()[0])
     ("ending", "write", "said"),
     [
         ("mat", _matlab, "would unpack to"),
+        ("mat", _matlab_code, "data of type 0"),
         ("h5", _hdf5, "would unpack to"),
         ("xlsx", _excel, "would unpack to"),
         ("mcap", _mcap, "would unpack to"),

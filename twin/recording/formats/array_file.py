@@ -98,7 +98,8 @@ class ArrayFile(NumberFile):
         size = int(np.prod(array.shape, dtype=np.float64))
         if size > LARGEST:
             raise self.fault(f"has {size} numbers in {name!r}", "save the part that is the log")
-        return np.asarray(array, dtype=np.float64)
+        with np.errstate(invalid="ignore"):  # damaged bytes make floats that NumPy warns of
+            return np.asarray(array, dtype=np.float64)
 
     def fault(self, problem: str, remedy: str, row: int | None = None) -> LogError:
         where = "" if row is None else f" (row {row + 1})"

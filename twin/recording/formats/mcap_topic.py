@@ -1,5 +1,6 @@
 """The messages of an MCAP file; one that is cut short gives what is whole."""
 
+import contextlib
 import io
 import json
 import struct
@@ -81,7 +82,8 @@ class McapMessages(Messages):
             raise LogError(self.path, problem, choice)
         channel, schema = types[name]
         try:
-            decode = _decoder(channel, schema)
+            with contextlib.redirect_stderr(io.StringIO()):  # what a parser prints is said below
+                decode = _decoder(channel, schema)
         except Exception as problem:  # a damaged schema: the parsers raise what their parts raise
             raise LogError(
                 self.path, f"has a damaged schema for {name} ({problem})", _AGAIN

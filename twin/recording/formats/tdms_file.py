@@ -96,7 +96,12 @@ def _opened(path: Path) -> Generator[tuple[Any, _Complaints]]:
     printer = imported("nptdms.log", path).log_manager.console_handler
     printer.addFilter(complaints)
     try:
-        with library_errors(path, *_AS), nptdms.TdmsFile.open(path) as file:
+        # on damage the library does not close what it opened itself
+        with (
+            library_errors(path, *_AS),
+            path.open("rb") as content,
+            nptdms.TdmsFile.open(content) as file,
+        ):
             yield file, complaints
     finally:
         printer.removeFilter(complaints)

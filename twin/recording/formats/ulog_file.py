@@ -20,8 +20,12 @@ def read_ulog(path: Path) -> Variables:
     """
     core = imported("pyulog.core", path)
     said = io.StringIO()  # what the library prints of damage is said below
-    with library_errors(path, "a PX4 log", "download it again"), contextlib.redirect_stdout(said):
-        log = core.ULog(str(path))
+    with (
+        library_errors(path, "a PX4 log", "download it again"),
+        contextlib.redirect_stdout(said),
+        path.open("rb") as content,  # on damage the library does not close what it opened itself
+    ):
+        log = core.ULog(content)
     arrays: dict[str, Numbers] = {}
     clocks: list[str] = []
     for topic in log.data_list:
