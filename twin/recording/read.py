@@ -62,7 +62,9 @@ def read_recording(path: str | Path) -> Recording:
     if _CLOSED in tail:
         try:
             parts.read(path, _chosen(path, chosen))
-        except RuntimeError:
+        except RecordingError:
+            raise
+        except (RuntimeError, KeyError, ValueError):  # bytes, or what is written in them
             parts = _mended(path)
             parts.ended = False
         if not parts.ended:
@@ -226,8 +228,8 @@ def _mended(path: Path) -> _Parts:
             )
         try:
             parts.read(copy)
-        except ValueError:
-            # Rerun's word for a file without a single recording in it
+        except (KeyError, ValueError):
+            # Rerun's words for a file without a single recording, or without a column, in it
             return _Parts()
     return parts
 
