@@ -1,4 +1,4 @@
-"""A Parquet file; the fields of a struct column are columns by dotted names."""
+"""A Parquet or Feather file, or JSON a line; the fields of a struct are columns by dotted names."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,21 +18,21 @@ _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
 class ParquetFile(NumberFile):
-    """A Parquet file in memory. Columns of timestamps and durations are in seconds."""
+    """Such a file in memory. Columns of timestamps and durations are in seconds."""
 
     def __init__(self, path: Path) -> None:
         """Read it.
 
         Raises:
-            LogError: it is no Parquet file, is damaged, or has no rows.
+            LogError: it is no such file, is damaged, or has no rows.
         """
-        from pyarrow import parquet
-
+        kind = {".parquet": "Parquet", ".feather": "Feather", ".arrow": "Arrow"}
         try:
-            table = parquet.ParquetFile(path).read()
+            table = _table_in(path)
         except (pa.ArrowException, OSError) as problem:
             text = str(problem).split("\n", 1)[0]
-            raise LogError(path, f"cannot be read as Parquet ({text})", "write it again") from None
+            name = kind.get(path.suffix.lower(), "JSON with a row a line")
+            raise LogError(path, f"cannot be read as {name} ({text})", "write it again") from None
         while any(pa.types.is_struct(column.type) for column in table.columns):
             table = table.flatten()
         if table.num_rows == 0 or table.num_columns == 0:
@@ -72,6 +72,22 @@ class ParquetFile(NumberFile):
                 f"column {name!r} holds {kind}, no numbers", "name others in `columns`"
             )
         return np.asarray(pc.cast(column, pa.float64(), safe=False).to_numpy())
+
+
+def _table_in(path: Path) -> pa.Table:
+    match path.suffix.lower():
+        case ".parquet":
+            from pyarrow import parquet
+
+            return parquet.ParquetFile(path).read()
+        case ".feather" | ".arrow":
+            from pyarrow import feather
+
+            return feather.read_table(path)
+        case _:
+            from pyarrow import json
+
+            return json.read_json(path)
 
 
 def _kinds(table: pa.Table) -> list[tuple[str, pa.DataType]]:
