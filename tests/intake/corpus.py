@@ -8,6 +8,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
+import devices
 import makers
 import numpy as np
 
@@ -16,6 +17,7 @@ from twin.intake import import_files
 from twin.platform import load_platform
 from twin.recording import Recording, read_log
 
+LAYOUTS = (*makers.MAKERS, *devices.DEVICES)
 PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
 HEAD = """# Files that are read
 
@@ -37,10 +39,12 @@ def main() -> int:
     parser.add_argument("--page", type=Path, default=PAGE)
     options = parser.parse_args()
     motion = makers.motion(options.seed)
-    rows = [row_of(maker, motion) for maker in makers.MAKERS]
+    rows = [row_of(maker, motion) for maker in LAYOUTS]
     rows += [row_of_real(log, machine) for log, machine in makers.REAL]
-    opened = sum(not maker.refused for maker in makers.MAKERS) + len(makers.REAL)
-    tail = f"\n{opened} of {len(rows)} are opened; of the others the sentence says why.\n"
+    opened = sum("| refused: " not in row for row in rows)
+    share = 100.0 * opened / len(rows)
+    count = f"{opened} of {len(rows)} are opened ({share:.0f} %)"
+    tail = f"\n{count}; of the others the sentence says why.\n"
     text = HEAD.format(seed=options.seed) + "\n".join(rows) + "\n" + tail
     options.page.write_text(text, encoding="utf-8")
     return 0
@@ -49,15 +53,16 @@ def main() -> int:
 def row_of(maker: makers.Maker, motion: makers.Motion) -> str:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / maker.file
+        kind = f"`{path.suffix}`" if path.suffix else "folder"
         maker.write(path, motion)
         try:
             import_files([path], Path(folder) / "log", None, None)
         except LogError as problem:
             said = str(problem).replace(f"{folder}/", "").partition("; write a log.toml")[0]
-            return f"| {maker.name} | `{path.suffix}` | refused: {said} | |"
+            return f"| {maker.name} | {kind} | refused: {said} | |"
         log = read_log(Path(folder) / "log")
         worst = max(difference(log, name, motion) for name in maker.streams)
-    return f"| {maker.name} | `{path.suffix}` | {', '.join(maker.streams)} | {worst:.1g} |"
+    return f"| {maker.name} | {kind} | {', '.join(maker.streams)} | {worst:.1g} |"
 
 
 def row_of_real(log: str, machine: str | None) -> str:

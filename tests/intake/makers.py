@@ -698,7 +698,7 @@ MAKERS = (
     Maker(
         "CSV with a counter and no rate", "a.csv", _counter_alone, (), refused="no column of times"
     ),
-    Maker("numbers without names", "a.txt", _nameless, (), refused="no stream among 1, 2, 3"),
+    Maker("numbers without names", "a.txt", _nameless, (), refused="no names above its 7 columns"),
     Maker("words", "a.txt", _words, (), refused="no stream"),
     Maker(
         "ROS 2 MCAP, std_msgs/Float64MultiArray",

@@ -244,3 +244,22 @@ def test_streams_that_share_no_time_are_told_without_a_machine_too():
 
     log = Recording({"gyro": series(1e5), "joint_rates": series(0.0)}, {"kind": "log"})
     assert any("they share no time" in said for said in contents_of("", log, None).findings)
+
+
+@pytest.mark.parametrize("times", [0.9, 1.2, 9.549])
+def test_a_wheel_beyond_its_stated_speed_is_said(times: float):
+    draw = np.random.default_rng()
+    platform = load_platform("sads")
+    limits = np.array([wheel.speed_limit for wheel in platform.wheels])
+    time = np.arange(0.0, 60.0, 0.05)
+    fastest = int(draw.integers(len(limits)))
+    reach = np.where(np.arange(len(limits)) == fastest, times, 0.5) * limits
+    speed = reach * np.sin(0.3 * time)[:, None] + draw.normal(0.0, 0.1, (len(time), len(limits)))
+    names = tuple(wheel.name for wheel in platform.wheels)
+    log = Recording({"wheel_speed": Series(time, speed, names, "rad/s")}, {"kind": "log"})
+    said = [one for one in contents_of("a", log, platform).findings if "momentum_limit" in one]
+    if times < 1.0:
+        assert said == []
+    else:
+        (one,) = said
+        assert one.startswith(f"{names[fastest]} reaches ")

@@ -71,9 +71,15 @@ class Diagnosis:
     """From outside; all else is of the time between them."""
 
     @property
+    def intervals_hold(self) -> bool:
+        """Whether the intervals of causes and base are 95 % intervals: not where something is left
+        that no cause explains."""
+        return not _unexplained(self.explained, self.remainder, self.held_out)
+
+    @property
     def verdict(self) -> str:
         """healthy, explained, ambiguous or unexplained."""
-        if self.pushes or _unexplained(self.explained, self.remainder, self.held_out):
+        if self.pushes or not self.intervals_hold:
             return "unexplained"
         if not self.causes:
             return "healthy"

@@ -51,6 +51,10 @@ Array = NDArray[np.float64]
 OURS = "prediction-error"
 METHODS = (OURS, *PAPERS)
 
+STRAYS = 4.0
+"""Standard deviations of its mean square by which a stream leaves more than noise for certain: by
+chance one in thirty thousand does."""
+
 PERFECT = 1e-9
 """1 sigma, in parts of a parameter's scale, below which no log knows anything."""
 
@@ -69,6 +73,12 @@ class Misfit:
     def is_noise(self) -> bool:
         """Whether no more is left than noise."""
         return self.chi2_per_sample <= self.high
+
+    @property
+    def strays(self) -> bool:
+        """Whether so much more than noise is left that no interval knows of it."""
+        sigma = (self.high - 1.0) / NORMAL
+        return self.chi2_per_sample > 1.0 + STRAYS * sigma
 
 
 @dataclass(frozen=True)
@@ -91,6 +101,8 @@ class Identification:
     misfit: tuple[Misfit, ...] = ()
     """Of a motion that follows the model exactly: of all innovations, then stream by stream; empty
     for a method that has none."""
+    left: tuple[Misfit, ...] = ()
+    """The same under the white torque that was fitted; `misfit` where none was."""
     fit: Fit | None = None
     """Of the prediction-error method."""
     scales: tuple[Scale, ...] = ()
@@ -107,8 +119,27 @@ class Identification:
         return 0.0 if self.fit is None else float(np.sqrt(self.fit.innovations.intensity))
 
     @property
+    def doubt(self) -> str:
+        """Why half widths are no 95 % intervals; empty where they are. A torque that stands for
+        what the model lacks explains no misfit of one sensor or one clock."""
+        total, *streams = self.left or (None,)
+        worst = max((one for one in streams if one.strays), key=_excess, default=None)
+        if worst is not None:
+            times = np.sqrt(worst.chi2_per_sample)
+            return (
+                f"whatever torque is taken, {times:.2g} times the noise of {worst.name} is left, "
+                "as where streams contradict each other: look for a late clock, a scale, or a "
+                "sensor that drifts or was moved"
+            )
+        if total is not None and total.strays:
+            return f"{np.sqrt(total.chi2_per_sample):.2g} times the noise is left"
+        if self.fit is not None and not self.fit.converged:
+            return "the fit has not settled"
+        return ""
+
+    @property
     def half_widths(self) -> Array:
-        """(p,) half the 95 % intervals."""
+        """(p,) half the 95 % intervals, where there is no `doubt`."""
         return self.quantile * np.sqrt(np.diag(self.covariance))
 
     def document(self) -> Mapping[str, Any]:
@@ -131,6 +162,8 @@ class Identification:
                 for part in self.misfit
             }
             document["disturbance"] = self.disturbance
+            document["intervals_hold"] = not self.doubt
+            document["doubt"] = self.doubt or None
         return document
 
     def _joints(self) -> Mapping[str, Any]:
@@ -230,19 +263,19 @@ def by_method(
 def _by_prediction_error(ground: Ground) -> Identification:
     base, full, scaled, scales = ground.logs.base, ground.full, ground.scaled, ground.scales
     platform = base.machine.platform
-    found, misfit = _fitted(base, full, scaled, scales)
+    found, misfit, left = _fitted(base, full, scaled, scales)
     told = scales_of(found, scales, scaled)
     for _ in range(ROUNDS if scales else 0):
         if not all(scale.known for scale in told):
             # nothing tells them: as guessed, so that the rest may be told under that guess
-            found, misfit = _fitted(base, full, scaled, ())
+            found, misfit, left = _fitted(base, full, scaled, ())
             told = as_taken(told, scaled)
             break
         change, settled = change_of(found, told)
         if settled:
             break
         scaled = [log.by({n: f for n, f in change.items() if n in log.factor}) for log in scaled]
-        found, misfit = _fitted(base, full, scaled, scales, found.at.theta)
+        found, misfit, left = _fitted(base, full, scaled, scales, found.at.theta)
         told = scales_of(found, scales, scaled)
     covariance, quantile = found.covariance()
     motions = [motion_of(log.recording, platform) for log in scaled]
@@ -259,6 +292,7 @@ def _by_prediction_error(ground: Ground) -> Identification:
         excitation_of(motions, full, covariance, quantile),
         (*not_excited(full, found.at.theta, half), *scale_unknown(told), *ground.unseen),
         misfit,
+        left,
         found,
         told,
         ground.not_used,
@@ -294,7 +328,7 @@ def _fitted(
     scaled: Sequence[Scaled],
     scales: Sequence[Perturbation],
     theta: Array | None = None,
-) -> tuple[Fit, tuple[Misfit, ...]]:
+) -> tuple[Fit, tuple[Misfit, ...], tuple[Misfit, ...]]:
     """Fit the base by prediction error from `theta`, else from what the momentum says; from the
     machine as stated, where that start loses the motion; and where that does, too, from where a
     motion leads that may stray from the model."""
@@ -324,7 +358,8 @@ def _fitted(
     disturbed = fit_disturbed(problem, found, start) if found.converged else (strayed or found)
     if strayed is not None and strayed.innovations.cost < disturbed.innovations.cost:
         disturbed = strayed
-    return disturbed, misfit
+    left = _misfit(problem, disturbed) if disturbed.innovations.intensity else misfit
+    return disturbed, misfit, left
 
 
 def _refuse_guesses(
@@ -344,6 +379,10 @@ def _refuse_guesses(
             f"a log has no wheel_speed, without which the method {method} knows no wheel's "
             f"momentum; use {OURS}"
         )
+
+
+def _excess(part: Misfit) -> float:
+    return part.chi2_per_sample
 
 
 def _misfit(problem: Problem, found: Fit) -> tuple[Misfit, ...]:

@@ -12,6 +12,8 @@ from twin.recording.column_names import is_clock, is_counter, names_a_clock, sta
 from twin.units import known_unit
 
 _NUMBER = r"\W*(\d+(?:\.\d+)?)"
+_PERIOD = re.compile(r"^delta[_ ]?x\W+(\d+(?:[.,]\d+)?(?:E[+-]?\d+)?)", re.IGNORECASE)
+"""How LabVIEW states the time from one row to the next [s]."""
 _RATES = (
     rf"(?:update|sampl\w*|output|capture|export|frame|actual)[ _]*(?:frame[ _]*)?rate{_NUMBER}",
     rf"^(?:sampl\w*[ _]*)?freq\w*{_NUMBER}",
@@ -44,9 +46,8 @@ def clock_of(table: DataTable, rate: float | None) -> Clock | None:
         rate: of tables without times, as the lab says [Hz].
     """
     if table.file.clocks:
-        first = table.file.time
-        clock = first if first in table.file.clocks else table.file.clocks[0]
-        keys = {} if clock == first else {"time": quoted(clock)}
+        clock = _running(table)
+        keys = {} if clock == table.file.time else {"time": quoted(clock)}
         return Clock(keys, f"{clock} is a time by its type", clock)
     for test in (is_clock, names_a_clock):
         for name in table.names:
@@ -70,6 +71,18 @@ def clock_of(table: DataTable, rate: float | None) -> Clock | None:
     return None
 
 
+def _running(table: DataTable) -> str:
+    """The first of the columns that are times by their type, and goes on: a date without a time
+    does not, beside a time of day."""
+    first = table.file.time
+    clocks = sorted(table.file.clocks, key=lambda name: name != first)
+    for name in clocks:
+        column = table.column(name)
+        if column is not None and (np.diff(column[np.isfinite(column)]) > 0.0).mean() > 0.5:
+            return name
+    return clocks[0]
+
+
 def _timed(table: DataTable, name: str) -> Clock | None:
     """A column as times, in the unit that it states or that its steps have."""
     column = table.column(name)
@@ -91,8 +104,9 @@ def _timed(table: DataTable, name: str) -> Clock | None:
             if COMMON[0] / 10.0 <= rate <= 10.0 * COMMON[1]:
                 stated = {} if unit.factor == 1.0 else {"time_unit": quoted(text.strip("[]() "))}
                 return Clock(keys | stated, f"{name}, in {text}: {rate:.4g} Hz", name)
-    if "sampletimefine" in name.lower().replace("_", ""):  # of Xsens
-        return Clock(keys | {"time_scale": "1e-4"}, f"{name} counts 0.1 ms", name)
+    if "sampletimefine" in name.lower().replace("_", ""):
+        tick = _tick_of_xsens(step, _rate_in(table.preamble))
+        return Clock(keys | {"time_scale": f"{tick:g}"}, f"{name} counts {1e3 * tick:g} ms", name)
     fitting = [u for u, s in UNITS.items() if COMMON[0] <= 1.0 / (step * s) <= COMMON[1]]
     if not fitting:
         rate = _rate_in(table.preamble)
@@ -110,6 +124,17 @@ def _timed(table: DataTable, name: str) -> Clock | None:
     return Clock(keys | stated, f"{name} in {unit_text}: {rate:.4g} Hz", name, sure)
 
 
+def _tick_of_xsens(step: float, rate: float | None) -> float:
+    """Seconds of a count of SampleTimeFine: 0.1 ms of an MTi, 1 us of a DOT.
+
+    Args:
+        step: between two rows, in counts.
+        rate: that the file states [Hz]; without it, an MTi gives 1 Hz or more.
+    """
+    slowest = 1.0 if rate is None else 0.1 * rate
+    return 1e-4 if 1e-4 * step * slowest <= 1.0 else 1e-6
+
+
 def _counts(table: DataTable, name: str) -> bool:
     column = table.column(name)
     if column is None or not np.isfinite(column).all():
@@ -123,7 +148,9 @@ def _rate_in(preamble: Sequence[str]) -> float | None:
             found = re.search(pattern, line.strip(" ,;\t"), re.IGNORECASE)
             if found and 0.0 < float(found[1]) < FASTEST:
                 return float(found[1])
-    return None
+    periods = (_PERIOD.match(line.strip()) for line in preamble)
+    period = next((float(one[1].replace(",", ".")) for one in periods if one), 0.0)
+    return 1.0 / period if period > 1.0 / FASTEST else None
 
 
 def quoted(text: str) -> str:

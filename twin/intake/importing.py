@@ -87,6 +87,10 @@ def import_files(
                 continue
             for proposal in proposals:
                 known_frame(proposal)
+                if proposal.left_out:
+                    listed = ", ".join(proposal.columns)
+                    unread.append(f"{_where(path, table)}: {listed}: {proposal.left_out}")
+                    continue
                 if proposal.stream in entries:
                     unread.append(f"{_where(path, table)}: another {proposal.stream}, left out")
                     continue
@@ -252,4 +256,9 @@ def _sentence(path: Path, table: DataTable, clock: Clock | None, found: bool) ->
     listed = ", ".join(list(table.names)[:8]) + (", ..." if len(table.names) > 8 else "")
     if found and clock is None:
         return f"{_where(path, table)}: no column of times, and no rate: state it by --rate"
+    if table.file.numbered:
+        return (
+            f"{_where(path, table)}: no names above its {len(table.names)} columns: write a first "
+            "line of names with units (t,gyro_x [deg/s],...)"
+        )
     return f"{_where(path, table)}: no stream among {listed}"

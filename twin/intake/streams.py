@@ -29,6 +29,8 @@ class Proposal:
     reasons: list[str] = field(default_factory=list[str])
     unsure: list[str] = field(default_factory=list[str])
     """What a person should look at."""
+    left_out: str = ""
+    """Why it is not taken; empty where it is."""
 
 
 _KINDS = (
@@ -50,10 +52,17 @@ _KINDS = (
     ("position", r"pos|transl|(^|[._ ])(t|p|xyz)$|origin|^$"),
 )
 """Stream -> what the common part of its columns' names is like, the surest first."""
-_SKIPPED = r"free[ _.]?acc|dv|dq|delta|covariance|residual|error|std|target|reference|setpoint|raw"
+_SKIPPED = (
+    r"free[ _.]?acc|user[ _.]?acc|gravity|dv|dq|delta|covariance|residual|error|std|target"
+    r"|reference|setpoint|raw|(^|[._ ])des(ired)?($|[._ ])"
+)
 """Names that look like a sensor's and are none."""
 
 UNIT_BY_SIZE = "its unit, which is by its size alone"
+_COUNTS = tuple((f"1 / {full}", float(full)) for full in (16384, 8192, 4096, 2048, 1024))
+"""Counts of one g of an accelerometer of 16 bits with a range of 2, 4, 8, 16 or 32 g."""
+FREE = 0.5
+"""An accelerometer that shows less than this, at the median, has gravity taken out [g]."""
 _AXES = ("x", "y", "z")
 _LETTERS = {
     "w": "gyro",
@@ -94,31 +103,45 @@ def streams_among(
 
 
 def _plain(name: str) -> str:
-    return re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", name).strip()
+    """A name without the unit in brackets at its end; `q[0]` is `q.0`."""
+    without = re.sub(r"\s*[\[(](?!\d+[\])])[^\[\]()]*[\])]\s*$", "", name).strip()
+    return re.sub(r"\[(\d+)\]$", r".\1", without)
 
 
 def _groups(names: Sequence[str], endings: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Stem and columns of each group whose names end so: gyro_x, gyro_y, gyro_z; wx, wy, wz."""
+    """Stem and columns of each group whose names end so: gyro_x, gyro_y, gyro_z; wx, wy, wz.
+
+    Of numbered columns only whole groups: the first three of nine are no vector.
+    """
     stems: dict[str, dict[str, str]] = {}
+    numbered: dict[str, int] = {}
     for name in names:
         plain = _plain(name)
+        if (found := re.match(r"(.*?)[ _.-]*\d+$", plain)) is not None:
+            numbered[found[1].lower()] = numbered.get(found[1].lower(), 0) + 1
         for ending in endings:
             stem = _stem(plain, ending)
             if stem is not None:
                 stems.setdefault(stem.lower(), {}).setdefault(ending, name)
     for stem, columns in stems.items():
-        if len(columns) == len(endings):
+        too_many = endings[0].isdigit() and numbered.get(stem, 0) > len(endings)
+        if len(columns) == len(endings) and not too_many:
             yield stem, tuple(columns[ending] for ending in endings)
 
 
 def _stem(name: str, ending: str) -> str | None:
-    """What stands before an ending that is a part of its own; None where the name has it not."""
+    """What stands before an ending that is a part of its own, or round a word that is one;
+    None where the name has neither: `gyro_x`, `qx`, `X Gyro` and `Gyro_X_CAL`."""
     if not name.lower().endswith(ending):
-        return None
+        words = re.split(r"[^A-Za-z0-9]+", name)
+        if [word.lower() for word in words].count(ending) != 1 or not ending.isalpha():
+            return None
+        return " ".join(word for word in words if word.lower() != ending)
     stem = name[: len(name) - len(ending)]
     separated = not stem or not stem[-1].isalnum()
-    lettered = len(stem) == 1 or stem[-1:].islower() != name[-len(ending) :].islower()
-    short = len(stem) <= 5 and ending.isalpha()
+    word = re.split(r"[ _.:-]", stem)[-1]
+    lettered = len(word) == 1 or stem[-1:].islower() != name[-len(ending) :].islower()
+    short = len(word) <= 5 and ending.isalpha()
     if separated or lettered or short or ending.isdigit():
         return stem.rstrip(" _.-[(")
     return None
@@ -214,7 +237,7 @@ def _angles(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
         yield proposal
     for _, columns in _groups(names, ("rx", "ry", "rz")):
         values = table.columns(columns)
-        if values is None:
+        if values is None or table.keys.get("variable") == "Joints":  # angles between two bodies
             continue
         proposal = Proposal("attitude", table, columns, {"format": '"rotation_vector"'})
         proposal.reasons.append("RX, RY, RZ: a rotation vector, as Vicon exports it")
@@ -233,9 +256,13 @@ def _triads(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
         if values is None or re.search(_SKIPPED, stem):
             continue
         kind = _LETTERS.get(stem) or _kind(stem) or _kind(table.keys.get("topic", ""))
+        if not kind and not stem:  # programs of phones write a file a sensor
+            kind = _kind(table.file.path.stem)
         if not kind and table.preamble and stem:  # motion capture names them after the body
             kind = "position"
         text = next((t for name in columns if (t := table.unit(name) or stated_unit(name))), "")
+        if kind == "accelerometer" and text == "G":
+            text = "g"  # a gauss measures no acceleration
         kind = _kind_of_unit(kind, text)
         if kind not in STREAMS or STREAMS[kind].columns != _AXES:
             continue
@@ -243,9 +270,7 @@ def _triads(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
         proposal.reasons.append(f"{', '.join(columns)}: named as {kind}")
         length = float(np.median(np.linalg.norm(values, axis=1)))
         if kind == "accelerometer":
-            _unit_by_length(
-                proposal, length, (("m/s^2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1e3))
-            )
+            _of_accelerometer(proposal, values, length)
         elif kind == "magnetometer":
             _unit_by_length(
                 proposal,
@@ -257,9 +282,43 @@ def _triads(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
             _unit(proposal, values, (("deg/s", 35.0), ("rad/s", 0.0)))
             if not text:
                 proposal.unsure.append(UNIT_BY_SIZE)
+                if _are_counts(values):
+                    proposal.left_out = (
+                        "whole numbers without a unit, so counts of the sensor: state in log.toml "
+                        "their `scale`, the rad/s of one count, by its data sheet"
+                    )
         else:
             _unit(proposal, values, (("mm", 20.0), ("m", 0.0)))
         yield proposal
+
+
+def _of_accelerometer(proposal: Proposal, values: Array, length: float) -> None:
+    """The unit in which gravity has its size, or the counts of one g; without gravity, no unit."""
+    counts = [(text, full) for text, full in _COUNTS if abs(length / full - 1.0) < 0.1]
+    stated = _texts(proposal)
+    if not stated and counts and _are_counts(values):
+        proposal.keys["unit"] = '"g"'
+        proposal.keys["scale"] = f"{1.0 / counts[0][1]!r}"
+        proposal.reasons.append(f"{length:.0f} long, in whole numbers: {counts[0][1]:.0f} a g")
+        return
+    if stated == "G":
+        proposal.keys["unit"] = '"g"'
+        proposal.reasons.append("in G, which is g here")
+    else:
+        _unit_by_length(proposal, length, (("m/s^2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1e3)))
+    unit = proposal.keys.get("unit", '"m/s^2"').strip('"')
+    known = known_unit(unit)
+    if known is not None and length * known.factor < FREE * STANDARD_GRAVITY:
+        proposal.left_out = (
+            f"{length:.3g} {unit} long, so without gravity, which an accelerometer on the ground "
+            "shows"
+        )
+
+
+def _are_counts(values: Array) -> bool:
+    """Whether numbers are those of a converter: whole, and many different ones."""
+    whole = bool((values == np.round(values)).all())
+    return whole and len(np.unique(values)) > 20
 
 
 def _parts(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:

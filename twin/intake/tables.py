@@ -1,7 +1,7 @@
 """The tables in a file: named columns on one clock, whatever the format."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from twin.errors import LogError
 from twin.recording.column_names import is_clock
-from twin.recording.formats import ARRAYS, TEXTS, TOPICS, NumberFile, OpenFiles
+from twin.recording.formats import (
+    ARRAYS,
+    TEXTS,
+    TOPICS,
+    NumberFile,
+    OpenFiles,
+    is_dataflash,
+)
 
 Array = NDArray[np.float64]
 
@@ -79,6 +86,8 @@ def tables_in(path: Path) -> Iterator[DataTable]:
     files = OpenFiles()
     if ending in TOPICS:
         yield from _topics(path, files)
+    elif is_dataflash(path):
+        yield from _arrays(files.open(path, unit=""), "DataFlash")
     elif ending in ARRAYS and ending != ".xlsx":
         yield from _arrays(files.open(path, unit=""))
     elif ending in TEXTS:
@@ -102,24 +111,41 @@ def _texts(path: Path, files: OpenFiles) -> Iterator[DataTable]:
         yield DataTable(part, {"variable": title}, part.header, part.preamble)
 
 
-def _arrays(file: NumberFile) -> Iterator[DataTable]:
+def _arrays(file: NumberFile, kind: str = "") -> Iterator[DataTable]:
     """Of each group those columns that are as long as its clock, or as the longest of them; numbers
-    that stand alone are said as lines of text: `sampling_rate 100`."""
+    that stand alone are said as lines of text: `sampling_rate 100`. A group without a clock has
+    that of a group above or beside it, if that is as long."""
     groups: dict[str, list[str]] = {}
     for name in file.header:
         stem = re.sub(r"\.\d+$", "", name)
         groups.setdefault(stem.rpartition(".")[0], []).append(name)
     alone = list[str]()
-    for names in groups.values():
+    lengths: dict[str, dict[str, int]] = {}
+    for group, names in groups.items():
         columns = {name: column for name in names if (column := _whole(file, name)) is not None}
-        lengths = {name: len(column) for name, column in columns.items() if len(column) > 1}
+        lengths[group] = {name: len(column) for name, column in columns.items() if len(column) > 1}
         alone += [f"{name} {column[0]:g}" for name, column in columns.items() if len(column) == 1]
-        if not lengths:
+    clocks = {group: _clocks(names) for group, names in lengths.items()}
+    for group, names in lengths.items():
+        if not names:
             continue
-        clocks = [name for name in lengths if is_clock(name.rpartition(".")[2])]
-        usual = lengths[clocks[0]] if clocks else max(lengths.values())
-        whole = [name for name, rows in lengths.items() if rows == usual]
-        yield DataTable(file, {}, whole, alone)
+        usual = names[clocks[group][0]] if clocks[group] else max(names.values())
+        whole = [name for name, rows in names.items() if rows == usual]
+        above = [one for one in clocks if one == "" or f"{group}.".startswith(f"{one}.")]
+        parent = group.rpartition(".")[0]
+        beside = [one for one in clocks if parent and one.startswith(f"{parent}.")]
+        shared = [
+            name
+            for one in (*above, *beside)
+            for name in clocks[one]
+            if not clocks[group] and lengths[one][name] == usual
+        ]
+        if len(whole) > 1 or not clocks[group] or len(groups) == 1:
+            yield DataTable(file, {}, [*shared[:1], *whole], alone, kind)
+
+
+def _clocks(names: Iterable[str]) -> list[str]:
+    return [name for name in names if is_clock(name.rpartition(".")[2])]
 
 
 def _whole(file: NumberFile, name: str) -> Array | None:

@@ -1,9 +1,10 @@
 """A log without samples that are no measurements, each kind counted and said.
 
-In this order: steps of the clock and resets of the attitude are undone; left out are streams with a
-dead axis, samples at the end of a sensor's range, those that a sensor repeats after it hung, those
-of one stuck axis, those that a slow sensor repeats or that are interpolated between its
-measurements, and glitches.
+In this order: steps of the clock and resets of the attitude are undone, wheel speeds without a sign
+get theirs, and a pulse a turn becomes the passages of its mark. Left out are streams with a dead
+axis, samples at the end of a sensor's range, those that a sensor repeats after it hung, those of
+one stuck axis, those that a slow sensor repeats or that are interpolated between its measurements,
+and glitches.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,13 +16,16 @@ from numpy.typing import NDArray
 from twin.noise.clipping import CLIPPED, range_ends, with_neighbours
 from twin.noise.glitches import glitches
 from twin.noise.held import SLOW, slow_sensor
+from twin.noise.index_pulse import ANGLES, counts_turns, passages
 from twin.noise.steps import without_steps
 from twin.noise.stopped import stopped
 from twin.noise.stuck import OF_AXES, dead_axes, stuck_rows
+from twin.noise.tachometer import with_signs
 from twin.recording import Recording, Series
 from twin.signals import OF_MOTION
 from twin.units import printed, three_digits
 
+Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Finder = Callable[[Series, str, str], tuple[Mask, str]]
 """Of a series, its name and its unit: (m,) rows to leave out, and a sentence on them."""
@@ -31,15 +35,20 @@ OF_PARTS = ("wheel_speed", "gimbal_angle")
 jump, and a stage stands still."""
 
 
-def cleaned(recording: Recording, *, all_axes: bool = True) -> Recording:
+def cleaned(
+    recording: Recording, *, all_axes: bool = True, wheel_axes: Sequence[Array] = ()
+) -> Recording:
     """A log without samples that are no measurements; `repairs` says what was left out or undone.
 
     Args:
         recording: a log.
         all_axes: the body turns about all axes; else a sensor with a dead axis is of use too.
+        wheel_axes: in body axes, (3,) each, against which a gyro shows a wheel's sign.
     """
     recording, undone = without_steps(recording)
-    streams, said = dict(recording.streams), [*recording.repairs, *undone]
+    recording, signed = with_signs(recording, wheel_axes)
+    recording, counted = _by_passages(recording)
+    streams, said = dict(recording.streams), [*recording.repairs, *undone, *signed, *counted]
     for name, series in recording.items():
         # a stream that says nothing at all is refused elsewhere
         if series.stands_still:
@@ -58,6 +67,20 @@ def cleaned(recording: Recording, *, all_axes: bool = True) -> Recording:
                 streams[name] = streams[name].only(~lost)
                 said.append(sentence)
     return replace(recording, streams=streams, repairs=tuple(said))
+
+
+def _by_passages(recording: Recording) -> tuple[Recording, list[str]]:
+    """Counts of whole turns as the instants at which the mark passed, each said."""
+    streams, said = dict(recording.streams), list[str]()
+    for name in ANGLES:
+        if name in streams and counts_turns(streams[name]):
+            before = len(streams[name])
+            streams[name] = passages(streams[name])
+            said.append(
+                f"{name} counts whole turns: of {before} samples the {len(streams[name])} at which "
+                "the count changes are used, as passages of its mark"
+            )
+    return replace(recording, streams=streams), said
 
 
 def is_needed(name: str, recording: Recording) -> bool:

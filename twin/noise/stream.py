@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.noise.allan import SlowNoise, slow_noise
 from twin.noise.clock import SampleClock, clock_of
+from twin.noise.index_pulse import TURN
 from twin.noise.outliers import outliers
 from twin.noise.quantisation import resolution_of
 from twin.noise.white import white_noise
@@ -100,8 +101,12 @@ def _white(series: Series) -> tuple[Array, Array, Array, Mask, Array]:
 
 
 def _resolution(value: Array, k: int) -> Array:
-    """(k,) steps of a stream (m, k), or of the turns of an attitude (m, 4)."""
+    """(k,) steps of a stream (m, k), or of the turns of an attitude (m, 4).
+
+    A step of one turn is that of an index mark's passages, which are exact.
+    """
     steps = np.array([resolution_of(column) for column in value.T])
+    steps = np.where(np.abs(steps / TURN - 1.0) < 1e-6, 0.0, steps)
     # a rotation vector is twice the vector part of its quaternion
     return steps if len(steps) == k else np.full(k, 2.0 * steps.max(initial=0.0))
 

@@ -1,6 +1,7 @@
 """What a machine is: its parts, and the TOML and MJCF pair that states them."""
 
 from twin.platform.at_rest import begins_late as begins_late
+from twin.platform.at_rest import beyond_stated as beyond_stated
 from twin.platform.at_rest import taken_as_at_rest as taken_as_at_rest
 from twin.platform.files import files_of as files_of
 from twin.platform.load import load_platform as load_platform

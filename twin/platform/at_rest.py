@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from twin.platform.parts import Platform
 from twin.recording import Recording
 from twin.signals import OF_MOTION
@@ -43,6 +45,8 @@ FROM_NOTHING = (
 """Commands that are nothing until the first of them."""
 ONLY_IF_STATED = ("accelerometer", "magnetometer", "inclinometer")
 """Sensors of which one must know where they sit, or what they sense."""
+BEYOND = 0.05
+"""Share by which a wheel may exceed its stated speed before that is said: limits are rounded."""
 LATE = 0.5
 """By how much such a record may begin after the motion's before it is spoken of [s]."""
 
@@ -84,6 +88,25 @@ def taken_as_at_rest(recordings: Sequence[Recording], platform: Platform) -> tup
             if (late := begins_late(recording, stream))
         ]
     return tuple(said)
+
+
+def beyond_stated(recordings: Sequence[Recording], platform: Platform) -> tuple[str, ...]:
+    """A sentence for each wheel that ran faster than its platform says that it can."""
+    fastest: dict[str, float] = {}
+    for recording in recordings:
+        if "wheel_speed" not in recording or not len(recording["wheel_speed"]):
+            continue
+        reached = np.abs(recording["wheel_speed"].value).max(axis=0)
+        for wheel, speed in zip(platform.wheels, reached.tolist(), strict=False):
+            fastest[wheel.name] = max(fastest.get(wheel.name, 0.0), speed)
+    return tuple(
+        f"{wheel.name} reaches {fastest[wheel.name]:.4g} rad/s, {fastest[wheel.name] / most:.3g} "
+        f"times the {most:.4g} rad/s that platform.toml states (momentum_limit over the inertia "
+        "about its axis): look at the unit of wheel_speed, or correct momentum_limit."
+        for wheel in platform.wheels
+        if np.isfinite(most := wheel.speed_limit)
+        and fastest.get(wheel.name, 0.0) > (1.0 + BEYOND) * most
+    )
 
 
 def begins_late(recording: Recording, stream: str) -> float:

@@ -6,7 +6,8 @@ from os.path import commonprefix
 
 _IN_BRACKETS = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
 _CLOCK = re.compile(
-    r"(t|ts|stamp|epoch|zeit|sec(onds)?|t_\w+|time(stamp)?(_\w+)?)(\W|$)", re.IGNORECASE
+    r"(t|ts|stamp|epoch|zeit|temps|tiempo|tempo|sec(onds)?|t_\w+|time(stamp)?(_\w+)?)(\W|$)",
+    re.IGNORECASE,
 )
 _COUNTER = re.compile(
     r"(|nr|no|n_?samples?|samples?|seq(uence)?|(sub[ _]?)?frames?(_?(nr|no|number))?|row|idx|index"
@@ -20,8 +21,8 @@ _OF_TIME = re.compile(
 )
 _SHORT = {"millis": "ms", "micros": "us", "nanos": "ns"}
 _OF_VALUE = re.compile(r"_(deg|degrees?|dps|degps|rpm|mm|cm|um|mrad|arcsec|uT|nT|mG)$")
-_PART = re.compile(r"(|\d+|[xyzwijkq]|roll|pitch|yaw)$", re.I)
-"""What stands in brackets and is a part of the name, not a unit."""
+_PART = re.compile(r"(|\d+|[xyzwijkq]|roll|pitch|yaw|0?x[0-9a-f]{2,8})$", re.I)
+"""What stands in brackets and is a part of the name or the code of a field, not a unit."""
 
 
 def in_order(names: Sequence[str], expected: Sequence[str]) -> tuple[str, ...] | None:
@@ -52,7 +53,7 @@ def is_counter(name: str) -> bool:
 
 def names_a_clock(name: str) -> bool:
     """Whether a column is called somewhat like times are, with words before it: `Control_Time`."""
-    return is_clock(name) or re.search(r"time|stamp|clock", name, re.I) is not None
+    return is_clock(name) or re.search(r"time|stamp|clock|\bi?tow\b", name, re.I) is not None
 
 
 def stated_unit(name: str) -> str:

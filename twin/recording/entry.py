@@ -308,7 +308,9 @@ class Entry:
                     f"names two columns {name!r}",
                     f"give each its own name, or list them in `columns` as {listed}",
                 )
-        open_unit = {"unit", "scale"}.isdisjoint(self.table.keys)
+        # what stands behind the parts of a quaternion or a matrix is no unit
+        without_unit = self.layout in (*QUATERNIONS, "matrix")
+        open_unit = not without_unit and {"unit", "scale"}.isdisjoint(self.table.keys)
         for name in columns if open_unit else ():
             text = file.units.get(name) or stated_unit(name)
             unit = known_unit(text.strip("[]() ")) if text else self.unit

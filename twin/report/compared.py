@@ -1,6 +1,7 @@
 """What several methods of identification found of the same logs: one table."""
 
 from collections.abc import Mapping, Sequence
+from typing import TypeGuard
 
 from twin.errors import TwinError
 from twin.identify import Identification
@@ -26,15 +27,22 @@ def compared(found: Mapping[str, Identification | TwinError]) -> list[str]:
         if isinstance(one, Identification)
     ]
     stated = ["as stated", *(f"{value:.4g}" for value in first.base.as_stated[:count])]
+    doubt = next((one.doubt for one in found.values() if _doubted(one)), "")
+    ours = "hold" if not doubt else f"are not 95 % intervals, for {doubt}"
     lines = [
-        f"{first.platform.title} ({first.platform.name}): values +- half of 95 % intervals",
+        f"{first.platform.title} ({first.platform.name}): values +- half of "
+        f"{'95 % intervals' if not doubt else 'intervals that do not hold'}",
         *_table([["method", *heads], stated, *rows]),
-        "The intervals of prediction-error hold. The others' know the scatter of what is left, not "
-        "what noise in rates and wheel speeds does to the values.",
+        f"The intervals of prediction-error {ours}. The others' know the scatter of what is left, "
+        "not what noise in rates and wheel speeds does to the values.",
     ]
     lines += taken_as_at_rest(first.recordings, first.platform)
     lines += _failed(found)
     return lines + [f"Cannot be told: {sentence}." for sentence in first.not_excited]
+
+
+def _doubted(one: Identification | TwinError) -> TypeGuard[Identification]:
+    return isinstance(one, Identification) and bool(one.doubt)
 
 
 def _failed(found: Mapping[str, Identification | TwinError]) -> list[str]:

@@ -14,7 +14,8 @@ from twin.noise import StreamNoise, measure_noise, noise_findings
 from twin.noise.cleaning import cleaned
 from twin.noise.clock import GAP, clock_of
 from twin.noise.held import measurements
-from twin.platform import Platform, check_columns, in_order_of, taken_as_at_rest
+from twin.noise.tachometer import with_signs
+from twin.platform import Platform, beyond_stated, check_columns, in_order_of, taken_as_at_rest
 from twin.predict.log.motion import motion_of
 from twin.predict.log.possible import (
     ImpossibleLog,
@@ -108,7 +109,9 @@ def contents_of(
     findings = [finding.sentence for finding in noise_findings(recording, platform)]
     if recording.provenance.get("kind") == "log":
         findings += (_unused(name) for name in recording if not _known(name))
-    advice = convention_advice(recording, platform)
+    wheels = () if platform is None else platform.wheels
+    signed, _ = with_signs(recording, [wheel.axis for wheel in wheels if wheel.gimbal is None])
+    advice = convention_advice(signed, platform)
     used = cleaned(recording) if platform is None else usable(recording, platform)
     findings += (f"{one}." for one in used.repairs if one not in recording.repairs)
     if platform is None:
@@ -116,6 +119,7 @@ def contents_of(
     else:
         findings += _of_other_width(recording, platform)
         findings += taken_as_at_rest([recording], platform)
+        findings += beyond_stated([recording], platform)
         findings += _impossible(recording, platform, read_rightly=not advice.findings)
     if problem:
         findings.append(f"Nothing was held against the machine: {problem}.")

@@ -14,11 +14,11 @@ from twin.diagnose.remainder import Remainder
 from twin.diagnose.validation import Validation
 from twin.identify.excitation import not_excited
 from twin.identify.prediction_error import NORMAL
-from twin.platform import taken_as_at_rest
+from twin.platform import beyond_stated, taken_as_at_rest
 from twin.predict.effects.columns import amplitudes
 from twin.report.next_experiment import experiment_sentence
 from twin.report.one_clock import one_clock_sentences
-from twin.report.words import MEANINGFUL, pair, quiet_sentences
+from twin.report.words import MEANINGFUL, NO_INTERVALS, pair, quiet_sentences
 from twin.units import fitting, printed, three_digits
 
 FAR = 0.5
@@ -33,7 +33,9 @@ def diagnosed(found: Diagnosis) -> list[str]:
     """All that is to be said, the verdict first."""
     said = [finding.sentence for finding in found.conventions]
     said += taken_as_at_rest(found.recordings, found.platform)
+    said += beyond_stated(found.recordings, found.platform)
     said.append(verdict_sentence(found))
+    said += [] if found.intervals_hold else [NO_INTERVALS]
     said += [push_sentence(found.pushes)] if found.pushes else []
     said += [cause_sentence(cause) for cause in found.causes]
     said += one_clock_sentences(found)

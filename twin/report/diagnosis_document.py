@@ -17,6 +17,7 @@ def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[
     covariance = explained.covariance[:p, :p]
     return {
         "verdict": found.verdict,
+        "intervals_hold": found.intervals_hold,
         "sentence": verdict_sentence(found),
         "causes": [_cause(cause) for cause in found.causes],
         "base": dict(explained.base.table(explained.at.theta, covariance, NORMAL)),

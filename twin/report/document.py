@@ -37,6 +37,7 @@ def _log(comparison: Comparison) -> dict[str, Any]:
         "log": str(comparison.recording.provenance.get("source", "")),
         "platform": comparison.platform.name,
         "verdict": comparison.verdict,
+        "intervals_hold": comparison.verdict != "unexplained",
         "sentences": sentences(comparison),
         "conventions": [
             {"stream": finding.stream, "kind": finding.kind, "sentence": finding.sentence}

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify import Identification, Misfit
-from twin.platform import taken_as_at_rest
+from twin.platform import beyond_stated, taken_as_at_rest
 from twin.predict.parameters.base import NAMES, hinge_axis
 from twin.recording import Recording
 from twin.report.words import pair
@@ -21,16 +21,23 @@ def identified(found: Identification) -> list[str]:
     together = ", fitted together" if len(found.recordings) > 1 else ""
     lines = [
         f"{found.platform.title} ({found.platform.name}), {logs} of log{together}",
-        f"  by {found.method}, with 95 % intervals:",
+        f"  by {found.method}, {_intervals(found)}:",
     ]
     lines += [f"    {line}" for line in (*_entries(found), *_joints(found), *_scales(found))]
     lines += [f"  {line}" for line in (*_excitation(found), *_sentences(found.not_used))]
     lines += [f"  {line}" for line in taken_as_at_rest(found.recordings, found.platform)]
+    lines += [f"  {line}" for line in beyond_stated(found.recordings, found.platform)]
     lines += [f"  {line}" for line in _trust(found)]
     lines += [f"  {found.not_rigid}"] if found.not_rigid else []
     lines += [f"  Cannot be told: {sentence}." for sentence in found.not_excited]
     lines += [f"  Repaired on reading: {r}." for log in found.recordings for r in log.repairs]
     return lines
+
+
+def _intervals(found: Identification) -> str:
+    if not found.doubt:
+        return "with 95 % intervals"
+    return f"not with 95 % intervals, for {found.doubt}; the +- know the scatter alone"
 
 
 def _entries(found: Identification) -> list[str]:

@@ -13,12 +13,17 @@ from twin.compare.misfit import Misfit, coloured, quiet
 from twin.compare.missed import StreamError, disturbed, stream_errors
 from twin.compare.selection import FALSE_ALARM
 from twin.compare.symptoms import Domain
-from twin.platform import taken_as_at_rest
+from twin.platform import beyond_stated, taken_as_at_rest
 from twin.predict.body import Body
 from twin.units import fitting, printed, three_digits
 
 ALIKE = 0.9
 """Share of a law's effect that the base could imitate, above which that is said."""
+
+NO_INTERVALS = (
+    "None of the intervals below is a 95 % interval: they know how what is left scatters, not what "
+    "it is."
+)
 
 SHOWN = 4
 """Symptoms that are listed."""
@@ -38,7 +43,9 @@ def sentences(comparison: Comparison) -> list[str]:
     """All that is to be said of one log: how it was read, then the verdict, then the rest."""
     said = _conventions(comparison)
     said += taken_as_at_rest([comparison.recording], comparison.platform)
+    said += beyond_stated([comparison.recording], comparison.platform)
     said += [_verdict(comparison)]
+    said += _doubt(comparison)
     said += _where(comparison)
     said.append(f"As built, {_misses(comparison.as_built.plain)}.")
     if not comparison.healthy:
@@ -239,6 +246,13 @@ def _law_words(laws: Iterable[Strength]) -> str:
     return _listed(others)
 
 
+def _doubt(comparison: Comparison) -> list[str]:
+    """That no interval holds, where something is left that no law explains."""
+    if comparison.verdict != "unexplained":
+        return []
+    return [NO_INTERVALS]
+
+
 def _law(strength: Strength) -> str:
     return strength.symptom.words.format(strength_words(strength))
 
@@ -307,7 +321,8 @@ def _base(comparison: Comparison) -> str:
             f"{row['name']} from {stated:.3g} to {interval(value, half, row['unit'])}{change}"
         )
     if not parts:
-        return "Refitting the base moves no part of it beyond its 95 % interval."
+        held = "interval" if comparison.verdict == "unexplained" else "95 % interval"
+        return f"Refitting the base moves no part of it beyond its {held}."
     return (
         f"Refitting the base alone moves {_listed(parts)}; then the typical stretch misses "
         f"{_typical(comparison.refitted.plain, short=True)}."

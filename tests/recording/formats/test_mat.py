@@ -112,7 +112,9 @@ def test_a_column_that_is_not_there_is_refused(complaint, tmp_path: Path):
 
 def test_a_file_of_cells_only_is_refused(complaint, tmp_path: Path):
     save(tmp_path, log=object_array())
-    assert complaint(GYRO) == "a.mat: holds no numeric variable; save numeric arrays in it"
+    assert complaint(GYRO) == (
+        "a.mat: holds no numeric variable (log is a cell array); save numeric arrays in it"
+    )
     assert complaint(GYRO + 'variable = "log"\n') == (
         "a.mat: variable 'log' is a cell array; save numeric arrays in it"
     )

@@ -19,7 +19,9 @@ def usable(recording: Recording, platform: Platform) -> Recording:
     """A log without samples that say nothing of the motion; `repairs` says so."""
     held, said = within_range(recording, platform)
     return cleaned(
-        replace(held, repairs=(*held.repairs, *said)), all_axes=turns_about_all_axes(platform)
+        replace(held, repairs=(*held.repairs, *said)),
+        all_axes=turns_about_all_axes(platform),
+        wheel_axes=[wheel.axis for wheel in platform.wheels if wheel.gimbal is None],
     )
 
 

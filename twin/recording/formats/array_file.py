@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 WIDEST = 100
 """A matrix with more columns than this, and fewer rows, lies on its side."""
+LISTED = 8
+"""Variables that an error names."""
 LARGEST = 1 << 28
 """Numbers of an array that is read; a larger one is no log on this computer."""
 
@@ -141,7 +143,16 @@ def _refusal(name: str | None, variables: Variables) -> tuple[str, str]:
         listed = ", ".join(f"{key} ({size})" for key, size in sizes.items())
         remedy = f"name one of its numeric variables in `variable`: {listed}"
     if name is None:
-        return "holds no numeric variable", remedy
+        listed = ", ".join(f"{key} is {kind}" for key, kind in list(others.items())[:LISTED])
+        objects = [key for key, kind in others.items() if kind.endswith("of MATLAB")]
+        if objects:
+            one = objects[0]
+            remedy = (
+                f"save its parts in MATLAB: s.time = {one}.Time (of a timetable seconds of it), "
+                f"s.data = {one}.Data (of a timetable {one}.Variables), "
+                "save('log.mat', '-struct', 's')"
+            )
+        return f"holds no numeric variable{f' ({listed})' if listed else ''}", remedy
     if name in others:
         return f"variable {name!r} is {others[name]}", remedy
     inside = [f"{key} is {kind}" for key, kind in others.items() if key.startswith(f"{name}.")]

@@ -4,6 +4,7 @@ from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from twin.recording.formats.dataflash_file import is_dataflash, read_dataflash
 from twin.recording.formats.number_file import NumberFile
 from twin.recording.formats.one_pass import Say, silent
 
@@ -11,13 +12,15 @@ if TYPE_CHECKING:
     from twin.recording.formats.array_file import Variables
     from twin.recording.formats.topic import Messages
 
-TEXTS = (".csv", ".tsv", ".txt", ".log", ".dat", ".asc")
+TEXTS = (".csv", ".tsv", ".txt", ".log", ".dat", ".asc", ".lvm")
 """Of files with a table in text."""
-ARRAYS = (".mat", ".h5", ".hdf5", ".hdf", ".tdms", ".ulg", ".xlsx")
+ARRAYS = (".mat", ".h5", ".hdf5", ".hdf", ".npy", ".npz", ".tdms", ".ulg", ".bin", ".xlsx")
 """Of files with arrays, topics or sheets by name, one of which `variable` picks."""
 TOPICS = (".mcap", ".bag", ".db3")
 """Of files with messages."""
-ENDINGS = (*TEXTS, ".parquet", *ARRAYS, *TOPICS)
+COLUMNS = (".parquet", ".feather", ".arrow", ".jsonl", ".ndjson")
+"""Of files that PyArrow reads as columns."""
+ENDINGS = (*TEXTS, *COLUMNS, *ARRAYS, *TOPICS)
 """Of the files that can be read."""
 
 _T = TypeVar("_T")
@@ -53,12 +56,10 @@ class OpenFiles:
             LogError: it cannot be read.
         """
         match path.suffix.lower():
-            case ending if ending in TEXTS:
-                from twin.recording.formats.text_file import TextFile
-
+            case ending if ending in TEXTS and not is_dataflash(path):
                 key = path, variable, decimal
-                return self._once(key, lambda: TextFile(path, variable, decimal, say=self._say))
-            case ".parquet":
+                return self._once(key, lambda: _text(path, variable, decimal, self._say))
+            case ending if ending in COLUMNS:
                 from twin.recording.formats.parquet_file import ParquetFile
 
                 return self._once(path, lambda: ParquetFile(path))
@@ -69,7 +70,7 @@ class OpenFiles:
                 return self._once(
                     (path, variable), lambda: TextFile(path, content=read_sheet(path, variable))
                 )
-            case ending if ending in ARRAYS:
+            case ending if ending in (*ARRAYS, *TEXTS):
                 from twin.recording.formats.array_file import ArrayFile
 
                 variables = self._once(path, lambda: _variables(path))
@@ -103,8 +104,21 @@ class OpenFiles:
         return self._read[key]  # pyright: ignore[reportReturnType]
 
 
+def _text(path: Path, variable: str | None, decimal: str | None, say: Say) -> NumberFile:
+    from twin.recording.formats.terminal_text import captured
+    from twin.recording.formats.text_file import TextFile
+
+    return TextFile(path, variable, decimal, content=captured(path), say=say)
+
+
 def _variables(path: Path) -> "Variables":
     match path.suffix.lower():
+        case ".npy" | ".npz":
+            from twin.recording.formats.numpy_file import read_numpy
+
+            return read_numpy(path)
+        case ending if ending == ".bin" or ending in TEXTS:
+            return read_dataflash(path)
         case ".mat":
             from twin.recording.formats.mat_file import read_variables
 

@@ -29,6 +29,8 @@ class _DataSet:
     turned: bool
     """Whether MATLAB wrote it: its rows are HDF5's columns."""
     field: str | None = None
+    column: int | None = None
+    """Of a block of columns that a table is kept in."""
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[np.generic]:
         h5py = imported("h5py", self.path)
@@ -36,6 +38,8 @@ class _DataSet:
             values = file[self.name][()]
         if self.field is not None:
             values = values[self.field]
+        if self.column is not None:
+            values = values[:, self.column]
         values = values.T if self.turned else values
         return np.asarray(values, dtype=dtype)
 
@@ -71,10 +75,38 @@ def _walk(
         if not isinstance(group.get(key, getlink=True), h5py.HardLink):
             others[dotted] = "a link"  # which may lead out of the file
         elif isinstance(item := group[key], h5py.Group):
-            if not key.startswith("#") and depth < DEEPEST:  # MATLAB's own keep what cells refer to
+            if item.attrs.get("pandas_type") in (b"frame", "frame") and "block0_items" in item:
+                _frame(path, item, arrays)
+            elif (
+                not key.startswith("#") and depth < DEEPEST
+            ):  # MATLAB's own keep what cells refer to
                 _walk(h5py, path, item, into, depth + 1)
         elif isinstance(item, h5py.Dataset):
             _sort(h5py, path, name, dotted, item, into)
+
+
+def _frame(path: Path, group: Any, arrays: dict[str, Numbers]) -> None:
+    """A table that pandas wrote with `to_hdf`: its index, and its columns of numbers by name."""
+    prefix = group.name.strip("/").replace("/", ".")
+    index = group["axis1"]
+    if index.dtype.kind in "iuf":
+        name = _decoded(index.attrs.get("name", b"")) or "index"
+        arrays[f"{prefix}.{name}"] = _DataSet(path, index.name, index.shape, turned=False)
+    for key in group:
+        if key.endswith("_values") and key.replace("_values", "_items") in group:
+            block = group[key]
+            names = [_decoded(one) for one in group[key.replace("_values", "_items")][()]]
+            if block.dtype.kind not in "biuf" or block.shape != (index.shape[0], len(names)):
+                continue
+            check_unpacked(path, block.nbytes)
+            for place, name in enumerate(names):
+                arrays[f"{prefix}.{name}"] = _DataSet(
+                    path, block.name, index.shape, turned=False, column=place
+                )
+
+
+def _decoded(text: Any) -> str:
+    return text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text)
 
 
 def _sort(

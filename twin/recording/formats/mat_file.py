@@ -3,6 +3,7 @@
 import math
 import struct
 import zlib
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -47,12 +48,66 @@ def read_variables(path: Path) -> Variables:
     with library_errors(path, *_AS):
         _check_codes(path)
         content = loadmat(path)
-    arrays: dict[str, NDArray[Any]] = {}
-    others: dict[str, str] = {}
+    found = _Content()
     for name, value in content.items():
         if not name.startswith("__"):
-            _sort(name, value, arrays, others)
-    return Variables(arrays, others, save="turn it in MATLAB: NAME = NAME.'")
+            _sort(name, value, found)
+    turn = "turn it in MATLAB: NAME = NAME.'"
+    return Variables(found.arrays, found.others, units=found.units, save=turn)
+
+
+@dataclass
+class _Content:
+    """What a file holds, by dotted name."""
+
+    arrays: dict[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
+    others: dict[str, str] = field(default_factory=dict[str, str])
+    units: dict[str, str] = field(default_factory=dict[str, str])
+
+
+_TITLES = ("label", "Name", "name", "SignalName", "blockName")
+"""Fields in which a struct names itself: of Simulink's signals, of dSPACE's variables."""
+_SAMPLES = ("values", "Data", "data", "Values")
+"""Fields of such a struct that hold its samples."""
+MOST_ELEMENTS = 1000
+
+
+def _sort_elements(name: str, value: Any, found: _Content) -> None:
+    """The fields of a struct, or of the elements of an array of structs, by their own titles."""
+    titles = _titles(value)
+    for index, element in enumerate(value.flat):
+        if titles is None:
+            for key in value.dtype.names:
+                _sort(f"{name}.{key}", element[key], found)
+            continue
+        inside = f"{name}.{titles[index]}"
+        for key in value.dtype.names:
+            _sort(inside if key in _SAMPLES else f"{inside}.{key}", element[key], found)
+        if "Unit" in value.dtype.names and (unit := _text_of(element["Unit"], path=False)):
+            found.units[inside] = unit
+
+
+def _titles(value: Any) -> list[str] | None:
+    """What the elements of an array of structs with samples call themselves; None where they do
+    not, or two alike."""
+    fields = value.dtype.names
+    if value.size > MOST_ELEMENTS or not any(key in _SAMPLES for key in fields):
+        return None
+    for key in (key for key in _TITLES if key in fields):
+        texts = [_text_of(element[key]) for element in value.flat]
+        if all(texts) and len(set(texts)) == len(texts):
+            return texts
+    return None
+
+
+def _text_of(value: Any, *, path: bool = True) -> str:
+    """A text; of a path in quotes (`"Model Root"/"gyro_x"`) the last part, without dots."""
+    if not isinstance(value, np.ndarray) or value.dtype.kind != "U" or not value.size:
+        return ""
+    text = str(value.flat[0]).strip()
+    if not path:
+        return text
+    return text.replace('"', "").rstrip("/").rpartition("/")[2].strip().replace(".", "_")
 
 
 def _is_hdf5(path: Path) -> bool:
@@ -121,17 +176,20 @@ def _check_elements(data: bytes | memoryview, order: str, depth: int) -> None:
         place = body + size + -size % 8
 
 
-def _sort(name: str, value: Any, arrays: dict[str, NDArray[Any]], others: dict[str, str]) -> None:
-    if not isinstance(value, np.ndarray):
+def _sort(name: str, value: Any, found: _Content) -> None:
+    arrays, others = found.arrays, found.others
+    if type(value).__name__ == "MatlabOpaque":
+        own_name, kind = _opaque_kind(value)
+        others[own_name or name] = f"a {kind} of MATLAB" if kind else "an object"
+    elif not isinstance(value, np.ndarray):
         others[name] = "a sparse matrix" if hasattr(value, "nnz") else "an object"
     elif value.dtype.names is not None:
         if type(value).__name__ != "ndarray":
             others[name] = "an object"
-        elif value.size != 1:
+        elif value.size != 1 and _titles(value) is None:
             others[name] = f"a struct array of {value.size}"
         else:
-            for field in value.dtype.names:
-                _sort(f"{name}.{field}", value.flat[0][field], arrays, others)
+            _sort_elements(name, value, found)
     elif value.dtype.kind in "biuf" and value.ndim == 2:
         if value.size:
             arrays[name] = value
@@ -140,3 +198,10 @@ def _sort(name: str, value: Any, arrays: dict[str, NDArray[Any]], others: dict[s
     else:
         kinds = {"O": "a cell array", "U": "text", "c": "a complex matrix"}
         others[name] = kinds.get(value.dtype.kind, f"an array of {value.ndim} dimensions")
+
+
+def _opaque_kind(value: Any) -> tuple[str, str]:
+    """Name and class of an object that only MATLAB can take apart; empty where not known."""
+    parts = (value[key].flat[0] for key in ("s0", "s2") if key in value.dtype.names)
+    texts = [part.decode() if isinstance(part, bytes) else str(part) for part in parts]
+    return (texts[0], texts[1]) if len(texts) == 2 else ("", "")

@@ -1,4 +1,4 @@
-"""A Parquet file; the fields of a struct column are columns by dotted names."""
+"""A Parquet or Feather file, or JSON a line; the fields of a struct are columns by dotted names."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +14,8 @@ from twin.recording.formats.number_file import NumberFile
 
 Array = NDArray[np.float64]
 
-_AS = "Parquet", "write it again"
+_KINDS = {".parquet": "Parquet", ".feather": "Feather", ".arrow": "Arrow"}
+_REMEDY = "write it again"
 WORD = 8
 """Of a number [bytes]."""
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -22,20 +23,17 @@ _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
 class ParquetFile(NumberFile):
-    """A Parquet file in memory. Columns of timestamps and durations are in seconds."""
+    """Such a file in memory. Columns of timestamps and durations are in seconds."""
 
     def __init__(self, path: Path) -> None:
         """Read it.
 
         Raises:
-            LogError: it is no Parquet file, is damaged, or has no rows.
+            LogError: it is no such file, is damaged, or has no rows.
         """
-        from pyarrow import parquet
-
-        with library_errors(path, *_AS):
-            file = parquet.ParquetFile(path)
-            check_unpacked(path, WORD * file.metadata.num_rows * file.metadata.num_columns)
-            table = file.read()
+        self._kind = _KINDS.get(path.suffix.lower(), "JSON with a row a line")
+        with library_errors(path, self._kind, _REMEDY):
+            table = _table_in(path)
             while any(pa.types.is_struct(column.type) for column in table.columns):
                 table = table.flatten()
         if table.num_rows == 0 or table.num_columns == 0:
@@ -58,7 +56,7 @@ class ParquetFile(NumberFile):
         return self.header
 
     def numbers(self, names: Sequence[str]) -> Array:
-        with library_errors(self.path, *_AS):
+        with library_errors(self.path, self._kind, _REMEDY):
             return np.stack([self._numbers(self.find(name)) for name in names], axis=-1)
 
     def fault(self, problem: str, remedy: str, row: int | None = None) -> LogError:
@@ -76,6 +74,24 @@ class ParquetFile(NumberFile):
                 f"column {name!r} holds {kind}, no numbers", "name others in `columns`"
             )
         return np.asarray(pc.cast(column, pa.float64(), safe=False).to_numpy())
+
+
+def _table_in(path: Path) -> pa.Table:
+    match path.suffix.lower():
+        case ".parquet":
+            from pyarrow import parquet
+
+            file = parquet.ParquetFile(path)
+            check_unpacked(path, WORD * file.metadata.num_rows * file.metadata.num_columns)
+            return file.read()
+        case ".feather" | ".arrow":
+            from pyarrow import feather
+
+            return feather.read_table(path)
+        case _:
+            from pyarrow import json
+
+            return json.read_json(path)
 
 
 def _kinds(table: pa.Table) -> list[tuple[str, pa.DataType]]:

@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 
 from twin.errors import LogError, UnknownName
-from twin.recording.formats.dates import seconds_of
+from twin.recording.formats.dates import is_date, seconds_of
 from twin.recording.formats.number_file import NumberFile
 from twin.recording.formats.one_pass import Names, Progress, Say, Tables, silent
 from twin.recording.formats.text_layout import (
     BLANKS,
-    is_date,
     is_finite,
     is_number,
     layout_of,
@@ -98,6 +97,9 @@ class TextFile(NumberFile):
         self.numbered = not layout.named
         self.units = dict(zip(layout.names, layout.units, strict=True))
         self._below = layout.first_line - 1
+        above_row = next(self._text.lines(layout.names_line - 1, layout.names_line), "")
+        self._names = above_row.encode() if layout.named else b""
+        self._again = 0
         self._end = None if variable is None else self._text.end_of_table(self._below)
         self._cut = 0
         last = self._cells(self._text.last_line()) if self._end is None else []
@@ -152,6 +154,8 @@ class TextFile(NumberFile):
                 raise self._first_error(names) or LogError(
                     self.path, f"is no table of numbers ({problem})", "save it as CSV again"
                 ) from None
+        if self._again:
+            self.repairs = tuple(self._remarks())
         if not any(tables.values()):
             raise LogError(
                 self.path,
@@ -210,8 +214,12 @@ class TextFile(NumberFile):
 
     def _blocks(self) -> Iterator[bytes]:
         """The rows, as the fast reader takes them."""
+        self._again = 0
         progress = Progress(self._say, self.path)
         for block in self._text.blocks(self._below, self._end, progress):
+            if self._names and self._names in block:  # written again by a recorder that restarted
+                block, count = _without_lines(block, self._names)
+                self._again += count
             if self._layout.separator == " ":
                 block = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", block)
                 block = re.sub(rb"[ \t]+", b"\t", block)
@@ -258,6 +266,9 @@ class TextFile(NumberFile):
             yield f"{name}: no column names: numbered 1 to {len(layout.names)}"
         if self._grouped:
             yield f"{name}: commas of thousands left out"
+        if self._again:
+            lines = "line" if self._again == 1 else "lines"
+            yield f"{name}: {self._again} {lines} of names between the rows left out"
         if self._cut:
             yield f"{name}:{self._cut}: a last row that was cut short left out"
 
@@ -285,14 +296,15 @@ class TextFile(NumberFile):
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         """Line (from 1) and cells of each row."""
+        names = self._names.decode()
         if self._layout.separator == " ":
             for number, line in enumerate(
                 self._text.lines(self._below, self._end), self._below + 1
             ):
-                if line.strip():
+                if line.strip() and line != names:
                     yield number, line.split()
             return
-        lines = self._text.lines(self._below, self._end)
+        lines = ("" if line == names else line for line in self._text.lines(self._below, self._end))
         reader = csv.reader(lines, delimiter=self._layout.separator)
         try:
             for row in reader:
@@ -540,6 +552,13 @@ _MARKS = {
 }
 _WINDOWS = set("°µ²³·±×äöüÄÖÜßéèàçñ".encode("cp1252"))
 """Letters of units and names as Windows programs write them."""
+
+
+def _without_lines(block: bytes, line: bytes) -> tuple[bytes, int]:
+    """A block of whole lines without those that are one line again, and how many were."""
+    lines = block.splitlines(keepends=True)
+    kept = [one for one in lines if one.rstrip(b"\r\n") != line]
+    return b"".join(kept), len(lines) - len(kept)
 
 
 def _line_start(block: bytes, lines: int) -> int:

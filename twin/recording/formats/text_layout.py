@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from twin.recording.column_names import is_clock, is_counter
+from twin.recording.formats.dates import is_date
 from twin.units import known_unit
 
 SEPARATORS = (",", ";", "\t", " ")
@@ -37,10 +38,14 @@ COMMENTS = ("#", "%", "//")
 """Marks of a line of free text."""
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|[+-]?inf(inity)?$", re.IGNORECASE)
-_DATE = re.compile(
-    r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?)?$"
-    r"|\d{1,2}:\d\d:\d\d([.,]\d+)?$"
+_NO_UNIT = ("na", "n/a", "none", "-", "--", "no_units", "unitless", "a.u.", "counts", "lsb")
+"""What stands in a row of units where a column has none, in small letters."""
+_NUMBERED_NAME = re.compile(
+    r"\W*(?:col(?:umn)?|field)?\W*(\d+)\s*[:=.)-]\s*(\S.*?)\s*$", re.IGNORECASE
 )
+"""A line of comment that names one column by its number: `# column 2: gyro_x [deg/s]`."""
+_END_OF_HEADER = "***"
+"""Begins the line with which LabVIEW ends what it says of a file."""
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?$")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d*)?$")
 _IDENTIFIER = re.compile(r"[0-9A-F:-]{8,}$", re.IGNORECASE)
@@ -93,7 +98,10 @@ def layout_of(lines: Sequence[str], above: int = 0) -> Layout:
     if not heading and first > 0 and _could_name(rows[first - 1]):
         top, heading = first - 1, [rows[first - 1]]  # of another width: the rows will say so
     units = heading.pop() if len(heading) > 1 and _are_units(heading[-1]) else []
-    names = _joined(heading) if heading else tuple(str(i) for i in range(1, width + 1))
+    units = [_unit_in(cell) for cell in units]
+    listed = _listed(lines[:top], width)
+    names = _joined(heading) if heading else listed or tuple(str(i) for i in range(1, width + 1))
+    units = units or _labelled(rows[:top], names)
     names, repeated = _numbered(names)
     cells = rows[first] if first < len(rows) else []
     empty = [not any(row[i : i + 1] and row[i] for row in rows[top:]) for i in range(len(names))]
@@ -103,8 +111,8 @@ def layout_of(lines: Sequence[str], above: int = 0) -> Layout:
         units=tuple(units) or ("",) * len(names),
         empty=tuple(name for name, none in zip(names, empty, strict=True) if none),
         dates=tuple(n for n, cell in zip(names, cells, strict=False) if is_date(cell)),
-        named=bool(heading),
-        names_line=above + (first if heading else first + 1) - (1 if units else 0),
+        named=bool(heading or listed),
+        names_line=above + top + max(len(heading), 1),
         first_line=above + first + 1,
         preamble=tuple(line for line in lines[:top] if line.strip()),
         repeated=repeated,
@@ -137,11 +145,6 @@ def is_number(text: str, separator: str = ",") -> bool:
     return separator != "," and bool(_COMMA.match(text) or _THOUSANDS.match(text))
 
 
-def is_date(text: str) -> bool:
-    """Whether a cell is an ISO 8601 date with or without a time, or a time of day."""
-    return _DATE.match(text.strip()) is not None
-
-
 def _separator(lines: Sequence[str]) -> str:
     """The one that splits most lines into most numbers."""
 
@@ -150,7 +153,10 @@ def _separator(lines: Sequence[str]) -> str:
         widths = Counter(len(row) for row in rows if len(row) > 1)
         counts = Counter[int]()
         for row in rows:
-            counts[len(row)] += sum(_is_value(cell, separator) for cell in row)
+            # a space within a date and its time separates no columns
+            counts[len(row)] += sum(
+                _is_value(cell, separator) + (" " in cell and is_date(cell)) for cell in row
+            )
         return max((counts[width] for width in widths), default=0), 0
 
     best = max(SEPARATORS, key=numbers)
@@ -190,12 +196,14 @@ def _is_row(row: Sequence[str], width: int, numeric: Sequence[bool], separator: 
 
 def _is_heading(row: Sequence[str], width: int) -> bool:
     """Whether a line has a name, an object or a unit for each column."""
-    if not any(row):
+    if not any(row) or row[0].startswith(_END_OF_HEADER):
         return False
     if row[0] in COMMENTS:  # a mark before the names, as a cell of its own
         row = row[1:]
     short = len(row) == width - 1 and width > 2
-    return len(row) == width or short or (len(row) == width + 1 and not row[-1])
+    # a separator at the line's end, or a column of comments that no row has
+    longer = len(row) == width + 1 and row[-1].lower() in ("", "comment", "comments")
+    return len(row) == width or short or longer
 
 
 def _could_name(row: Sequence[str]) -> bool:
@@ -210,8 +218,14 @@ def _of_width(row: Sequence[str], width: int) -> list[str]:
 
 
 def _are_units(row: Sequence[str]) -> bool:
-    texts = [cell.strip("[]() ") for cell in row if cell]
-    return bool(texts) and all(known_unit(text) for text in texts if text)
+    texts = [text for cell in row if (text := _unit_in(cell))]
+    return bool(texts) and all(map(known_unit, texts))
+
+
+def _unit_in(cell: str) -> str:
+    """The unit in a cell of a row of units; empty where the cell says that there is none."""
+    text = cell.strip("[]() ")
+    return "" if text.lower() in _NO_UNIT else text
 
 
 def _joined(heading: Sequence[Sequence[str]]) -> tuple[str, ...]:
@@ -231,6 +245,21 @@ def _joined(heading: Sequence[Sequence[str]]) -> tuple[str, ...]:
             levels.append(filled)
     parts = zip(*levels, last, strict=True)
     return tuple(".".join(cell for cell in column if cell) for column in parts)
+
+
+def _listed(preamble: Sequence[str], width: int) -> tuple[str, ...]:
+    """The names that lines of comment give to the columns, one a line; empty without them."""
+    found = (_NUMBERED_NAME.match(line) for line in preamble if line.startswith(COMMENTS))
+    named = {int(one[1]): one[2] for one in found if one}
+    if sorted(named) != list(range(1, width + 1)):
+        return ()
+    return tuple(named[place] for place in sorted(named))
+
+
+def _labelled(above: Sequence[Sequence[str]], names: Sequence[str]) -> list[str]:
+    """The units of a row that LabVIEW writes far above the names, the first column's left out."""
+    row = next((row for row in above if row and row[0] == "Y_Unit_Label"), None)
+    return [] if row is None else ["", *row[1:], *[""] * len(names)][: len(names)]
 
 
 def _without_mark(name: str) -> str:
