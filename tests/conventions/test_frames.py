@@ -11,7 +11,7 @@ from tests.conventions.flights import flights, misread
 from twin import rotation
 from twin.conventions import check_conventions, convention_advice, corrected
 from twin.conventions.changes import axes_change
-from twin.conventions.guard import brings_together
+from twin.conventions.search import brings_together
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, Series
 

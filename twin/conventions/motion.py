@@ -6,10 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.conventions.axes import SIMPLE, signed_permutations
-from twin.conventions.changes import attitude_changes, axes_changes, lag_change
+from twin.conventions.changes import (
+    Frame,
+    attitude_changes,
+    axes_changes,
+    frames_of,
+    lag_change,
+)
 from twin.conventions.correction import Correction
 from twin.conventions.euler import read_angles
-from twin.conventions.frames import Frame, frames_of
 from twin.conventions.gravity import Upright
 from twin.conventions.hypothesis import AttitudeReading, Hypothesis
 from twin.conventions.turning import NEAR, Turning, far_lags, vector_axes

@@ -1,22 +1,21 @@
 """Is a log read rightly? Units first, then axes, order, direction and clock in one search."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from twin.conventions.body import Body
 from twin.conventions.changes import CLOSE, unit_change, unit_changes
-from twin.conventions.common_motion import no_common_motion
 from twin.conventions.correction import Correction, apply_all, stated
 from twin.conventions.finding import CERTAIN, ConventionFinding, findings_of
 from twin.conventions.gravity import median_length
-from twin.conventions.guard import brings_together
 from twin.conventions.hypothesis import Hypothesis
 from twin.conventions.joint import joint_findings
 from twin.conventions.selection import choose, words_of
 from twin.conventions.time_base import time_unit_changes
-from twin.conventions.turning import NEAR, far_lags, turning_of
-from twin.conventions.vertical import vertical_findings
+from twin.conventions.turning import NEAR, far_lags, no_common_motion, turning_of
+from twin.conventions.vertical import vertical_findings, vertical_of
 from twin.platform import Platform, field_world
 from twin.recording import Recording
 from twin.recording.pauses import longest_of
@@ -25,6 +24,10 @@ from twin.units import STANDARD_GRAVITY
 
 SIGNIFICANT = 8.0
 """Sigmas of correlation without which a gyro's unit is not spoken of."""
+WORSE = 1.1
+"""By which ratio two streams may be further apart: their grid shifts with their clocks."""
+ALIKE = np.radians(1.0)
+"""Angles off upright that differ by less are alike [rad]."""
 
 
 def check_conventions(
@@ -104,6 +107,30 @@ def _sound(
     """The findings, or none where they would part the streams further."""
     corrections = [c for finding in findings for c in finding.corrections]
     return findings if brings_together(recording, corrections, gravity) else []
+
+
+def brings_together(
+    recording: Recording, corrections: Sequence[Correction], gravity: float
+) -> bool:
+    """Whether no two streams are further apart with the corrections than without.
+
+    Looked at on the corrected streams themselves: the gyro against the rate of the attitude, the
+    accelerometer against upright. Wheels have no part in it.
+
+    Args:
+        recording: as read, in the right units.
+        corrections: of a reading that is to be advised.
+        gravity: [m/s^2].
+    """
+    mended = apply_all(recording, corrections)
+    before, after = turning_of(recording), turning_of(mended)
+    if before is not None and after is not None and after.strain > WORSE * before.strain:
+        return False
+    as_read, right = (vertical_of(log, gravity) for log in (recording, mended))
+    if as_read is None or right is None:
+        return True
+    same = np.eye(4), np.eye(3)
+    return right.angle(*same) <= max(WORSE * as_read.angle(*same), as_read.angle(*same) + ALIKE)
 
 
 def corrected(recording: Recording, findings: list[ConventionFinding]) -> Recording:
