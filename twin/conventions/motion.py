@@ -68,12 +68,16 @@ def _hypotheses(
         lean = upright.penalty(attitude) if upright is not None else 0.0
         forces = _forces(upright, felt, frame, attitude)
         for axes, gyro_change in gyros:
+            before = [reading.change, attitude_change, gyro_change]
+            before = [change for change in before if change is not None]
+            least = lean + frame.cost + sum(change.cost for change in before)
+            if before and least > DEAREST:
+                continue
             gyro = frame.vector @ axes
             index = family, place_of(turned.T @ gyro)
             for force, force_change, force_misfit in forces:
-                changes = [reading.change, attitude_change, gyro_change, force_change]
-                own = [change for change in changes if change is not None]
-                cost = lean + frame.cost + sum(change.cost for change in own)
+                own = before if force_change is None else [*before, force_change]
+                cost = least if force_change is None else least + force_change.cost
                 if own and cost > DEAREST:
                     continue
                 for late, match in matches:

@@ -9,12 +9,19 @@ from twin.conventions.body import Body
 from twin.conventions.changes import CLOSE, unit_change, unit_changes
 from twin.conventions.correction import Correction, apply_all, stated
 from twin.conventions.finding import CERTAIN, ConventionFinding, findings_of
-from twin.conventions.gravity import median_length
+from twin.conventions.gravity import gravity_as_rate, median_length
 from twin.conventions.hypothesis import Hypothesis
 from twin.conventions.joint import joint_findings
+from twin.conventions.room_vectors import field_findings, gyro_findings
 from twin.conventions.selection import choose, words_of
 from twin.conventions.time_base import time_unit_changes
-from twin.conventions.turning import NEAR, far_lags, no_common_motion, turning_of
+from twin.conventions.turning import (
+    NEAR,
+    far_lags,
+    needs_a_bias,
+    no_common_motion,
+    turning_of,
+)
 from twin.conventions.vertical import vertical_findings, vertical_of
 from twin.platform import Platform, field_world
 from twin.recording import Recording
@@ -59,6 +66,10 @@ def check_conventions(
     ):
         plain += unit
         recording = apply_all(recording, unit)
+    gravity_shown = gravity_as_rate(recording)
+    if gravity_shown is not None:
+        kept = {name: series for name, series in recording.items() if name != "gyro"}
+        recording = replace(recording, streams=kept)
     unit = _gyro_unit(recording)
     scaled = apply_all(recording, unit)
     turning = turning_of(scaled)
@@ -68,15 +79,29 @@ def check_conventions(
         recording = scaled
     if turning is None or strange is not None:
         found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
-        found += [strange] if strange is not None else []
-        return found + _sound(recording, vertical_findings(recording, gravity), gravity)
+        found += [one for one in (gravity_shown, strange) if one is not None]
+        if "attitude" in recording:
+            beside = vertical_findings(recording, gravity)
+        else:
+            beside = gyro_findings(recording)
+        return found + _sound(recording, beside, gravity)
     body = Body(recording, platform, turning)
     wheels = _wheel_unit(body, recording) if "wheel_speed" in recording else None
     if wheels is not None:
         plain.append(wheels)
         body = body.with_wheels_in(wheels)
     found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
-    return found + _sound(recording, _choose(body, body.with_wheels()), gravity)
+    return found + _with_field(recording, _choose(body, body.with_wheels()), gravity)
+
+
+def _with_field(
+    recording: Recording, findings: list[ConventionFinding], gravity: float
+) -> list[ConventionFinding]:
+    """The sound ones of these findings, and the magnetometer beside the attitude put right."""
+    sound = _sound(recording, findings, gravity)
+    if sound != findings or any(finding.ambiguous for finding in findings):
+        return sound
+    return sound + field_findings(corrected(recording, findings))
 
 
 def _scaled(recording: Recording) -> Recording:
@@ -130,7 +155,8 @@ def brings_together(
     if as_read is None or right is None:
         return True
     same = np.eye(4), np.eye(3)
-    return right.angle(*same) <= max(WORSE * as_read.angle(*same), as_read.angle(*same) + ALIKE)
+    allowed = ALIKE + right.shaken_aside
+    return right.angle(*same) <= max(WORSE * as_read.angle(*same), as_read.angle(*same) + allowed)
 
 
 def corrected(recording: Recording, findings: list[ConventionFinding]) -> Recording:
@@ -191,5 +217,6 @@ def _gyro_unit(recording: Recording) -> list[Correction]:
         if abs(np.log(factor)) < CLOSE and seen > sigmas:
             if not option:
                 return []
-            best, sigmas = option, seen
+            if not needs_a_bias(apply_all(recording, option), turning):
+                best, sigmas = option, seen
     return best

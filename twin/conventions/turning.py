@@ -36,6 +36,10 @@ MOVING = 25.0
 """Power from which on a stream moves beyond doubt, in units of its noise."""
 COMMON = 0.5
 """Correlation above which gyro and attitude show the same motion."""
+BIASED = 0.05
+"""A gyro's bias is smaller than this [rad/s], or than what it shows of the motion ..."""
+OUTDONE = 3.0
+"""... so many times."""
 SPINNING = 1.0
 """No gyro has a bias as large as this [rad/s]."""
 AMBIGUOUS = 1.0
@@ -110,14 +114,15 @@ class Turning:
 
     def match(self, lags: Array) -> Match:
         """Both families and all axes, each at the best of these lags."""
-        turned = [self.whiten(rate) for rate in self.rates]
         axes = signed_permutations(3)
+        gyros = [self._white_gyro(float(lag)) for lag in lags]
+        power = np.array([np.sum(np.square(gyro)) for gyro in gyros])
         misfit = np.empty((len(lags), 2, len(axes)))
-        for row, lag in zip(misfit, lags, strict=True):
-            gyro = self._white_gyro(float(lag))
-            for entry, rate in zip(row, turned, strict=True):
-                shared = np.einsum("sij,ij->s", axes, rate.T @ gyro)
-                entry[:] = np.sum(np.square(rate)) + np.sum(np.square(gyro)) - 2.0 * shared
+        for family, rates in enumerate(self.rates):
+            rate = self.whiten(rates)
+            shared = np.array([rate.T @ gyro for gyro in gyros]).reshape(-1, 9)
+            together = np.sum(np.square(rate)) + power
+            misfit[:, family] = together[:, None] - 2.0 * shared @ axes.reshape(-1, 9).T
         return Match(*least(lags, misfit))
 
     def correlation(self, lags: Array) -> float | None:
@@ -156,7 +161,7 @@ class Turning:
         turned = [self.whiten(rate) for rate in self.rates]
         axes = signed_permutations(3)
         sigmas, factor = 0.0, 1.0
-        own_noise = 3.0 * self.grid.count * _power_of_noise(self._angle_noise, self._rate_noise)
+        own_noise = 3.0 * self.grid.count * noise_power(self._angle_noise, self._rate_noise)
         for lag in lags:
             gyro = self._white_gyro(float(lag))
             power = max(float(np.sum(np.square(gyro))), 1e-300)
@@ -227,6 +232,14 @@ def no_common_motion(recording: Recording, turning: Turning) -> ConventionFindin
     return no_fit("gyro", "gyro and attitude fits: both move, and not together")
 
 
+def needs_a_bias(recording: Recording, turning: Turning) -> bool:
+    """Whether a gyro would follow the attitude only beside a constant much larger than the motion:
+    what it shows is not the motion in another unit."""
+    spin, turn = _mean_rates(recording, turning)
+    moving = float(np.sqrt(np.sum(np.var(turning.gyro(0.0), axis=0))))
+    return abs(spin - turn) > max(BIASED, OUTDONE * moving)
+
+
 def _mean_rates(recording: Recording, turning: Turning) -> tuple[float, float]:
     """Length of the mean rate [rad/s] of the gyro, and of the attitude: of body or world axes,
     whichever is nearer."""
@@ -252,7 +265,7 @@ def _rates(attitude: Means, grid: Grid) -> tuple[Array, Array]:
     return attitude_rates(rotation.normalized(attitude.over(grid.around_edges) + 1e-9), grid.cell)
 
 
-def _power_of_noise(angle_noise: float, rate_noise: float) -> float:
+def noise_power(angle_noise: float, rate_noise: float) -> float:
     """Power of the gyro's own noise behind the whitening filter, a sample."""
     pole = forgetting(angle_noise, rate_noise)
     return (1.0 - pole) ** 2 / (1.0 - pole**2)
