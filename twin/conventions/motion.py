@@ -24,6 +24,10 @@ Array = NDArray[np.float64]
 
 DEAREST = 20.0
 """No hypothesis whose axes cost more is looked at [nats]."""
+ALIKE = 6.0
+"""Other axes of an accelerometer within this of the best ones are looked at too [nats] ..."""
+FORCES = 3
+"""... so many in all."""
 
 Axes = tuple[Array, Correction | None]
 """Axes of a stream before the frame is turned, and the correction to them."""
@@ -113,11 +117,14 @@ def place_of(axes: Array) -> int:
 def _forces(
     upright: Upright | None, read: Sequence[Axes], frame: Frame, attitude: Array
 ) -> list[Force]:
-    """The accelerometer in no other axes than the frame's, and in its best axes beside that."""
+    """The accelerometer in no other axes than the frame's, and in its best axes beside that: those
+    that fit alike."""
     if upright is None or not read:
         return [(frame.vector, None, 0.0)]
     misfit = 0.5 * upright.match(attitude)
     total = [(frame.vector @ axes, change) for axes, change in read]
     as_read, *others = [(axes, change, float(misfit[place_of(axes)])) for axes, change in total]
-    best = min(others, key=lambda force: force[2] + (force[1].cost if force[1] else 0.0))
-    return [as_read, best]
+    scores = [force[2] + (force[1].cost if force[1] else 0.0) for force in others]
+    near = min(scores) + ALIKE
+    ranked = sorted(zip(scores, range(len(others)), strict=True))[:FORCES]
+    return [as_read, *(others[k] for score, k in ranked if score < near)]

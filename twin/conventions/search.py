@@ -31,6 +31,8 @@ from twin.units import STANDARD_GRAVITY
 
 SIGNIFICANT = 8.0
 """Sigmas of correlation without which a gyro's unit is not spoken of."""
+SAME = 0.8
+"""Correlation below which two motions are not one in two units."""
 WORSE = 1.1
 """By which ratio two streams may be further apart: their grid shifts with their clocks."""
 ALIKE = np.radians(1.0)
@@ -73,6 +75,8 @@ def check_conventions(
     unit = _gyro_unit(recording)
     scaled = apply_all(recording, unit)
     turning = turning_of(scaled)
+    if turning is not None and unit and not turning.moves_with(SAME):
+        unit, scaled, turning = [], recording, turning_of(recording)
     strange = no_common_motion(scaled, turning) if turning is not None else None
     if strange is None:  # a unit is a ratio of two motions, and means nothing where they differ
         plain += unit
@@ -101,7 +105,9 @@ def _with_field(
     sound = _sound(recording, findings, gravity)
     if sound != findings or any(finding.ambiguous for finding in findings):
         return sound
-    return sound + field_findings(corrected(recording, findings))
+    mended = corrected(recording, findings)
+    turning = turning_of(mended)
+    return sound + (field_findings(mended) if turning is not None and turning.agrees else [])
 
 
 def _scaled(recording: Recording) -> Recording:

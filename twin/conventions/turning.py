@@ -146,6 +146,19 @@ class Turning:
                     best = max(best or 0.0, shared / np.sqrt(power * own))
         return best
 
+    def moves_with(self, least: float) -> bool:
+        """Whether gyro and attitude are correlated by so much in some axes and at some lag, or the
+        one or the other hardly moves."""
+        shared = self.correlation(np.concatenate([NEAR[::5], far_lags(self.grid.longest_lag)]))
+        return shared is None or shared > least
+
+    @property
+    def agrees(self) -> bool:
+        """Whether gyro and attitude as read show one motion."""
+        same = np.eye(4), np.eye(3)
+        left = min(float(np.sum(np.square(self.residual(*same, float(lag))))) for lag in NEAR)
+        return left < (1.0 - COMMON) * float(np.sum(np.square(self.whiten(self.rates[0]))))
+
     @property
     def strain(self) -> float:
         """Gyro against attitude as read, without the gyro's bias: rms [rad/s]."""
