@@ -147,10 +147,10 @@ class Turning:
         return best
 
     def moves_with(self, least: float) -> bool:
-        """Whether gyro and attitude are correlated by so much in some axes and at some lag, or the
-        one or the other hardly moves."""
+        """Whether gyro and attitude both move, and are correlated by so much in some axes and at
+        some lag."""
         shared = self.correlation(np.concatenate([NEAR[::5], far_lags(self.grid.longest_lag)]))
-        return shared is None or shared > least
+        return shared is not None and shared > least
 
     @property
     def agrees(self) -> bool:
