@@ -11,11 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from tests.conventions.flights import flights, misread
 from twin.conventions import check_conventions, convention_advice, corrected
-from twin.conventions.angles import angles_of, attitude_of
-from twin.conventions.changes import attitude_changes
-from twin.conventions.correction import Correction
+from twin.conventions.changes import attitude_changes, frames_of
+from twin.conventions.correction import Correction, angles_of, attitude_of
 from twin.conventions.euler import angle_changes
-from twin.conventions.frames import frames_of
 from twin.conventions.log_toml import corrected_lines
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, read_log

@@ -26,6 +26,10 @@ Array = NDArray[np.float64]
 
 BODIES = 12
 """So many of the best hypotheses about the body's motion are held against the wheels."""
+PLAIN = 12
+"""So many of those that fit as well but for noise are weighed too, where there are no wheels."""
+CHANCE = 2.0
+"""Misfits of two readings of mere noise differ by so many times the root of its samples [nats]."""
 LIKELY = 3
 """So many readings of the wheels are kept for each."""
 RIVALS = 12
@@ -58,10 +62,25 @@ class Body:
         return sorted(kept, key=lambda h: h.score)
 
     @cached_property
+    def _every(self) -> list[Hypothesis]:
+        listed = motion_hypotheses(self._recording, self._turning, self._upright)
+        return sorted(listed, key=lambda h: h.score)
+
+    @property
+    def _plain(self) -> list[Hypothesis]:
+        """Those that fit as well as the best but for noise, the plainest first: where the body
+        turns about one axis there are many, and chance ranks them."""
+        residual = self._turn(self._every[0])
+        chance = CHANCE * np.sqrt(residual.size) * self._inflation
+        known = {id(h) for h in self._ranked}
+        alike = [h for h in self._every if h.misfit < self._every[0].misfit + chance]
+        plainest = sorted((h for h in alike if id(h) not in known), key=lambda h: h.cost)[:PLAIN]
+        return [replace(h, misfit=h.misfit / self._inflation) for h in plainest]
+
+    @cached_property
     def _ranked(self) -> list[Hypothesis]:
         """Those of `of_motion`, their misfit as if noise were all that is left."""
-        listed = motion_hypotheses(self._recording, self._turning, self._upright)
-        ranked = sorted(listed, key=lambda h: h.score)
+        ranked = self._every
         kept = ranked[:BODIES]
         # what only the wheels can tell is kept for them: the log as read, and in other frames
         for framed in (False, True):
@@ -119,7 +138,7 @@ class Body:
         bodies = self.of_motion
         wheels = self._wheels
         if wheels is None:
-            return bodies
+            return sorted([*bodies, *self._plain], key=lambda h: h.score)
         if not self._answer:
             readings = wheels.commanded()
             alone = [self._joined(h, reading, late=False) for h in bodies for reading in readings]

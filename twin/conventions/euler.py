@@ -6,9 +6,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.conventions.angles import angles_of, attitude_of
 from twin.conventions.axes import ODD, SIMPLE, entries, listed, signed_permutations
-from twin.conventions.correction import Correction, as_tuple, stated
+from twin.conventions.correction import (
+    Correction,
+    angles_of,
+    as_tuple,
+    attitude_of,
+    stated,
+)
 from twin.recording import Recording, Series
 from twin.recording.quaternions import columns_of
 

@@ -6,10 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.conventions.axes import SIMPLE, signed_permutations
-from twin.conventions.changes import attitude_changes, axes_changes, lag_change
+from twin.conventions.changes import (
+    Frame,
+    attitude_changes,
+    axes_changes,
+    frames_of,
+    lag_change,
+)
 from twin.conventions.correction import Correction
 from twin.conventions.euler import read_angles
-from twin.conventions.frames import Frame, frames_of
 from twin.conventions.gravity import Upright
 from twin.conventions.hypothesis import AttitudeReading, Hypothesis
 from twin.conventions.turning import NEAR, Turning, far_lags, vector_axes
@@ -19,6 +24,10 @@ Array = NDArray[np.float64]
 
 DEAREST = 20.0
 """No hypothesis whose axes cost more is looked at [nats]."""
+ALIKE = 6.0
+"""Other axes of an accelerometer within this of the best ones are looked at too [nats] ..."""
+FORCES = 3
+"""... so many in all."""
 
 Axes = tuple[Array, Correction | None]
 """Axes of a stream before the frame is turned, and the correction to them."""
@@ -63,12 +72,16 @@ def _hypotheses(
         lean = upright.penalty(attitude) if upright is not None else 0.0
         forces = _forces(upright, felt, frame, attitude)
         for axes, gyro_change in gyros:
+            before = [reading.change, attitude_change, gyro_change]
+            before = [change for change in before if change is not None]
+            least = lean + frame.cost + sum(change.cost for change in before)
+            if before and least > DEAREST:
+                continue
             gyro = frame.vector @ axes
             index = family, place_of(turned.T @ gyro)
             for force, force_change, force_misfit in forces:
-                changes = [reading.change, attitude_change, gyro_change, force_change]
-                own = [change for change in changes if change is not None]
-                cost = lean + frame.cost + sum(change.cost for change in own)
+                own = before if force_change is None else [*before, force_change]
+                cost = least if force_change is None else least + force_change.cost
                 if own and cost > DEAREST:
                     continue
                 for late, match in matches:
@@ -104,11 +117,14 @@ def place_of(axes: Array) -> int:
 def _forces(
     upright: Upright | None, read: Sequence[Axes], frame: Frame, attitude: Array
 ) -> list[Force]:
-    """The accelerometer in no other axes than the frame's, and in its best axes beside that."""
+    """The accelerometer in no other axes than the frame's, and in its best axes beside that: those
+    that fit alike."""
     if upright is None or not read:
         return [(frame.vector, None, 0.0)]
     misfit = 0.5 * upright.match(attitude)
     total = [(frame.vector @ axes, change) for axes, change in read]
     as_read, *others = [(axes, change, float(misfit[place_of(axes)])) for axes, change in total]
-    best = min(others, key=lambda force: force[2] + (force[1].cost if force[1] else 0.0))
-    return [as_read, best]
+    scores = [force[2] + (force[1].cost if force[1] else 0.0) for force in others]
+    near = min(scores) + ALIKE
+    ranked = sorted(zip(scores, range(len(others)), strict=True))[:FORCES]
+    return [as_read, *(others[k] for score, k in ranked if score < near)]

@@ -1,22 +1,28 @@
 """Is a log read rightly? Units first, then axes, order, direction and clock in one search."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from twin.conventions.body import Body
 from twin.conventions.changes import CLOSE, unit_change, unit_changes
-from twin.conventions.common_motion import no_common_motion
 from twin.conventions.correction import Correction, apply_all, stated
 from twin.conventions.finding import CERTAIN, ConventionFinding, findings_of
-from twin.conventions.gravity import median_length
-from twin.conventions.guard import brings_together
+from twin.conventions.gravity import gravity_as_rate, median_length
 from twin.conventions.hypothesis import Hypothesis
 from twin.conventions.joint import joint_findings
+from twin.conventions.room_vectors import field_findings, gyro_findings
 from twin.conventions.selection import choose, words_of
 from twin.conventions.time_base import time_unit_changes
-from twin.conventions.turning import NEAR, far_lags, turning_of
-from twin.conventions.vertical import vertical_findings
+from twin.conventions.turning import (
+    NEAR,
+    far_lags,
+    needs_a_bias,
+    no_common_motion,
+    turning_of,
+)
+from twin.conventions.vertical import vertical_findings, vertical_of
 from twin.platform import Platform, field_world
 from twin.recording import Recording
 from twin.recording.pauses import longest_of
@@ -25,6 +31,12 @@ from twin.units import STANDARD_GRAVITY
 
 SIGNIFICANT = 8.0
 """Sigmas of correlation without which a gyro's unit is not spoken of."""
+SAME = 0.8
+"""Correlation below which two motions are not one in two units."""
+WORSE = 1.1
+"""By which ratio two streams may be further apart: their grid shifts with their clocks."""
+ALIKE = np.radians(1.0)
+"""Angles off upright that differ by less are alike [rad]."""
 
 
 def check_conventions(
@@ -56,24 +68,46 @@ def check_conventions(
     ):
         plain += unit
         recording = apply_all(recording, unit)
+    gravity_shown = gravity_as_rate(recording)
+    if gravity_shown is not None:
+        kept = {name: series for name, series in recording.items() if name != "gyro"}
+        recording = replace(recording, streams=kept)
     unit = _gyro_unit(recording)
     scaled = apply_all(recording, unit)
     turning = turning_of(scaled)
+    if turning is not None and unit and not turning.moves_with(SAME):
+        unit, scaled, turning = [], recording, turning_of(recording)
     strange = no_common_motion(scaled, turning) if turning is not None else None
     if strange is None:  # a unit is a ratio of two motions, and means nothing where they differ
         plain += unit
         recording = scaled
     if turning is None or strange is not None:
         found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
-        found += [strange] if strange is not None else []
-        return found + _sound(recording, vertical_findings(recording, gravity), gravity)
+        found += [one for one in (gravity_shown, strange) if one is not None]
+        if "attitude" in recording:
+            beside = vertical_findings(recording, gravity)
+        else:
+            beside = gyro_findings(recording)
+        return found + _sound(recording, beside, gravity)
     body = Body(recording, platform, turning)
     wheels = _wheel_unit(body, recording) if "wheel_speed" in recording else None
     if wheels is not None:
         plain.append(wheels)
         body = body.with_wheels_in(wheels)
     found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
-    return found + _sound(recording, _choose(body, body.with_wheels()), gravity)
+    return found + _with_field(recording, _choose(body, body.with_wheels()), gravity)
+
+
+def _with_field(
+    recording: Recording, findings: list[ConventionFinding], gravity: float
+) -> list[ConventionFinding]:
+    """The sound ones of these findings, and the magnetometer beside the attitude put right."""
+    sound = _sound(recording, findings, gravity)
+    if sound != findings or any(finding.ambiguous for finding in findings):
+        return sound
+    mended = corrected(recording, findings)
+    turning = turning_of(mended)
+    return sound + (field_findings(mended) if turning is not None and turning.agrees else [])
 
 
 def _scaled(recording: Recording) -> Recording:
@@ -104,6 +138,31 @@ def _sound(
     """The findings, or none where they would part the streams further."""
     corrections = [c for finding in findings for c in finding.corrections]
     return findings if brings_together(recording, corrections, gravity) else []
+
+
+def brings_together(
+    recording: Recording, corrections: Sequence[Correction], gravity: float
+) -> bool:
+    """Whether no two streams are further apart with the corrections than without.
+
+    Looked at on the corrected streams themselves: the gyro against the rate of the attitude, the
+    accelerometer against upright. Wheels have no part in it.
+
+    Args:
+        recording: as read, in the right units.
+        corrections: of a reading that is to be advised.
+        gravity: [m/s^2].
+    """
+    mended = apply_all(recording, corrections)
+    before, after = turning_of(recording), turning_of(mended)
+    if before is not None and after is not None and after.strain > WORSE * before.strain:
+        return False
+    as_read, right = (vertical_of(log, gravity) for log in (recording, mended))
+    if as_read is None or right is None:
+        return True
+    same = np.eye(4), np.eye(3)
+    allowed = ALIKE + right.shaken_aside
+    return right.angle(*same) <= max(WORSE * as_read.angle(*same), as_read.angle(*same) + allowed)
 
 
 def corrected(recording: Recording, findings: list[ConventionFinding]) -> Recording:
@@ -164,5 +223,6 @@ def _gyro_unit(recording: Recording) -> list[Correction]:
         if abs(np.log(factor)) < CLOSE and seen > sigmas:
             if not option:
                 return []
-            best, sigmas = option, seen
+            if not needs_a_bias(apply_all(recording, option), turning):
+                best, sigmas = option, seen
     return best

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.conventions.axes import signed_permutations
+from twin.conventions.euler import read_angles
 from twin.conventions.evidence import drift, forgetting, whitened, without
+from twin.conventions.finding import ConventionFinding, no_fit
 from twin.conventions.grid import FEWEST, Grid, Means, attitude_rates, grid_of
 from twin.recording import Recording, Series
 
@@ -32,6 +34,17 @@ BLOCKS = (1, 4, 16)
 """Cells over which motion is summed up, to be compared."""
 MOVING = 25.0
 """Power from which on a stream moves beyond doubt, in units of its noise."""
+COMMON = 0.5
+"""Correlation above which gyro and attitude show the same motion."""
+BIASED = 0.05
+"""A gyro's bias is smaller than this [rad/s], or than what it shows of the motion ..."""
+OUTDONE = 3.0
+"""... so many times."""
+SPINNING = 1.0
+"""No gyro has a bias as large as this [rad/s]."""
+AMBIGUOUS = 1.0
+"""A turn from sample to sample, or from cell to cell, up to which nothing is mistaken for the
+shorter way round [rad]."""
 
 
 def far_lags(longest: float, step: float = STEP) -> Array:
@@ -101,14 +114,15 @@ class Turning:
 
     def match(self, lags: Array) -> Match:
         """Both families and all axes, each at the best of these lags."""
-        turned = [self.whiten(rate) for rate in self.rates]
         axes = signed_permutations(3)
+        gyros = [self._white_gyro(float(lag)) for lag in lags]
+        power = np.array([np.sum(np.square(gyro)) for gyro in gyros])
         misfit = np.empty((len(lags), 2, len(axes)))
-        for row, lag in zip(misfit, lags, strict=True):
-            gyro = self._white_gyro(float(lag))
-            for entry, rate in zip(row, turned, strict=True):
-                shared = np.einsum("sij,ij->s", axes, rate.T @ gyro)
-                entry[:] = np.sum(np.square(rate)) + np.sum(np.square(gyro)) - 2.0 * shared
+        for family, rates in enumerate(self.rates):
+            rate = self.whiten(rates)
+            shared = np.array([rate.T @ gyro for gyro in gyros]).reshape(-1, 9)
+            together = np.sum(np.square(rate)) + power
+            misfit[:, family] = together[:, None] - 2.0 * shared @ axes.reshape(-1, 9).T
         return Match(*least(lags, misfit))
 
     def correlation(self, lags: Array) -> float | None:
@@ -132,6 +146,19 @@ class Turning:
                     best = max(best or 0.0, shared / np.sqrt(power * own))
         return best
 
+    def moves_with(self, least: float) -> bool:
+        """Whether gyro and attitude both move, and are correlated by so much in some axes and at
+        some lag."""
+        shared = self.correlation(np.concatenate([NEAR[::5], far_lags(self.grid.longest_lag)]))
+        return shared is not None and shared > least
+
+    @property
+    def agrees(self) -> bool:
+        """Whether gyro and attitude as read show one motion."""
+        same = np.eye(4), np.eye(3)
+        left = min(float(np.sum(np.square(self.residual(*same, float(lag))))) for lag in NEAR)
+        return left < (1.0 - COMMON) * float(np.sum(np.square(self.whiten(self.rates[0]))))
+
     @property
     def strain(self) -> float:
         """Gyro against attitude as read, without the gyro's bias: rms [rad/s]."""
@@ -147,7 +174,7 @@ class Turning:
         turned = [self.whiten(rate) for rate in self.rates]
         axes = signed_permutations(3)
         sigmas, factor = 0.0, 1.0
-        own_noise = 3.0 * self.grid.count * _power_of_noise(self._angle_noise, self._rate_noise)
+        own_noise = 3.0 * self.grid.count * noise_power(self._angle_noise, self._rate_noise)
         for lag in lags:
             gyro = self._white_gyro(float(lag))
             power = max(float(np.sum(np.square(gyro))), 1e-300)
@@ -193,6 +220,54 @@ def turning_of(recording: Recording) -> Turning | None:
     return Turning(recording, grid) if grid is not None else None
 
 
+def no_common_motion(recording: Recording, turning: Turning) -> ConventionFinding | None:
+    """What to say where no reading of gyro and attitude fits; None where one may.
+
+    Either the gyro turns throughout and the attitude does not, or both move clearly, and together
+    at no lag, in no axes and in no direction.
+    """
+    spin, turn = _mean_rates(recording, turning)
+    if max(spin, turn) / recording["attitude"].rate < AMBIGUOUS and abs(spin - turn) > SPINNING:
+        means = f"{np.degrees(spin):.0f} and {np.degrees(turn):.0f} deg/s"
+        return no_fit("gyro", f"gyro and attitude fits: they turn at {means} in the mean")
+    fastest = float(np.linalg.norm(turning.gyro(0.0), axis=1).max())
+    if fastest * turning.grid.cell > AMBIGUOUS:
+        return None
+    lags = np.concatenate([NEAR, far_lags(turning.grid.longest_lag)])
+    for tried in (NEAR[::5], lags):
+        shared = turning.correlation(tried)
+        if shared is None or shared > COMMON:
+            return None
+    for change, series in read_angles(recording):
+        other = None if change is None else turning.with_attitude(series).correlation(lags)
+        if other is not None and other > COMMON:
+            return None
+    return no_fit("gyro", "gyro and attitude fits: both move, and not together")
+
+
+def needs_a_bias(recording: Recording, turning: Turning) -> bool:
+    """Whether a gyro would follow the attitude only beside a constant much larger than the motion:
+    what it shows is not the motion in another unit."""
+    spin, turn = _mean_rates(recording, turning)
+    moving = float(np.sqrt(np.sum(np.var(turning.gyro(0.0), axis=0))))
+    return abs(spin - turn) > max(BIASED, OUTDONE * moving)
+
+
+def _mean_rates(recording: Recording, turning: Turning) -> tuple[float, float]:
+    """Length of the mean rate [rad/s] of the gyro, and of the attitude: of body or world axes,
+    whichever is nearer."""
+    edges = turning.grid.edges
+    attitude = recording["attitude"].between(float(edges[0]), float(edges[-1]))
+    q, duration = attitude.value, float(attitude.time[-1] - attitude.time[0])
+    step = rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))
+    spin = float(np.linalg.norm(turning.gyro(0.0).mean(axis=0)))
+    turns = [
+        float(np.linalg.norm(steps.sum(axis=0))) / duration
+        for steps in (step, rotation.rotate(q[:-1], step))
+    ]
+    return spin, min(turns, key=lambda turn: abs(turn - spin))
+
+
 def _summed(values: Array, block: int) -> Array:
     """Sums over so many rows each, without the rest."""
     count = len(values) // block
@@ -203,7 +278,7 @@ def _rates(attitude: Means, grid: Grid) -> tuple[Array, Array]:
     return attitude_rates(rotation.normalized(attitude.over(grid.around_edges) + 1e-9), grid.cell)
 
 
-def _power_of_noise(angle_noise: float, rate_noise: float) -> float:
+def noise_power(angle_noise: float, rate_noise: float) -> float:
     """Power of the gyro's own noise behind the whitening filter, a sample."""
     pole = forgetting(angle_noise, rate_noise)
     return (1.0 - pole) ** 2 / (1.0 - pole**2)

@@ -1,4 +1,5 @@
-"""The attitude against the accelerometer, which needs no gyro: what is felt points up.
+"""The attitude against the accelerometer and the magnetometer, which needs no gyro: what is felt
+points up, and the field stays as it is in the room.
 
 An accelerometer is mounted askew and has a bias, so that a constant difference in body axes counts
 little. It must lean when the attitude does.
@@ -12,15 +13,25 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.conventions.axes import SIMPLE, signed_permutations
-from twin.conventions.changes import axes_changes
+from twin.conventions.changes import axes_changes, lag_change
 from twin.conventions.correction import Correction
 from twin.conventions.euler import read_angles
 from twin.conventions.evidence import evidence, inflation
 from twin.conventions.finding import ConventionFinding, findings_of, no_fit
-from twin.conventions.gravity import AGREE, SHAKEN
+from twin.conventions.gravity import SHAKEN, apart, shaken_by
 from twin.conventions.grid import Grid, Means, grid_of
 from twin.conventions.motion import DEAREST, orientations, place_of
+from twin.conventions.room_vectors import (
+    CLOSE,
+    COARSE,
+    RoomVector,
+    affordable,
+    least_of,
+    relative_axes,
+    room_vector,
+)
 from twin.conventions.selection import choose, words_of
+from twin.conventions.turning import COMMON, far_lags, vector_axes
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
@@ -38,13 +49,15 @@ RIVALS = 12
 class Vertical:
     """One reading of an attitude's angles beside the accelerometer, every two seconds."""
 
-    def __init__(self, attitude: Series, accelerometer: Series, grid: Grid, gravity: float) -> None:
-        every = max(int(AGREE / grid.cell), 1)
+    def __init__(
+        self, attitude: Series, accelerometer: Series, grid: Grid, gravity: float, shaken: float
+    ) -> None:
+        every = apart(shaken, grid)
         edges = grid.edges
         means = rotation.normalized(Means(attitude).over(edges) + 1e-9)
         self._attitude = means[::every]
         self._force = Means(accelerometer).over(edges)[::every]
-        self._gravity = gravity
+        self._gravity, self._shaken = gravity, shaken
 
     def match(self, attitude: Array) -> Array:
         """(48,) squared norm of the residual for every axes of the accelerometer."""
@@ -54,7 +67,7 @@ class Vertical:
         shared = np.einsum("sij,ij->s", axes, lean.T @ felt)
         leans = np.sum(np.square(lean)) + np.sum(np.square(felt)) - 2.0 * shared
         off = axes @ force.mean(axis=0) - up.mean(axis=0)
-        return leans / SHAKEN**2 + np.sum(np.square(off), axis=1) / self._askew
+        return leans / self._shaken**2 + np.sum(np.square(off), axis=1) / self._askew
 
     def residual(self, attitude: Array, axes: Array) -> Array:
         """(n + 1, 3): how what is felt leans otherwise than the attitude (4, 4) says, in units of
@@ -62,7 +75,7 @@ class Vertical:
         up = self._gravity * rotation.vertical_body(self._attitude @ attitude.T)
         left = self._force @ axes.T - up
         off = left.mean(axis=0)
-        return np.vstack([(left - off) / SHAKEN, off / np.sqrt(self._askew)])
+        return np.vstack([(left - off) / self._shaken, off / np.sqrt(self._askew)])
 
     def angle(self, attitude: Array, axes: Array) -> float:
         """Median between what is felt and upright [rad]."""
@@ -75,27 +88,79 @@ class Vertical:
         return float(np.median(up[:, 2])) < 0.0
 
     @property
+    def shaken_aside(self) -> float:
+        """By how much accelerations of the sensor turn what it feels [rad]."""
+        return float(np.arctan2(self._shaken - SHAKEN, self._gravity))
+
+    @property
     def _askew(self) -> float:
         """Variance of the mean residual."""
-        return ASKEW**2 + SHAKEN**2 / len(self._force)
+        return ASKEW**2 + self._shaken**2 / len(self._force)
+
+
+class Field:
+    """One reading of an attitude's angles beside the magnetometer."""
+
+    def __init__(self, seen: RoomVector, attitude: Series, *, far: bool) -> None:
+        self.vectors = [seen.with_attitude(attitude, world=world) for world in (False, True)]
+        lags = far_lags(self.vectors[0].grid.longest_lag, COARSE) if far else np.zeros(0)
+        self._lags = {False: CLOSE, True: lags}
+        self._left = {
+            late: [vector.match(lags)[:, 0] for vector in self.vectors]
+            for late, lags in self._lags.items()
+        }
+
+    @property
+    def best(self) -> float:
+        """[nats] that the best reading leaves over."""
+        return min(float(left.min()) for both in self._left.values() for left in both if left.size)
+
+    @property
+    def movement(self) -> float:
+        """[nats] of all that the field does in body axes."""
+        return 0.5 * float(np.sum(np.square(self.vectors[0].movement)))
+
+    def at(self, attitude: Array, field: int, *, late: bool) -> tuple[float, "Seen"] | None:
+        """[nats] for a quaternion read as the 4 x 4 matrix says and the magnetometer in the axes
+        of this number, in step or with the attitude late; None where no lag is tried."""
+        family, turned = vector_axes(attitude)
+        place = int(relative_axes()[field, place_of(turned)])
+        left = self._left[late][family][:, place]
+        if len(left) < 3:
+            return None
+        misfit, lag = least_of(self._lags[late], left)
+        return misfit, (self.vectors[family], signed_permutations(3)[place], lag)
+
+
+Seen = tuple[RoomVector, Array, float]
+"""A field beside rates, the rates' axes relative to it, and by how much they are late [s]."""
 
 
 @dataclass(frozen=True)
 class _Leaning:
-    """One reading of attitude and accelerometer."""
+    """One reading of attitude, accelerometer and magnetometer."""
 
     corrections: tuple[Correction, ...]
     cost: float
     """[nats]."""
     misfit: float
     """[nats]."""
-    vertical: Vertical
+    vertical: Vertical | None
     attitude: Array
     force: Array
+    field: Seen | None
 
     @property
-    def residual(self) -> Array:
-        return self.vertical.residual(self.attitude, self.force)
+    def residuals(self) -> list[Array]:
+        """Of the accelerometer and of the magnetometer, those that there are; last come the rows
+        of what is off throughout."""
+        left = []
+        if self.vertical is not None:
+            left.append(self.vertical.residual(self.attitude, self.force))
+        if self.field is not None:
+            vector, axes, lag = self.field
+            left.append(vector.residual(axes, lag))
+        return left
 
     @property
     def score(self) -> float:
@@ -107,54 +172,98 @@ def vertical_of(recording: Recording, gravity: float) -> Vertical | None:
     grid = _grid(recording)
     if grid is None:
         return None
-    return Vertical(recording["attitude"], recording["accelerometer"], grid, gravity)
+    shaken = shaken_by(recording)
+    return Vertical(recording["attitude"], recording["accelerometer"], grid, gravity, shaken)
 
 
 def vertical_findings(recording: Recording, gravity: float) -> list[ConventionFinding]:
-    """What is wrong with attitude or accelerometer; none without one of them, or in a right log.
+    """What is wrong with attitude, accelerometer or magnetometer; none with the attitude alone, or
+    in a right log.
 
     Args:
-        recording: units are right.
+        recording: units are right; a gyro has no part in it.
         gravity: [m/s^2].
     """
     grid = _grid(recording)
-    if grid is None:
+    field = room_vector(recording, "magnetometer", "attitude")
+    if grid is None and field is None:
         return []
-    every = sorted(_leanings(recording, grid, gravity), key=lambda one: one.score)
+    every = sorted(_leanings(recording, grid, gravity, field), key=lambda one: one.score)
+    if not every:
+        return []
     ranked = every[:RIVALS] + [one for one in every[RIVALS:] if not one.corrections]
-    inflated = inflation(ranked[0].residual[:-1])
+    inflated = [inflation(left[:-2]) for left in ranked[0].residuals]
 
     def weigh(one: _Leaning, other: _Leaning) -> float:
-        return evidence(one.residual, other.residual, inflated) + other.cost - one.cost
+        pairs = zip(one.residuals, other.residuals, inflated, strict=True)
+        return sum(evidence(*pair) for pair in pairs) + other.cost - one.cost
 
     chosen, certainty = choose(ranked, weigh)
     best = chosen[0] if chosen else next(one for one in ranked if not one.corrections)
-    angle = best.vertical.angle(best.attitude, best.force)
-    if angle > ASTRAY:
-        told = f"the acceleration is {np.degrees(angle):.0f} deg from upright in the best of them"
-        return [no_fit("accelerometer", f"accelerometer and attitude fits: {told}")]
+    if best.vertical is not None:
+        angle = best.vertical.angle(best.attitude, best.force)
+        if angle > ASTRAY + best.vertical.shaken_aside:
+            told = f"the acceleration is {np.degrees(angle):.0f} deg from upright in the best"
+            return [no_fit("accelerometer", f"accelerometer and attitude fits: {told} of them")]
     if not chosen:
         return []
     others = dict.fromkeys(words_of(rival) for rival in chosen[1:])
     return list(findings_of(best.corrections, certainty, tuple(others)))
 
 
-def _leanings(recording: Recording, grid: Grid, gravity: float) -> Iterator[_Leaning]:
+def _leanings(
+    recording: Recording, grid: Grid | None, gravity: float, field: RoomVector | None
+) -> Iterator[_Leaning]:
     turns = list(orientations(recording))
-    forces = list(axes_changes(recording, "accelerometer"))
-    for change, series in read_angles(recording):
-        vertical = Vertical(series, recording["accelerometer"], grid, gravity)
+    names = ["accelerometer"] * (grid is not None) + ["magnetometer"] * (field is not None)
+    read = list(read_angles(recording))
+    fields = list[Field]()
+    if field is not None:
+        fields = [Field(field, series, far=change is None) for change, series in read]
+    if fields and min(one.best for one in fields) > (1.0 - COMMON) * fields[0].movement:
+        # what moves the field is not the body in any reading
+        names, fields = [name for name in names if name != "magnetometer"], []
+    if not names:
+        return
+    options = [list(axes_changes(recording, name)) for name in names]
+    numbered = [list(enumerate(change for _, change in one)) for one in options]
+    axes = signed_permutations(3)
+    shaken = shaken_by(recording) if grid is not None else 0.0
+    for k, (change, series) in enumerate(read):
+        vertical = None
+        if grid is not None:
+            vertical = Vertical(series, recording["accelerometer"], grid, gravity, shaken)
         for frame, attitude, attitude_change in turns:
-            misfit = 0.5 * vertical.match(attitude)
-            lean = UPSIDE_DOWN * vertical.stands_on_its_head(attitude)
-            for axes, force_change in forces:
-                total = frame.vector @ axes
-                changes = [c for c in (change, attitude_change, force_change) if c is not None]
-                cost = lean + frame.cost + sum(c.cost for c in changes)
-                if cost < DEAREST or not changes:
-                    corrections = (*changes, *frame.corrections)
-                    left = float(misfit[place_of(total)])
-                    yield _Leaning(corrections, cost, left, vertical, attitude, total)
+            misfit = np.zeros(len(axes)) if vertical is None else 0.5 * vertical.match(attitude)
+            head_down = vertical is not None and vertical.stands_on_its_head(attitude)
+            own = [c for c in (change, attitude_change) if c is not None]
+            cost = UPSIDE_DOWN * head_down + frame.cost + sum(c.cost for c in own)
+            # the log as read is always among them
+            most = DEAREST - cost if own or frame.corrections else DEAREST
+            for chosen in affordable(numbered, most):
+                total = [place_of(frame.vector @ axes[place]) for place, _ in chosen]
+                changes = [*own, *(c for _, c in chosen if c is not None)]
+                force = total[0] if vertical is not None else 0
+                paid = cost + sum(c.cost for _, c in chosen if c is not None)
+                for late in (False, True) if fields else (False,):
+                    seen, left = None, float(misfit[force])
+                    if fields:
+                        found = fields[k].at(attitude, total[-1], late=late)
+                        if found is None:
+                            continue
+                        left, seen = left + found[0], found[1]
+                    lag = seen[2] if seen is not None else 0.0
+                    clocks = [lag_change("attitude", lag), lag_change("magnetometer", -lag)]
+                    for clock in clocks if late else [None]:
+                        yield _Leaning(
+                            (*changes, *frame.corrections, *([clock] if clock else [])),
+                            paid + SIMPLE * late,
+                            left,
+                            vertical,
+                            attitude,
+                            axes[force],
+                            seen,
+                        )
 
 
 def _grid(recording: Recording) -> Grid | None:

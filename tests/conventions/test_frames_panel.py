@@ -1,0 +1,29 @@
+"""Frames, mirrored axes and Euler angles on several machines: a part of the panel, drawn anew."""
+
+import secrets
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from tests.conventions import frames_panel
+
+BY_CHANCE = 1e-3
+"""How often a part of the panel may fall short though the whole keeps its promise."""
+PROMISED = 0.95
+"""Share of the visible mistakes that is named, alone or in a tie."""
+FLIGHTS = 4
+"""Each of another machine."""
+
+
+@pytest.mark.slow(300)
+def test_frames_are_named_on_several_machines_and_no_wrong_advice_is_given():
+    seed = secrets.randbits(20)
+    print("seed", seed)
+    machines = np.random.default_rng(seed).permutation(list(frames_panel.LAWS))[:FLIGHTS]
+    rows = [row for name in machines for row in frames_panel.fly_and_check(str(name), seed)]
+    print(frames_panel.table(rows))
+    assert not [row for row in rows if row.verdict in ("wrong", "doubted") or row.parted]
+    seen = [row for row in rows if row.visible and row.kind != "right"]
+    named = sum(row.verdict in ("named", "tied") for row in seen)
+    assert named >= binom.ppf(BY_CHANCE, len(seen), PROMISED), f"{named} of {len(seen)} named"

@@ -1,0 +1,436 @@
+"""Gravity and the field, constant in the room: what turns the body turns them in its axes.
+
+    du/dt = -w x u
+
+with w from a gyro or from an attitude. A gyro is held against an accelerometer or a magnetometer
+where no attitude was logged, and a magnetometer against an attitude. For w in axes S and u in axes
+T only det(T) T' S is seen, so that turned axes of the one look like turned axes of the other, and a
+vector with the wrong sign throughout is right in another room.
+
+The gyro's bias and an offset of the vector (a bias, iron near the sensor) enter linearly and are
+projected out, so that all 48 relative axes in all units cost one Gram matrix a lag.
+"""
+
+from collections.abc import Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import rotation
+from twin.conventions.axes import SIMPLE, signed_permutations
+from twin.conventions.changes import axes_changes, lag_change, unit_changes
+from twin.conventions.correction import Correction
+from twin.conventions.dating import dated
+from twin.conventions.evidence import drift, evidence, forgetting, inflation, whitened, without
+from twin.conventions.finding import ConventionFinding, findings_of, no_fit
+from twin.conventions.grid import Grid, Means, attitude_rates, grid_of
+from twin.conventions.selection import choose, words_of
+from twin.conventions.turning import COMMON, MOVING, NEAR, SHIFTS, far_lags, least, noise_power
+from twin.recording import Recording, Series
+
+Array = NDArray[np.float64]
+
+VECTORS = ("accelerometer", "magnetometer")
+"""Streams that show a vector of the room."""
+OFFSET = {"accelerometer": 0.05, "magnetometer": 0.3}
+"""1 sigma of a component's constant error, of the vector's length."""
+BIAS = 0.1
+"""1 sigma of the gyro's bias [rad/s]."""
+DISTURBED = 0.005
+"""1 sigma of what else moves the vector in a cell, of its length: accelerations of the body, coils
+and currents."""
+UNSTEADY = 2e-3
+"""1 sigma of a cell's mean rate [rad/s], in whatever unit it is read: noise, axes not quite square,
+scales not quite right."""
+ARM = 0.5
+"""From the centre of rotation to an accelerometer [m]."""
+ROCKED = 0.3
+"""Gravity is seen where the sensor's own acceleration moves it by no more than this share."""
+SMOOTH = 5
+"""Cells over which rates are averaged before their change is taken."""
+CELL = 0.1
+"""[s]; wider in a log of more than MOST cells."""
+MOST = 6000
+CLOSE = NEAR[::5]
+"""Lags that are no wrong convention [s]."""
+COARSE = 0.1
+"""Between the large lags tried [s]."""
+DEAREST = 20.0
+"""No reading that costs more is looked at [nats]."""
+RIVALS = 12
+"""So many of the best readings are weighed in pairs."""
+CROSS = np.array([np.cross(np.eye(3), one) for one in np.eye(3)]).transpose(1, 0, 2)
+"""(i, k, l): the component l of e_i x e_k."""
+
+
+class Rates:
+    """How the body turns, by one stream. (n, 3) [rad/s] over the cells of a grid."""
+
+    def __init__(self, series: Series, grid: Grid) -> None:
+        self.grid = grid
+        self._means, self._world = Means(series), False
+        self._of_attitude = series.columns == ("w", "x", "y", "z")
+        noise = self._means.cell_noise(grid.cell)
+        self.angle_noise = noise if self._of_attitude else 0.0
+        """1 sigma of a cell's mean attitude [rad]."""
+
+    def with_attitude(self, series: Series, *, world: bool) -> "Rates":
+        """Another reading of the same attitude, as noisy as that."""
+        other = copy(self)
+        other._means, other._world = Means(series), world
+        return other
+
+    def at(self, lag: float) -> Array:
+        """If the stream is late by `lag` [s]."""
+        if self._of_attitude:
+            means = self._means.over(self.grid.around_edges + lag)
+            body, world = attitude_rates(rotation.normalized(means + 1e-9), self.grid.cell)
+            return world if self._world else body
+        edges = self.grid.edges + lag
+        return np.mean([self._means.over(edges + s * self.grid.cell) for s in SHIFTS], axis=0)
+
+    @property
+    def acceleration(self) -> float:
+        """How fast the rates change, rms [rad/s^2]."""
+        sums = np.cumsum(self.at(0.0), axis=0)
+        smooth = (sums[SMOOTH:] - sums[:-SMOOTH]) / SMOOTH
+        turning = np.gradient(smooth, self.grid.cell, axis=0)
+        return float(np.sqrt(np.mean(np.sum(np.square(turning), axis=1))))
+
+
+class RoomVector:
+    """A vector that the body sees, in units of its length, beside the body's rates."""
+
+    def __init__(self, stream: str, series: Series, rates: Rates) -> None:
+        self.stream, self.grid, self._rates = stream, rates.grid, rates
+        cell, means = rates.grid.cell, Means(series)
+        seen = means.over(rates.grid.around_edges)
+        length = max(float(np.median(np.linalg.norm(seen, axis=1))), 1e-300)
+        self._length = length
+        self._gained = np.diff(seen / length, axis=0) / cell
+        self._middle = 0.5 * (seen[1:] + seen[:-1]) / length
+        noise = np.hypot(means.cell_noise(cell) / length, DISTURBED)
+        self._angle_noise = float(np.hypot(noise, rates.angle_noise)) / cell
+        prior = np.repeat([BIAS, OFFSET[stream]], 3)
+        self._precision = np.diag(prior**-2.0)
+
+    def with_attitude(self, series: Series, *, world: bool) -> "RoomVector":
+        """The same vector beside another reading of the attitude."""
+        other = copy(self)
+        other._rates = self._rates.with_attitude(series, world=world)
+        return other
+
+    def match(self, lags: Array, factors: Sequence[float] = (1.0,)) -> Array:
+        """(lags, factors, 48) [nats] left over with rates in other axes, units and times."""
+        axes = signed_permutations(3)
+        left = np.empty((len(lags), len(factors), len(axes)))
+        for row, lag in zip(left, lags, strict=True):
+            columns = self._columns(float(lag))
+            gram = columns @ columns.T
+            for entry, factor in zip(row, factors, strict=True):
+                parts = _parts(factor * axes)
+                moments = parts.swapaxes(1, 2) @ gram @ parts
+                known = moments[:, 1:, 1:] + self._precision
+                fitted = np.linalg.solve(known, moments[:, 1:, :1])
+                entry[:] = 0.5 * (moments[:, 0, 0] - np.sum(moments[:, 0, 1:] * fitted[:, :, 0], 1))
+        return left
+
+    def residual(self, rates: Array, lag: float) -> Array:
+        """(n + 2, 3) white with unit variance, for rates that (3, 3) times those read are: what is
+        left, and what was fitted of bias and offset, in units of their 1 sigma."""
+        columns = _parts(rates[None])[0].T @ self._columns(lag)
+        gram = columns[1:] @ columns[1:].T + self._precision
+        fitted = np.linalg.solve(gram, columns[1:] @ columns[0])
+        left = (columns[0] - fitted @ columns[1:]).reshape(-1, 3)
+        return np.vstack([left, (fitted * np.sqrt(np.diag(self._precision))).reshape(2, 3)])
+
+    @property
+    def movement(self) -> Array:
+        """(n, 3) all that moves the vector, in units of its noise."""
+        return self._white(self._gained)
+
+    def is_rocked(self, factor: float) -> bool:
+        """Whether gravity hides behind accelerations of the sensor, for rates in a unit of this
+        factor."""
+        if self.stream != "accelerometer":
+            return False
+        moved = np.sqrt(np.sum(np.var(self._middle, axis=0))) * self._length
+        return ARM * factor * self._rates.acceleration > ROCKED * float(moved)
+
+    def rates_move(self) -> bool:
+        """Whether the rates show more than noise, in whatever unit they are."""
+        rate = self._white(self._rates.at(0.0))
+        return float(np.mean(np.square(rate))) > MOVING * noise_power(self._angle_noise, UNSTEADY)
+
+    def _white(self, values: Array) -> Array:
+        white = whitened(values, self._angle_noise, UNSTEADY)
+        return without(drift(len(white), forgetting(self._angle_noise, UNSTEADY)), white)
+
+    def _columns(self, lag: float) -> Array:
+        """(22, 3 n) white: what the vector gains; e_i x u w_j; e_i x u; w_j e_l."""
+        rate, count = self._rates.at(lag), len(self._gained)
+        turn = np.cross(np.eye(3)[:, None], self._middle)
+        taken = np.einsum("inc,nj->nijc", turn, rate).reshape(count, 27)
+        values = np.hstack([self._gained, taken, turn.swapaxes(0, 1).reshape(count, 9), rate])
+        white = self._white(values)
+        alone = np.einsum("nj,lc->nljc", white[:, 39:], np.eye(3)).reshape(count, 9, 3)
+        every = np.concatenate([white[:, :39].reshape(count, 13, 3), alone], axis=1)
+        return every.swapaxes(0, 1).reshape(22, 3 * count)
+
+
+def _parts(rates: Array) -> Array:
+    """(m, 22, 7): what is left over of the columns for rates in other axes (m, 3, 3), and what
+    bias (3) and offset (3) would take of it."""
+    parts = np.zeros((len(rates), 22, 7))
+    parts[:, 0, 0] = 1.0
+    parts[:, 1:10, 0] = rates.reshape(-1, 9)
+    parts[:, 10:13, 1:4] = np.eye(3)
+    parts[:, 13:, 4:] = np.einsum("sij,ikl->sljk", rates, CROSS).reshape(-1, 9, 3)
+    return parts
+
+
+@cache
+def relative_axes() -> NDArray[np.intp]:
+    """(48, 48) where det(T) T' S stands among signed permutations, for T and S among them."""
+    axes = signed_permutations(3)
+    place = {one.tobytes(): index for index, one in enumerate(axes)}
+    signs = np.round(np.linalg.det(axes))
+    pairs = np.einsum("t,tji,sjk->tsik", signs, axes, axes) + 0.0
+    return np.array([[place[pair.tobytes()] for pair in row] for row in pairs], dtype=np.intp)
+
+
+def room_vector(recording: Recording, stream: str, source: str) -> RoomVector | None:
+    """A vector beside the gyro or the body rates of the attitude; None where they share too little
+    time."""
+    if any(name not in recording for name in (stream, source)):
+        return None
+    if recording[stream].columns != ("x", "y", "z") or len(recording[source].columns) < 3:
+        return None
+    cell = max(CELL, _duration(recording[source]) / MOST)
+    grid = grid_of(recording, source, stream, narrowest=cell)
+    if grid is None:
+        return None
+    return RoomVector(stream, recording[stream], Rates(recording[source], grid))
+
+
+def _duration(series: Series) -> float:
+    return float(series.time[-1] - series.time[0]) if len(series) else 0.0
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A vector with what every unit and axes of the rates leave over: (lags, units, 48)."""
+
+    vector: RoomVector
+    near: Array
+    far: Array
+    lags: Array
+    """Those of `far`."""
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """One reading of the rates and of the vectors."""
+
+    corrections: tuple[Correction, ...]
+    cost: float
+    misfit: float
+    relative: tuple[tuple[RoomVector, Array, float], ...]
+    """Vectors, the rates' axes and unit relative to each, and by how much they are late."""
+
+    @property
+    def residuals(self) -> list[Array]:
+        return [vector.residual(axes, lag) for vector, axes, lag in self.relative]
+
+    @property
+    def score(self) -> float:
+        return self.misfit + self.cost
+
+
+def gyro_findings(recording: Recording) -> list[ConventionFinding]:
+    """What is wrong with a gyro beside an accelerometer, a magnetometer or both, without an
+    attitude; none in a right log."""
+    if "gyro" not in recording or recording["gyro"].columns != ("x", "y", "z"):
+        return []
+    units = [None, *unit_changes(recording, "gyro")]
+    return _findings(recording, "gyro", units, _changes(recording, "gyro"))
+
+
+def field_findings(recording: Recording) -> list[ConventionFinding]:
+    """What is wrong with a magnetometer beside an attitude that is read rightly."""
+    return _findings(recording, "attitude", [None], [None], ("magnetometer",))
+
+
+def _findings(
+    recording: Recording,
+    source: str,
+    units: Sequence[Correction | None],
+    turns: Sequence[Correction | None],
+    streams: Sequence[str] = VECTORS,
+) -> list[ConventionFinding]:
+    found = (room_vector(recording, name, source) for name in streams)
+    seen = [_tabled(one, units) for one in found if one is not None]
+    every = _sorted(recording, source, seen, units, turns)
+    rocked = [vector for vector, axes, _ in every[0].relative if vector.is_rocked(_factor(axes))]
+    if rocked:
+        seen = [one for one in seen if one.vector not in rocked]
+        every = _sorted(recording, source, seen, units, turns)
+    if not seen:
+        return []
+    ranked = every[:RIVALS] + [one for one in every[RIVALS:] if not one.corrections]
+    if not _explains(ranked[0]):
+        # accelerations may hide from an accelerometer that a body leans: a pendulum's do
+        apart = [one.vector for one in seen if one.vector.stream != "accelerometer" and _apart(one)]
+        return [_no_fit(source, vector) for vector in apart[:1]]
+    inflated = [inflation(left[:-2]) for left in ranked[0].residuals]
+
+    def weigh(one: _Reading, other: _Reading) -> float:
+        pairs = zip(one.residuals, other.residuals, inflated, strict=True)
+        return sum(evidence(*pair) for pair in pairs) + other.cost - one.cost
+
+    chosen, certainty = choose(ranked, weigh)
+    if not chosen:
+        return []
+    best, *rivals = (_dated(one) for one in chosen)
+    others = dict.fromkeys(words_of(one) for one in rivals if words_of(one) != words_of(best))
+    return list(findings_of(best.corrections, certainty, tuple(others)))
+
+
+def _factor(axes: Array) -> float:
+    """The unit in a signed permutation."""
+    return float(np.abs(axes).max())
+
+
+def _sorted(
+    recording: Recording,
+    source: str,
+    seen: Sequence[_Seen],
+    units: Sequence[Correction | None],
+    turns: Sequence[Correction | None],
+) -> list[_Reading]:
+    """Every reading, the likeliest first; the log as read alone without a vector."""
+    if not seen:
+        return [_Reading((), 0.0, 0.0, ())]
+    options = [list(enumerate(_changes(recording, one.vector.stream))) for one in seen]
+    readings = _readings(source, seen, options, units, turns)
+    return sorted(readings, key=lambda one: one.score)
+
+
+def _changes(recording: Recording, stream: str) -> list[Correction | None]:
+    return [change for _, change in axes_changes(recording, stream)]
+
+
+def _tabled(vector: RoomVector, units: Sequence[Correction | None]) -> _Seen:
+    factors = [1.0 if unit is None else unit.factor for unit in units]
+    lags = far_lags(vector.grid.longest_lag, COARSE)
+    return _Seen(vector, vector.match(CLOSE, factors), vector.match(lags, factors), lags)
+
+
+def _explains(best: _Reading) -> bool:
+    """Whether the rates explain most of what the vectors do: else nothing is said of their axes."""
+    left = sum(float(np.sum(np.square(one))) for one in best.residuals)
+    moved = sum(float(np.sum(np.square(vector.movement))) for vector, *_ in best.relative)
+    return left < (1.0 - COMMON) * moved
+
+
+def _apart(seen: _Seen) -> bool:
+    """Whether rates and vector both move beyond doubt, and not together in any reading."""
+    moved = float(np.sum(np.square(seen.vector.movement)))
+    least = 2.0 * float(np.concatenate([seen.near, seen.far]).min())
+    moves = moved > MOVING * seen.vector.movement.size and seen.vector.rates_move()
+    return moves and least > (1.0 - COMMON**2) * moved
+
+
+def _no_fit(source: str, vector: RoomVector) -> ConventionFinding:
+    return no_fit(source, f"{source} and {vector.stream} fits: both move, and not together")
+
+
+def _readings(
+    source: str,
+    seen: Sequence[_Seen],
+    options: Sequence[Sequence[tuple[int, Correction | None]]],
+    units: Sequence[Correction | None],
+    turns: Sequence[Correction | None],
+) -> Iterator[_Reading]:
+    """Every unit and axes of the rates with every axes of the vectors, in step or one late."""
+    axes = signed_permutations(3)
+    for (u, unit), (s, turn) in product(enumerate(units), enumerate(turns)):
+        rates = tuple(c for c in (unit, turn) if c is not None)
+        factor = 1.0 if unit is None else unit.factor
+        for chosen in affordable(options, DEAREST - sum(c.cost for c in rates)):
+            changes = (*rates, *(c for _, c in chosen if c is not None))
+            cost = sum(c.cost for c in changes)
+            relative = [int(relative_axes()[t, s]) for t, _ in chosen]
+            for clock, misfit, lags in _clocks(source, seen, relative, u):
+                if clock and cost + SIMPLE > DEAREST:
+                    continue
+                yield _Reading(
+                    (*changes, *([clock] if clock else [])),
+                    cost + SIMPLE * (clock is not None),
+                    misfit,
+                    tuple(
+                        (one.vector, factor * axes[r], lag)
+                        for one, r, lag in zip(seen, relative, lags, strict=True)
+                    ),
+                )
+
+
+def affordable(
+    options: Sequence[Sequence[tuple[int, Correction | None]]], most: float
+) -> Iterator[tuple[tuple[int, Correction | None], ...]]:
+    """One option (number, correction) of each stream, those that cost `most` [nats] together at
+    most."""
+    if not options:
+        yield ()
+        return
+    for index, change in options[0]:
+        left = most - (change.cost if change is not None else 0.0)
+        if left >= 0.0:
+            for others in affordable(options[1:], left):
+                yield ((index, change), *others)
+
+
+def _clocks(
+    source: str, seen: Sequence[_Seen], relative: Sequence[int], unit: int
+) -> Iterator[tuple[Correction | None, float, list[float]]]:
+    """No clock off, that of the rates, or that of one vector; [nats], and by how much the rates
+    are late beside each vector [s]."""
+    near = [one.near[:, unit, r] for one, r in zip(seen, relative, strict=True)]
+    far = [one.far[:, unit, r] for one, r in zip(seen, relative, strict=True)]
+    misfit, lag = least_of(CLOSE, np.sum(near, axis=0))
+    yield None, misfit, [lag] * len(seen)
+    if len(seen[0].lags) < 3:
+        return
+    misfit, lag = least_of(seen[0].lags, np.sum(far, axis=0))
+    yield lag_change(source, lag), misfit, [lag] * len(seen)
+    for k, one in enumerate(seen):
+        rest = [left for i, left in enumerate(near) if i != k]
+        in_step, close = least_of(CLOSE, np.sum(rest, axis=0)) if rest else (0.0, 0.0)
+        misfit, lag = least_of(one.lags, far[k])
+        lags = [lag if i == k else close for i in range(len(seen))]
+        yield lag_change(one.vector.stream, -lag), in_step + misfit, lags
+
+
+def least_of(lags: Array, misfit: Array) -> tuple[float, float]:
+    """The least of misfits at these lags (three or more), between them too, and where [s]."""
+    value, lag = least(lags, misfit[:, None])
+    return float(value[0]), float(lag[0])
+
+
+def _dated(one: _Reading) -> _Reading:
+    """The same with the offset of its clock sought finely."""
+    clocks = [c for c in one.corrections if c.kind == "clock_lag"]
+    if not clocks:
+        return one
+    (clock,) = clocks
+    vector, axes, lag = next(
+        (r for r in one.relative if r[0].stream == clock.stream), one.relative[0]
+    )
+    best, half_width = dated(lambda tried: vector.residual(axes, tried)[:-2], lag)
+    own = -best if clock.stream == vector.stream else best
+    told = lag_change(clock.stream, own, half_width) or clock
+    return replace(one, corrections=tuple(told if c is clock else c for c in one.corrections))
