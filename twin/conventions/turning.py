@@ -39,7 +39,10 @@ BLOCKS = (1, 4, 16)
 MOVING = 25.0
 """Power from which on a stream moves beyond doubt, in units of its noise."""
 COMMON = 0.5
-"""Correlation above which gyro and attitude show the same motion."""
+"""Correlation above which two streams show the same motion in some axes."""
+TOGETHER = 0.8
+"""Correlation, turned as they correlate best, below which gyro and attitude show two motions: of
+two that last a minute and are slow, chance makes more than half."""
 BIASED = 0.05
 """A gyro's bias is smaller than this [rad/s], or than what it shows of the motion ..."""
 OUTDONE = 3.0
@@ -147,9 +150,12 @@ class Turning:
             misfit[:, family] = together[:, None] - 2.0 * shared @ axes.reshape(-1, 9).T
         return misfit
 
-    def correlation(self, lags: Array) -> float | None:
+    def correlation(self, lags: Array, *, askew: bool = False) -> float | None:
         """The largest of gyro and attitude, over both families, all axes, these lags and stretches
-        of time of several lengths; None where the one or the other hardly moves."""
+        of time of several lengths; None where the one or the other hardly moves.
+
+        With `askew` over all turns and mirror images, not only over signed permutations.
+        """
         turned = [self.whiten(rate) for rate in self.rates]
         axes, best = signed_permutations(3), None
         for block in BLOCKS:
@@ -164,7 +170,11 @@ class Turning:
                     own = float(np.sum(np.square(rate)))
                     if min(power, own) < still:
                         continue
-                    shared = float(np.einsum("sij,ij->s", axes, rate.T @ gyro).max())
+                    both = rate.T @ gyro
+                    if askew:
+                        shared = float(np.linalg.svd(both, compute_uv=False).sum())
+                    else:
+                        shared = float(np.einsum("sij,ij->s", axes, both).max())
                     best = max(best or 0.0, shared / np.sqrt(power * own))
         return best
 
@@ -254,16 +264,20 @@ def no_common_motion(recording: Recording, turning: Turning) -> ConventionFindin
         return no_fit("gyro", f"gyro and attitude fits: they turn at {means} in the mean")
     fastest = float(np.linalg.norm(turning.gyro(0.0), axis=1).max())
     if fastest * turning.grid.cell > AMBIGUOUS:
-        return None
+        grid = grid_of(recording, "gyro", "attitude", narrowest=AMBIGUOUS / fastest)
+        if grid is None or fastest * grid.cell > 1.001 * AMBIGUOUS:
+            return None
+        turning = Turning(recording, grid)
     lags = np.concatenate([NEAR, far_lags(turning.grid.longest_lag)])
     for tried in (NEAR[::5], lags):
-        shared = turning.correlation(tried)
-        if shared is None or shared > COMMON:
+        shared = turning.correlation(tried, askew=True)
+        if shared is None or shared > TOGETHER:
             return None
     for change, series in read_angles(recording):
-        other = None if change is None else turning.with_attitude(series).correlation(lags)
-        if other is not None and other > COMMON:
-            return None
+        if change is not None:
+            other = turning.with_attitude(series).correlation(lags, askew=True)
+            if other is not None and other > TOGETHER:
+                return None
     return no_fit("gyro", "gyro and attitude fits: both move, and not together")
 
 
