@@ -501,7 +501,7 @@ def _moves_apart(right: Series, read: Series, *, upright: bool) -> bool:
     off = read.value - right.value
     noise = float(np.sqrt(np.mean(np.square(noise_of(right)))))
     leans = upright and float(np.linalg.norm(off.mean(axis=0))) > ASKEW
-    return leans or float(np.std(off, axis=0).max()) > SWINGS * np.sqrt(2.0) * noise
+    return leans or float(np.std(off, axis=0).max()) > SWINGS * 2.0**0.5 * noise
 
 
 def _swings_apart(log: Recording, read: Recording) -> bool:
