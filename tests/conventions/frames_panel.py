@@ -499,9 +499,12 @@ def _moves_apart(right: Series, read: Series, *, upright: bool) -> bool:
     """Whether a mirrored triad moves otherwise than the right one does, by more than noise, or
     points another way than upright by more than its mounting."""
     off = read.value - right.value
-    noise = float(np.sqrt(np.mean(np.square(noise_of(right)))))
     leans = upright and float(np.linalg.norm(off.mean(axis=0))) > ASKEW
-    return leans or float(np.std(off, axis=0).max()) > SWINGS * 2.0**0.5 * noise
+    # over a second, for who looks may average: the noise is that of two axes or of twice one
+    count = max(int(right.rate), 1)
+    means = off[: len(off) // count * count].reshape(-1, count, off.shape[1]).mean(axis=1)
+    noise = float(np.sqrt(np.mean(np.square(noise_of(right))))) * (2.0 / count) ** 0.5
+    return leans or float(np.std(means, axis=0).max()) > SWINGS * noise
 
 
 def _swings_apart(log: Recording, read: Recording) -> bool:
