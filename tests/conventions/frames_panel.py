@@ -65,7 +65,9 @@ SITE = np.array([0.02, 0.01, -0.4])
 LATENCY = 0.04
 """The stamps of every stream are late by up to this [s]."""
 SWINGS = 3.0
-"""Times its noise by which an angle must swing to be seen at all."""
+"""Times its noise by which a stream must swing otherwise for a mistake to be seen at all."""
+ASKEW = 1.0
+"""What an accelerometer that is mounted askew may be off by throughout [m/s^2]."""
 
 
 @dataclass(frozen=True)
@@ -476,16 +478,33 @@ def _visible(kind: str, log: Recording, read: Recording, words: str) -> bool:
     """Whether the streams that are there can show the mistake, whoever looks at them.
 
     A frame turns all of them together, so that only gravity, which points down, tells it, and only
-    beside an attitude. A mirrored triad is seen by a motion; all axes of a field turned round are
-    the field of a room turned round.
+    beside an attitude. A mirrored triad is seen by a motion that it mirrors, and that of gravity by
+    the vertical of an attitude too; all axes of a field turned round are the field of a room turned
+    round, and so is gravity where no attitude has the vertical.
     """
     if kind in STRANGE or kind == "right":
         return True
     if kind == "frame":
         return "attitude" in log and "accelerometer" in log
     if kind == "mirror":
-        return "every axis of magnetometer" not in words
+        stream = next(name for name in TURNED[1:] if name in log and read[name] is not log[name])
+        if "every axis" in words and stream != "gyro":
+            return stream == "accelerometer" and "attitude" in log
+        upright = stream == "accelerometer" and "attitude" in log
+        return _moves_apart(log[stream], read[stream], upright=upright)
     return len([name for name in TURNED if name in log]) > 1 and _swings_apart(log, read)
+
+
+def _moves_apart(right: Series, read: Series, *, upright: bool) -> bool:
+    """Whether a mirrored triad moves otherwise than the right one does, by more than noise, or
+    points another way than upright by more than its mounting."""
+    off = read.value - right.value
+    leans = upright and float(np.linalg.norm(off.mean(axis=0))) > ASKEW
+    # over a second, for who looks may average: the noise is that of two axes or of twice one
+    count = max(int(right.rate), 1)
+    means = off[: len(off) // count * count].reshape(-1, count, off.shape[1]).mean(axis=1)
+    noise = float(np.sqrt(np.mean(np.square(noise_of(right))))) * (2.0 / count) ** 0.5
+    return leans or float(np.std(means, axis=0).max()) > SWINGS * noise
 
 
 def _swings_apart(log: Recording, read: Recording) -> bool:

@@ -1,7 +1,7 @@
 """Euler angles are searched in their own signs and order, and the gyro is not blamed for them."""
 
-import dataclasses
 import secrets
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from twin.conventions.correction import Correction, angles_of, attitude_of
 from twin.conventions.euler import angle_changes
 from twin.conventions.log_toml import corrected_lines
 from twin.platform import Platform, load_platform
-from twin.recording import Recording, read_log
+from twin.recording import Recording, Series, read_log
 
 CLOCKWISE = "the attitude's yaw, pitch and roll turn clockwise, read as counterclockwise"
 SIGNS = {
@@ -57,7 +57,7 @@ def right_logs(sads, drawn) -> list[Recording]:
 def in_angles(log: Recording) -> Recording:
     stated = {"format": "euler_zyx", "columns": ["yaw", "pitch", "roll"]}
     provenance = {**log.provenance, "kind": "log", "streams": {"attitude": stated}}
-    return dataclasses.replace(log, provenance=provenance)
+    return replace(log, provenance=provenance)
 
 
 def with_angles(log: Recording, signs: tuple[float, ...], order: tuple[int, ...]) -> Recording:
@@ -154,3 +154,19 @@ def test_every_reading_of_vectors_and_matrices_can_be_written(tmp_path: Path, la
     for change in changes:
         wanted = np.sum(change.apply(log["attitude"]).value * written(tmp_path, log, change), 1)
         np.testing.assert_allclose(np.abs(wanted), 1.0, err_msg=change.words)
+
+
+@pytest.mark.parametrize("sequence", ["ZYX", "XYZ", "ZXY", "ZYZ"])
+def test_a_wrong_order_is_undone_where_its_middle_angle_is_beyond_a_right_angle(sequence: str):
+    draw = np.random.default_rng(4)
+    turned = Rotation.random(200, random_state=draw).as_quat(scalar_first=True)
+    angles = angles_of(turned, sequence, world_to_body=False)
+    log = Recording(
+        {"attitude": Series(np.arange(200.0), turned, ("w", "x", "y", "z"), "1")},
+        {"streams": {"attitude": {"format": f"euler_{sequence.lower()}"}}},
+    )
+    for change in angle_changes(log):
+        wrong = angles @ np.array(change.axes)
+        series = replace(log["attitude"], value=attitude_of(wrong, sequence, world_to_body=False))
+        right = change.apply(series).value
+        np.testing.assert_allclose(np.abs(np.sum(right * turned, axis=1)), 1.0, atol=1e-9)

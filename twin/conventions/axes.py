@@ -11,6 +11,9 @@ Array = NDArray[np.float64]
 
 SIMPLE = 6.0
 """What one plain mistake costs a hypothesis [nats]: one in four hundred logs has it."""
+LATE = 9.0
+"""What a clock that is off costs, a plain mistake too: beside a latency there are twenty times as
+many lags that may fit by chance, and one of a whole period does as well as none."""
 ODD = 12.0
 """What a rarer one costs, as much as two plain ones."""
 

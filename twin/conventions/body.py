@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.conventions.axes import SIMPLE
+from twin.conventions.axes import LATE
 from twin.conventions.changes import axes_change, lag_change
 from twin.conventions.correction import Correction, apply_all
 from twin.conventions.dating import dated
@@ -224,7 +224,7 @@ class Body:
             axes_change("command_wheel_torque", reading.command, names),
         )
         changes = [change for change in axes if change is not None]
-        cost = sum(change.cost for change in changes) + (SIMPLE if late else 0.0)
+        cost = sum(change.cost for change in changes) + (LATE if late else 0.0)
         clock = lag_change("wheel_speed", reading.lag) if late else None
         return replace(
             body,

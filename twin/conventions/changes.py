@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.conventions.axes import (
+    LATE,
     MIRROR,
     ODD,
     SIMPLE,
@@ -174,7 +175,7 @@ def lag_change(stream: str, lag: float, half_width: float = 0.0) -> Correction |
         stream,
         "clock_lag",
         f"{stream} {'lags' if lag > 0.0 else 'runs'} {where}",
-        cost=SIMPLE,
+        cost=LATE,
         lag=lag,
     )
 

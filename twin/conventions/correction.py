@@ -46,7 +46,7 @@ class Correction:
         if self.sequence:
             backwards = self.world_to_body
             angles = angles_of(value, self.sequence, world_to_body=backwards)
-            angles = angles @ np.array(self.axes).T
+            angles = right_angles(angles, np.array(self.axes), self.sequence)
             value = attitude_of(angles, self.sequence, world_to_body=backwards)
         elif self.axes:
             value = value @ np.array(self.axes).T
@@ -84,6 +84,22 @@ def angles_of(value: Array, sequence: str, *, world_to_body: bool) -> Array:
         # a gimbal lock: one of the angles is free there, and taken as 0
         warnings.simplefilter("ignore", UserWarning)
         return np.asarray(Rotation.from_quat(turned, scalar_first=True).as_euler(sequence))
+
+
+def right_angles(angles: Array, axes: Array, sequence: str) -> Array:
+    """(n, 3) [rad] that are `axes` (3, 3) times those of the file.
+
+    Two triples give each attitude, and `angles` (n, 3) are the one whose middle angle is the
+    smaller. The file has that of the two whose right middle angle is in its range, for it was
+    written in the right order: angles in a wrong one may well have a middle angle beyond 90 deg.
+    """
+    same_ends = sequence[0] == sequence[2]
+    mirrored = -angles[:, 1] if same_ends else np.pi - angles[:, 1]
+    other = np.column_stack([angles[:, 0] + np.pi, mirrored, angles[:, 2] + np.pi])
+    right, turned = angles @ axes.T, other @ axes.T
+    # between 0 and 180 deg where the first and the last axis are one, else within 90 deg of 0
+    within = np.sin(right[:, 1]) >= 0.0 if same_ends else np.cos(right[:, 1]) >= 0.0
+    return np.where(within[:, None], right, turned)
 
 
 def attitude_of(angles: Array, sequence: str, *, world_to_body: bool) -> Array:

@@ -12,6 +12,7 @@ from twin.conventions.correction import (
     angles_of,
     as_tuple,
     attitude_of,
+    right_angles,
     stated,
 )
 from twin.recording import Recording, Series
@@ -51,7 +52,7 @@ def read_angles(recording: Recording) -> Iterator[tuple[Correction | None, Serie
     sequence, backwards = changes[0].sequence, changes[0].world_to_body
     angles = angles_of(series.value, sequence, world_to_body=backwards)
     for change in changes:
-        turned = angles @ np.array(change.axes).T
+        turned = right_angles(angles, np.array(change.axes), sequence)
         value = attitude_of(turned, sequence, world_to_body=backwards)
         yield change, replace(series, value=value)
 

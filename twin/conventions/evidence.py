@@ -29,14 +29,15 @@ def inflation(residual: Array) -> float:
     """By how much the best residual, (n, k), falls short of white with unit variance; at least 1.
 
     What no reading explains (a misaligned gyro, a torque nobody models) must not count as
-    evidence: its size and its correlation from sample to sample divide all of it.
+    evidence: its size and its correlation from sample to sample divide all of it. Both together,
+    for it is the slow part of it that looks like motion: a small one does so however slow it is.
     """
     power = float(np.mean(np.square(residual)))
     if power <= 0.0 or len(residual) < 3:
         return 1.0
     echo = float(np.mean(residual[1:] * residual[:-1])) / power
     echo = float(np.clip(echo, 0.0, 0.98))
-    return max(power, 1.0) * (1.0 + echo) / (1.0 - echo)
+    return max(power * (1.0 + echo) / (1.0 - echo), 1.0)
 
 
 def whitened(rate: Array, angle_noise: float, rate_noise: float) -> Array:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.conventions.axes import SIMPLE
+from twin.conventions.axes import LATE, SIMPLE
 from twin.conventions.changes import CLOSE, axes_change, lag_change, unit_changes
 from twin.conventions.correction import Correction, apply_all
 from twin.conventions.dating import dated
@@ -107,7 +107,7 @@ def _options(hinge: Hinge) -> Iterator[_Option]:
         for sign in (1.0, -1.0):
             misfit = [float(np.sum(np.square(hinge.residual(sign, float(lag))))) for lag in lags]
             lag = float(lags[int(np.argmin(misfit))])
-            cost = SIMPLE * ((sign < 0.0) + (lags is not NEAR))
+            cost = SIMPLE * (sign < 0.0) + LATE * (lags is not NEAR)
             yield _Option(sign, lag, cost, tuple(_readings(sign, lag)))
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.conventions.axes import SIMPLE, signed_permutations
+from twin.conventions.axes import LATE, signed_permutations
 from twin.conventions.changes import (
     Frame,
     attitude_changes,
@@ -90,7 +90,7 @@ def _hypotheses(
                     clock = lag_change(late, lag) if late else None
                     yield Hypothesis(
                         corrections=(*own, *frame.corrections, *([clock] if clock else [])),
-                        cost=cost + (SIMPLE if late else 0.0),
+                        cost=cost + (LATE if late else 0.0),
                         misfit=0.5 * float(match.misfit[index]) + force_misfit,
                         reading=reading,
                         attitude=attitude,

@@ -11,17 +11,18 @@ The gyro's bias and an offset of the vector (a bias, iron near the sensor) enter
 projected out, so that all 48 relative axes in all units cost one Gram matrix a lag.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.conventions.axes import SIMPLE, signed_permutations
+from twin.conventions.axes import LATE, SIMPLE, signed_permutations
 from twin.conventions.changes import axes_changes, lag_change, unit_changes
 from twin.conventions.correction import Correction
 from twin.conventions.dating import dated
@@ -29,7 +30,16 @@ from twin.conventions.evidence import drift, evidence, forgetting, inflation, wh
 from twin.conventions.finding import ConventionFinding, findings_of, no_fit
 from twin.conventions.grid import Grid, Means, attitude_rates, grid_of
 from twin.conventions.selection import choose, words_of
-from twin.conventions.turning import COMMON, MOVING, NEAR, SHIFTS, far_lags, least, noise_power
+from twin.conventions.turning import (
+    AMBIGUOUS,
+    COMMON,
+    MOVING,
+    SHIFTS,
+    SMALL_LAG,
+    far_lags,
+    least,
+    noise_power,
+)
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
@@ -55,14 +65,19 @@ SMOOTH = 5
 CELL = 0.1
 """[s]; wider in a log of more than MOST cells."""
 MOST = 6000
-CLOSE = NEAR[::5]
+CLOSE = np.linspace(-SMALL_LAG, SMALL_LAG, 5)
 """Lags that are no wrong convention [s]."""
 COARSE = 0.1
 """Between the large lags tried [s]."""
 DEAREST = 20.0
 """No reading that costs more is looked at [nats]."""
 RIVALS = 12
-"""So many of the best readings are weighed in pairs."""
+"""So many of the best readings are weighed in pairs ..."""
+POLISHED = 36
+"""... of so many motions whose lags are sought finely: where a body swings fast, lags tried so far
+apart rank them by chance."""
+FINER = (0.03, 0.01, 0.003)
+"""Between the lags tried for that [s]."""
 CROSS = np.array([np.cross(np.eye(3), one) for one in np.eye(3)]).transpose(1, 0, 2)
 """(i, k, l): the component l of e_i x e_k."""
 
@@ -117,11 +132,14 @@ class RoomVector:
         self._angle_noise = float(np.hypot(noise, rates.angle_noise)) / cell
         prior = np.repeat([BIAS, OFFSET[stream]], 3)
         self._precision = np.diag(prior**-2.0)
+        self._grams: dict[float, Array] = {}
+        self._found: dict[tuple[bytes, float], tuple[float, float]] = {}
 
     def with_attitude(self, series: Series, *, world: bool) -> "RoomVector":
         """The same vector beside another reading of the attitude."""
         other = copy(self)
         other._rates = self._rates.with_attitude(series, world=world)
+        other._grams, other._found = {}, {}
         return other
 
     def match(self, lags: Array, factors: Sequence[float] = (1.0,)) -> Array:
@@ -129,15 +147,40 @@ class RoomVector:
         axes = signed_permutations(3)
         left = np.empty((len(lags), len(factors), len(axes)))
         for row, lag in zip(left, lags, strict=True):
-            columns = self._columns(float(lag))
-            gram = columns @ columns.T
             for entry, factor in zip(row, factors, strict=True):
-                parts = _parts(factor * axes)
-                moments = parts.swapaxes(1, 2) @ gram @ parts
-                known = moments[:, 1:, 1:] + self._precision
-                fitted = np.linalg.solve(known, moments[:, 1:, :1])
-                entry[:] = 0.5 * (moments[:, 0, 0] - np.sum(moments[:, 0, 1:] * fitted[:, :, 0], 1))
+                entry[:] = self._left(factor * axes, float(lag))
         return left
+
+    def polished(self, rates: Array, lag: float) -> tuple[float, float]:
+        """[nats] left over with rates in the axes and unit (3, 3), and by how much they are late
+        [s], sought about a lag."""
+        key = rates.tobytes(), lag
+        if key not in self._found:
+            self._found[key] = self._polished(rates, lag)
+        return self._found[key]
+
+    def _polished(self, rates: Array, lag: float) -> tuple[float, float]:
+        value, farthest = np.inf, SMALL_LAG if abs(lag) <= SMALL_LAG else np.inf
+        for step in FINER:
+            tried = np.round(lag + step * np.array([-1.0, 0.0, 1.0]), 4)
+            tried = tried[np.abs(tried) <= farthest + 1e-9]
+            left = np.array([self._left(rates[None], float(one))[0] for one in tried])
+            if len(tried) == 3:
+                value, lag = least_of(tried, left)
+            else:
+                value, lag = float(left.min()), float(tried[int(np.argmin(left))])
+        return value, lag
+
+    def _left(self, rates: Array, lag: float) -> Array:
+        """(m,) [nats] left over with rates in axes and units (m, 3, 3)."""
+        if lag not in self._grams:
+            columns = self._columns(lag)
+            self._grams[lag] = columns @ columns.T
+        parts = _parts(rates)
+        moments = parts.swapaxes(1, 2) @ self._grams[lag] @ parts
+        known = moments[:, 1:, 1:] + self._precision
+        fitted = np.linalg.solve(known, moments[:, 1:, :1])
+        return 0.5 * (moments[:, 0, 0] - np.sum(moments[:, 0, 1:] * fitted[:, :, 0], 1))
 
     def residual(self, rates: Array, lag: float) -> Array:
         """(n + 2, 3) white with unit variance, for rates that (3, 3) times those read are: what is
@@ -172,7 +215,7 @@ class RoomVector:
 
     def _columns(self, lag: float) -> Array:
         """(22, 3 n) white: what the vector gains; e_i x u w_j; e_i x u; w_j e_l."""
-        rate, count = self._rates.at(lag), len(self._gained)
+        rate, count = _chords(self._rates.at(lag), self.grid.cell), len(self._gained)
         turn = np.cross(np.eye(3)[:, None], self._middle)
         taken = np.einsum("inc,nj->nijc", turn, rate).reshape(count, 27)
         values = np.hstack([self._gained, taken, turn.swapaxes(0, 1).reshape(count, 9), rate])
@@ -180,6 +223,14 @@ class RoomVector:
         alone = np.einsum("nj,lc->nljc", white[:, 39:], np.eye(3)).reshape(count, 9, 3)
         every = np.concatenate([white[:, :39].reshape(count, 13, 3), alone], axis=1)
         return every.swapaxes(0, 1).reshape(22, 3 * count)
+
+
+def _chords(rates: Array, cell: float) -> Array:
+    """Rates (n, 3) [rad/s] as they move a vector beside the middle between two of its values: along
+    the chord of its arc. As read where such a unit would turn it half round."""
+    half = 0.5 * cell * np.linalg.norm(rates, axis=1, keepdims=True)
+    bent = np.clip(half, 1e-9, AMBIGUOUS)
+    return rates * np.where(half < AMBIGUOUS, np.tan(bent) / bent, 1.0)
 
 
 def _parts(rates: Array) -> Array:
@@ -221,6 +272,29 @@ def _duration(series: Series) -> float:
     return float(series.time[-1] - series.time[0]) if len(series) else 0.0
 
 
+Seen = tuple[RoomVector, Array, float]
+"""A vector beside rates, the axes and unit of these relative to it, and by how much they are late
+[s]."""
+
+
+class Rough(Protocol):
+    """A reading whose lags were sought between coarse ones."""
+
+    @property
+    def corrections(self) -> tuple[Correction, ...]: ...
+
+    @property
+    def score(self) -> float: ...
+
+    @property
+    def polished(self) -> Self:
+        """The same with its lags sought finely."""
+        ...
+
+
+R = TypeVar("R", bound=Rough)
+
+
 @dataclass(frozen=True)
 class _Seen:
     """A vector with what every unit and axes of the rates leave over: (lags, units, 48)."""
@@ -239,12 +313,25 @@ class _Reading:
     corrections: tuple[Correction, ...]
     cost: float
     misfit: float
-    relative: tuple[tuple[RoomVector, Array, float], ...]
+    relative: tuple[Seen, ...]
     """Vectors, the rates' axes and unit relative to each, and by how much they are late."""
 
     @property
     def residuals(self) -> list[Array]:
         return [vector.residual(axes, lag) for vector, axes, lag in self.relative]
+
+    @property
+    def polished(self) -> "_Reading":
+        """The same with its lags sought finely."""
+        found = [vector.polished(axes, lag) for vector, axes, lag in self.relative]
+        return replace(
+            self,
+            misfit=sum(left for left, _ in found),
+            relative=tuple(
+                (vector, axes, lag)
+                for (vector, axes, _), (_, lag) in zip(self.relative, found, strict=True)
+            ),
+        )
 
     @property
     def score(self) -> float:
@@ -281,7 +368,7 @@ def _findings(
         every = _sorted(recording, source, seen, units, turns)
     if not seen:
         return []
-    ranked = every[:RIVALS] + [one for one in every[RIVALS:] if not one.corrections]
+    ranked = best_of(every, lambda one: one.relative)
     if not _explains(ranked[0]):
         # accelerations may hide from an accelerometer that a body leans: a pendulum's do
         apart = [one.vector for one in seen if one.vector.stream != "accelerometer" and _apart(one)]
@@ -298,6 +385,23 @@ def _findings(
     best, *rivals = (_dated(one) for one in chosen)
     others = dict.fromkeys(words_of(one) for one in rivals if words_of(one) != words_of(best))
     return list(findings_of(best.corrections, certainty, tuple(others)))
+
+
+def best_of(every: Sequence[R], seen: Callable[[R], Sequence[Seen]]) -> list[R]:
+    """The likeliest and the log as read, of readings whose rough misfits rank them, by finer ones.
+
+    Args:
+        every: all readings, the likeliest first.
+        seen: what a reading makes of the vectors.
+    """
+    motions, pool = set[tuple[object, ...]](), list[R]()
+    for one in every:
+        motion = tuple((id(vector), axes.tobytes(), lag) for vector, axes, lag in seen(one))
+        if motion in motions or len(motions) < POLISHED or not one.corrections:
+            motions.add(motion)
+            pool.append(one.polished)
+    pool.sort(key=lambda one: one.score)
+    return pool[:RIVALS] + [one for one in pool[RIVALS:] if not one.corrections]
 
 
 def _factor(axes: Array) -> float:
@@ -370,7 +474,7 @@ def _readings(
                     continue
                 yield _Reading(
                     (*changes, *([clock] if clock else [])),
-                    cost + SIMPLE * (clock is not None),
+                    cost + LATE * (clock is not None),
                     misfit,
                     tuple(
                         (one.vector, factor * axes[r], lag)

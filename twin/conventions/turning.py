@@ -7,6 +7,7 @@ cost one correlation matrix each: for a signed permutation S, abs(S w)^2 = abs(w
 trace(S' C) differs.
 """
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -26,16 +27,22 @@ Array = NDArray[np.float64]
 SMALL_LAG = 0.1
 """A lag up to this is a latency or a filter's, no wrong convention [s]."""
 NEAR = np.linspace(-SMALL_LAG, SMALL_LAG, 11)
-SHIFTS = (-0.4, -0.2, 0.0, 0.2, 0.4)
-"""Of a cell: a mean of means over these is the mean of a triangle."""
+SHIFTS = (-0.408, -0.204, 0.0, 0.204, 0.408)
+"""Of a cell: a mean of means over these is the mean of a triangle, as wide as that (1 sigma)."""
 STEP = 0.05
 """Between the large lags tried [s]."""
+FINE = ((0.005, 4), (0.001, 2))
+"""Step between those tried about lags that fit [s], and about how many: over wider steps the misfit
+of a clear motion is no parabola, by more than the log as read may be worse."""
 BLOCKS = (1, 4, 16)
 """Cells over which motion is summed up, to be compared."""
 MOVING = 25.0
 """Power from which on a stream moves beyond doubt, in units of its noise."""
 COMMON = 0.5
-"""Correlation above which gyro and attitude show the same motion."""
+"""Correlation above which two streams show the same motion in some axes."""
+TOGETHER = 0.8
+"""Correlation, turned as they correlate best, below which gyro and attitude show two motions: of
+two that last a minute and are slow, chance makes more than half."""
 BIASED = 0.05
 """A gyro's bias is smaller than this [rad/s], or than what it shows of the motion ..."""
 OUTDONE = 3.0
@@ -113,21 +120,42 @@ class Turning:
         return off.mean(axis=0), float(np.hypot(ends, self._rate_noise / np.sqrt(len(off))))
 
     def match(self, lags: Array) -> Match:
-        """Both families and all axes, each at the best of these lags."""
+        """Both families and all axes, each at the best of these lags, or between them."""
+        turned = [self.whiten(rates) for rates in self.rates]
+        misfit, lag = least(lags, self._misfit(turned, lags))
+        for step, dips in FINE:
+            sought = list[float]()
+            for place in np.argsort(misfit, axis=None):
+                near = round(float(lag.flat[place]) / step) * step
+                if any(abs(near - other) < 1.5 * step for other in sought):
+                    continue
+                if len(sought) == dips:
+                    break
+                sought.append(near)
+                here = np.abs(lag - near) < step
+                tried = np.round(near + step * np.array([-1.0, 0.0, 1.0]), 6)
+                finer = least(tried, self._misfit(turned, tried))
+                misfit[here], lag[here] = finer[0][here], finer[1][here]
+        return Match(misfit, lag)
+
+    def _misfit(self, turned: Sequence[Array], lags: Array) -> Array:
+        """(lags, families, 48) squared norm of the residual beside white rates of the attitude."""
         axes = signed_permutations(3)
         gyros = [self._white_gyro(float(lag)) for lag in lags]
         power = np.array([np.sum(np.square(gyro)) for gyro in gyros])
         misfit = np.empty((len(lags), 2, len(axes)))
-        for family, rates in enumerate(self.rates):
-            rate = self.whiten(rates)
+        for family, rate in enumerate(turned):
             shared = np.array([rate.T @ gyro for gyro in gyros]).reshape(-1, 9)
             together = np.sum(np.square(rate)) + power
             misfit[:, family] = together[:, None] - 2.0 * shared @ axes.reshape(-1, 9).T
-        return Match(*least(lags, misfit))
+        return misfit
 
-    def correlation(self, lags: Array) -> float | None:
+    def correlation(self, lags: Array, *, askew: bool = False) -> float | None:
         """The largest of gyro and attitude, over both families, all axes, these lags and stretches
-        of time of several lengths; None where the one or the other hardly moves."""
+        of time of several lengths; None where the one or the other hardly moves.
+
+        With `askew` over all turns and mirror images, not only over signed permutations.
+        """
         turned = [self.whiten(rate) for rate in self.rates]
         axes, best = signed_permutations(3), None
         for block in BLOCKS:
@@ -142,7 +170,11 @@ class Turning:
                     own = float(np.sum(np.square(rate)))
                     if min(power, own) < still:
                         continue
-                    shared = float(np.einsum("sij,ij->s", axes, rate.T @ gyro).max())
+                    both = rate.T @ gyro
+                    if askew:
+                        shared = float(np.linalg.svd(both, compute_uv=False).sum())
+                    else:
+                        shared = float(np.einsum("sij,ij->s", axes, both).max())
                     best = max(best or 0.0, shared / np.sqrt(power * own))
         return best
 
@@ -232,16 +264,20 @@ def no_common_motion(recording: Recording, turning: Turning) -> ConventionFindin
         return no_fit("gyro", f"gyro and attitude fits: they turn at {means} in the mean")
     fastest = float(np.linalg.norm(turning.gyro(0.0), axis=1).max())
     if fastest * turning.grid.cell > AMBIGUOUS:
-        return None
+        grid = grid_of(recording, "gyro", "attitude", narrowest=AMBIGUOUS / fastest)
+        if grid is None or fastest * grid.cell > 1.001 * AMBIGUOUS:
+            return None
+        turning = Turning(recording, grid)
     lags = np.concatenate([NEAR, far_lags(turning.grid.longest_lag)])
     for tried in (NEAR[::5], lags):
-        shared = turning.correlation(tried)
-        if shared is None or shared > COMMON:
+        shared = turning.correlation(tried, askew=True)
+        if shared is None or shared > TOGETHER:
             return None
     for change, series in read_angles(recording):
-        other = None if change is None else turning.with_attitude(series).correlation(lags)
-        if other is not None and other > COMMON:
-            return None
+        if change is not None:
+            other = turning.with_attitude(series).correlation(lags, askew=True)
+            if other is not None and other > TOGETHER:
+                return None
     return no_fit("gyro", "gyro and attitude fits: both move, and not together")
 
 

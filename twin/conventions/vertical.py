@@ -6,13 +6,13 @@ little. It must lean when the attitude does.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.conventions.axes import SIMPLE, signed_permutations
+from twin.conventions.axes import LATE, SIMPLE, signed_permutations
 from twin.conventions.changes import axes_changes, lag_change
 from twin.conventions.correction import Correction
 from twin.conventions.euler import read_angles
@@ -25,7 +25,9 @@ from twin.conventions.room_vectors import (
     CLOSE,
     COARSE,
     RoomVector,
+    Seen,
     affordable,
+    best_of,
     least_of,
     relative_axes,
     room_vector,
@@ -42,8 +44,6 @@ ASTRAY = np.radians(30.0)
 """A reading whose acceleration is in the median further from upright fits nothing [rad]."""
 UPSIDE_DOWN = SIMPLE
 """What an attitude of a machine that stands on its head costs a reading [nats]."""
-RIVALS = 12
-"""So many of the best readings are weighed in pairs."""
 
 
 class Vertical:
@@ -120,7 +120,7 @@ class Field:
         """[nats] of all that the field does in body axes."""
         return 0.5 * float(np.sum(np.square(self.vectors[0].movement)))
 
-    def at(self, attitude: Array, field: int, *, late: bool) -> tuple[float, "Seen"] | None:
+    def at(self, attitude: Array, field: int, *, late: bool) -> tuple[float, Seen] | None:
         """[nats] for a quaternion read as the 4 x 4 matrix says and the magnetometer in the axes
         of this number, in step or with the attitude late; None where no lag is tried."""
         family, turned = vector_axes(attitude)
@@ -132,10 +132,6 @@ class Field:
         return misfit, (self.vectors[family], signed_permutations(3)[place], lag)
 
 
-Seen = tuple[RoomVector, Array, float]
-"""A field beside rates, the rates' axes relative to it, and by how much they are late [s]."""
-
-
 @dataclass(frozen=True)
 class _Leaning:
     """One reading of attitude, accelerometer and magnetometer."""
@@ -145,6 +141,8 @@ class _Leaning:
     """[nats]."""
     misfit: float
     """[nats]."""
+    of_gravity: float
+    """[nats] of it."""
     vertical: Vertical | None
     attitude: Array
     force: Array
@@ -161,6 +159,15 @@ class _Leaning:
             vector, axes, lag = self.field
             left.append(vector.residual(axes, lag))
         return left
+
+    @property
+    def polished(self) -> "_Leaning":
+        """The same with the lag of the field sought finely."""
+        if self.field is None:
+            return self
+        vector, axes, lag = self.field
+        left, finer = vector.polished(axes, lag)
+        return replace(self, misfit=self.of_gravity + left, field=(vector, axes, finer))
 
     @property
     def score(self) -> float:
@@ -191,7 +198,7 @@ def vertical_findings(recording: Recording, gravity: float) -> list[ConventionFi
     every = sorted(_leanings(recording, grid, gravity, field), key=lambda one: one.score)
     if not every:
         return []
-    ranked = every[:RIVALS] + [one for one in every[RIVALS:] if not one.corrections]
+    ranked = best_of(every, lambda one: [one.field] if one.field is not None else [])
     inflated = [inflation(left[:-2]) for left in ranked[0].residuals]
 
     def weigh(one: _Leaning, other: _Leaning) -> float:
@@ -257,8 +264,9 @@ def _leanings(
                     for clock in clocks if late else [None]:
                         yield _Leaning(
                             (*changes, *frame.corrections, *([clock] if clock else [])),
-                            paid + SIMPLE * late,
+                            paid + LATE * late,
                             left,
+                            float(misfit[force]),
                             vertical,
                             attitude,
                             axes[force],
