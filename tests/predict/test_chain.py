@@ -24,6 +24,7 @@ def random_chain(
         rng.normal(size=(segments - 1, x, x)),
         rng.normal(size=(segments - 1, x, u)),
         0.1 * noise @ noise.transpose(0, 2, 1),
+        np.zeros(x),
     )
 
 
@@ -128,6 +129,7 @@ def test_a_motion_without_noise_needs_no_noise_to_be_solved():
         linear.transition,
         linear.jump_shared,
         np.zeros_like(linear.spread),
+        linear.known,
     )
     link = chain(exact)
     change = np.array([0.3, -0.2])

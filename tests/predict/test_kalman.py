@@ -29,10 +29,12 @@ def test_whitening_agrees_with_the_dense_covariance():
         rng.normal(size=(segments - 1, x, x)),
         rng.normal(size=(segments - 1, x, u)),
         np.zeros((segments - 1, x, x)),
+        np.zeros(x),
     )
     row = np.arange(rows, dtype=np.int32).reshape(1, instants, width).repeat(segments, axis=0)
     by_row = measured.reshape(segments, rows, x)
-    local = Local(by_row, row, carried, pushed, step, wander, drift)
+    driven = step * pushed[:, None]
+    local = Local(by_row, row, carried, pushed, step, wander, drift, driven)
     white, logarithm = whitened(linear, local, intensity)
 
     total = 0.0

@@ -88,13 +88,20 @@ class Account:
     @cached_property
     def left(self) -> list[list[Array]]:
         """Of each log and output (m, k): what is left, in units of the noise."""
-        parts: list[list[Array]] = []
-        for body, exact, link in zip(self.problem.bodies, self.now.exact, self.links, strict=True):
-            linear = exact.linear
-            states = link.states(np.zeros(linear.shared.shape[-1]))
-            rows = linear.residual + np.einsum("snx,sx->sn", linear.state, states)
-            parts.append(body.cells.gather(rows))
-        return parts
+        if isinstance(self.now, Innovations) and self.now.noise.any:
+            rows = self.now.left()
+        else:
+            rows = [
+                exact.linear.residual
+                + np.einsum(
+                    "snx,sx->sn",
+                    exact.linear.state,
+                    link.states(np.zeros(exact.linear.shared.shape[-1])),
+                )
+                for exact, link in zip(self.now.exact, self.links, strict=True)
+            ]
+        pairs = zip(self.problem.bodies, rows, strict=True)
+        return [body.cells.gather(own) for body, own in pairs]
 
     @cached_property
     def inflation(self) -> float:
@@ -136,7 +143,7 @@ class Account:
         more = [p for symptom in symptoms for p in symptom.perturbations]
         exact = self.problem.with_perturbations(self.now.exact, more)
         if isinstance(self.now, Innovations):
-            return White(self.problem.whiten(self.at, exact, self.now.intensity))
+            return White(self.problem.whiten(self.at, exact, self.now.noise))
         return apart(self.problem, self.at, exact)
 
 

@@ -72,10 +72,14 @@ def free_run(horizon: float, as_built: Account, best: Account) -> FreeRun | None
 def _known(account: Account, time: Array) -> Array:
     """(r, .) position: on the fitted path where the motion follows it, else as smoothed."""
     body = account.problem.bodies[0]
-    if not account.follows:
+    if not account.follows or _torque_wanders(account):
         return body.motion.at(time).position
     segment, into = body.grid.place(time)
     return account.now.exact[0].path.position[0, segment, np.round(into).astype(np.intp)]
+
+
+def _torque_wanders(account: Account) -> bool:
+    return isinstance(account.now, Innovations) and account.now.noise.torque is not None
 
 
 def _filtered(account: Account, chosen: NDArray[np.intp]) -> tuple[States, Array]:
@@ -90,6 +94,12 @@ def _filtered(account: Account, chosen: NDArray[np.intp]) -> tuple[States, Array
         # the fitted path is known with hindsight, and shares with the start what came before it
         known = link.hindsight() if account.follows else np.stack(link.seen_spread)
         spread = known[before]
+        if account.now.noise.any:
+            x, moved = linear.transition.shape[-1], account.now.linear[0]
+            carry = moved.transition[before]
+            mean = moved.jump[before] + np.einsum("rxy,ry->rx", carry, mean)
+            spread = carry @ spread @ carry.transpose(0, 2, 1) + moved.spread[before]
+            return account.at.starts[0][chosen].moved(mean[:, :x]), spread[:, :x, :x]
     else:
         link = account.now.links[0]
         mean = link.states(np.zeros(linear.shared.shape[-1]))[before]

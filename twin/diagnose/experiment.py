@@ -27,6 +27,7 @@ from twin.predict.effects.columns import perturbations_of, strengths_of
 from twin.predict.effects.machine import predicted_machine
 from twin.predict.log.motion import motion_of
 from twin.predict.whitening.innovations import Innovations, Problem
+from twin.predict.whitening.noise import EXACT
 from twin.recording import Recording
 
 Array = NDArray[np.float64]
@@ -206,8 +207,8 @@ def _foretold(
     size = [strengths_of(effect)[free] for effect, free in zip(now.effects, now.free, strict=True)]
     problem = Problem([body], now.base, parts)
     start = problem.start(now.at.theta, [first_biases(body)], np.concatenate(size))
-    intensity = now.now.intensity if isinstance(now.now, Innovations) else 0.0
-    there = replace(now, bodies=(body,), problem=problem, now=problem.innovations(start, intensity))
+    noise = now.now.noise if isinstance(now.now, Innovations) else EXACT
+    there = replace(now, bodies=(body,), problem=problem, now=problem.innovations(start, noise))
     same = [candidate(one.effect, platform) for one in rivals]
     if [len(one.perturbations) for one in same] != [len(one.perturbations) for one in rivals]:
         return None

@@ -18,6 +18,7 @@ from twin.diagnose.moves import between, farthest, held, in_sigmas, largest, uns
 from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing
 from twin.effects import BiasEffect, Effect
+from twin.identify.noise_processes import likely_noise
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
 from twin.predict.body import Body, Exact
 from twin.predict.effects.added import Formed, formed, with_formed
@@ -28,6 +29,7 @@ from twin.predict.effects.retrace import retraced
 from twin.predict.parameters.base import BaseParameters
 from twin.predict.whitening.apart import Apart, apart, fit_apart
 from twin.predict.whitening.innovations import Innovations, Problem
+from twin.predict.whitening.noise import EXACT, Noise
 from twin.predict.whitening.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -129,10 +131,36 @@ class Explanation:
 
     def instead(self, effects: Sequence[Effect], laws: Sequence[Law] = ()) -> "Explanation":
         """Other effects and laws, fitted from where this one stands."""
-        found = explain(self.following, self.base, effects, self.at, laws, follows=self.follows)
+        found = explain(
+            self.following,
+            self.base,
+            effects,
+            self.at,
+            laws,
+            follows=self.follows,
+            noise=self.noise,
+        )
+        if self.noise.any:
+            found = found.wandering()
         follow = isinstance(self.now, Innovations) and isinstance(found.now, Innovations)
         if follow and abs(self.cost - found.cost) < NEAR * self.samples:
             found._formed.update(self._formed)
+        return found
+
+    @property
+    def noise(self) -> Noise:
+        """What disturbs the motion and the sensors, beside their white noise."""
+        return self.now.noise if isinstance(self.now, Innovations) else EXACT
+
+    def wandering(self) -> "Explanation":
+        """The same with the noise processes that the logs ask for, base and effects fitted anew."""
+        assert isinstance(self.now, Innovations)
+        noise = likely_noise(self.problem, self.now, self.noise)
+        if noise == self.noise:
+            return self
+        near = fit(self.problem, self.at, noise)
+        found = replace(self, now=near.innovations, converged=near.converged)
+        found._formed.update(self._formed)  # along nearly the same path
         return found
 
     def disturbed(self) -> "Explanation":
@@ -232,7 +260,7 @@ class Explanation:
         self._formed.update(zip(new, formed(self.following, self.now.exact, new), strict=True))
         exact = with_formed(exact, [self._formed[one] for one in perturbations])
         if isinstance(self.now, Innovations):
-            return self._rows(self.problem.whiten(self.at, exact, self.now.intensity))
+            return self._rows(self.problem.whiten(self.at, exact, self.now.noise))
         return self._rows(apart(self.problem, self.at, exact))
 
     @cached_property
@@ -285,6 +313,7 @@ def explain(
     laws: Sequence[Law] = (),
     *,
     follows: bool = True,
+    noise: Noise = EXACT,
 ) -> Explanation:
     """Fit a model with these effects.
 
@@ -295,18 +324,19 @@ def explain(
         start: where the base, the biases and the states start; its strengths are not used.
         laws: without a name, fitted besides.
         follows: whether the motion is to follow the model; else segments are fitted apart.
+        noise: what disturbs a motion that follows, and the sensors.
 
     Raises:
         TwinError: no rigid body has the base that the iteration starts from.
     """
     effects = tuple(effect.least(bodies[0].machine.platform) for effect in effects)
-    now, away = _explained(tuple(bodies), base, effects, start, laws, follows=follows)
+    now, away = _explained(tuple(bodies), base, effects, start, laws, follows, noise)
     shaped = any(not amplitudes(effect).all() for effect in effects)
     for _ in range(AGAIN if shaped and follows else 0):
         if away < AWAY:
             break
         # what is held is chosen anew, too
-        there, far = _explained(now.following, base, now.effects, now.at, now.laws, follows=True)
+        there, far = _explained(now.following, base, now.effects, now.at, now.laws, True, noise)
         if far > away and not there.cost < now.cost:
             break
         now, away = there, far
@@ -319,11 +349,11 @@ def _explained(
     effects: tuple[Effect, ...],
     start: Unknowns,
     laws: Sequence[Law],
-    *,
     follows: bool,
+    noise: Noise,
 ) -> tuple[Explanation, float]:
     """Such a fit, and how far its effects ended from where their columns were formed."""
-    now = _fitted(bodies, base, effects, tuple(laws), start, follows=follows)
+    now = _fitted(bodies, base, effects, tuple(laws), start, follows, noise)
     formed_at, share = effects, 1.0
     sigmas = in_sigmas(now.effects, now.free, now.covariances)
     for rounds in range(ROUNDS if effects else 0):
@@ -332,7 +362,7 @@ def _explained(
         if (as_foretold and _far(formed_at, now) < SETTLED) or share < LEAST:
             break
         there = between(formed_at, now.effects, share)
-        tried = _fitted(now.following, base, there, now.laws, now.at, follows=follows, before=now)
+        tried = _fitted(now.following, base, there, now.laws, now.at, follows, noise, before=now)
         settled = _far(there, tried) < SETTLED
         if follows and not settled and tried.cost > now.cost + WORSE + IN_ALL * sigmas**2:
             share *= 0.5
@@ -355,8 +385,9 @@ def _fitted(
     effects: tuple[Effect, ...],
     laws: tuple[Law, ...],
     start: Unknowns,
-    *,
     follows: bool,
+    noise: Noise,
+    *,
     before: Explanation | None = None,
 ) -> Explanation:
     """With the columns of the effects as they are where they are now; `before` with them as they
@@ -385,7 +416,7 @@ def _fitted(
     strengths = np.concatenate([stays[: layout.rests], *first, stays[layout.of_laws]])
     at = replace(start, strengths=strengths)
     if follows:
-        found = fit(problem, at)
+        found = fit(problem, at, noise)
         now, converged = found.innovations, found.converged
     else:
         now, converged = fit_apart(problem, at), True

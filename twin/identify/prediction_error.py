@@ -16,6 +16,7 @@ from scipy.stats import t as student
 
 from twin.errors import TwinError
 from twin.predict.whitening.innovations import Innovations, Problem
+from twin.predict.whitening.noise import EXACT, Noise
 from twin.predict.whitening.unknowns import Unknowns
 from twin.stop import check
 
@@ -86,7 +87,7 @@ class Fit:
         inverse = now.covariance
         _, cluster = np.unique(now.cluster, return_inverse=True)
         clusters = int(cluster.max()) + 1
-        if now.intensity == 0.0 or clusters < ENOUGH * len(inverse):
+        if not now.noise.any or clusters < ENOUGH * len(inverse):
             return inverse, NORMAL
         scores = np.zeros((clusters, len(inverse)))
         np.add.at(scores, cluster, now.columns * now.residual[:, None])
@@ -97,13 +98,22 @@ class Fit:
         return scaled, float(student.ppf(0.975, freedom))
 
 
-def fit(problem: Problem, start: Unknowns) -> Fit:
-    """Fit the base, the biases and the states of a motion that follows the model exactly.
+def fit(problem: Problem, start: Unknowns, noise: Noise = EXACT) -> Fit:
+    """Fit the base, the biases and the states of a motion that follows the model.
+
+    Args:
+        problem: the logs.
+        start: where the iteration starts.
+        noise: what disturbs the motion and the sensors, beside their white noise.
 
     Raises:
         TwinError: no rigid body has the base that the iteration starts from.
     """
-    return _iterate(problem, problem.innovations(start), problem.innovations)
+
+    def innovations(at: Unknowns) -> Innovations:
+        return problem.innovations(at, noise)
+
+    return _iterate(problem, innovations(start), innovations)
 
 
 def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
@@ -175,10 +185,10 @@ def _iterate(
         size = _size(now)
         idle = 0 if size < SHRINKING * smallest else idle + 1
         smallest = min(size, smallest)
-        if idle > 3 and now.intensity == 0.0 and size < SETTLED:
+        if idle > 3 and not now.noise.any and size < SETTLED:
             now = best
             break
-    return Fit(now, converged=now.intensity > 0.0 and size < SETTLED)
+    return Fit(now, converged=now.noise.any and size < SETTLED)
 
 
 def _size(now: Innovations) -> float:
@@ -207,7 +217,7 @@ def _moved(
         before, after = now.chi2 + now.logarithm, tried.chi2 + tried.logarithm
         # Paths that follow the model exactly may part from the logs first; disturbed ones need not,
         # nor those that are there already.
-        settled = now.intensity > 0.0 or bool(now.tilt.any())
+        settled = now.noise.any or bool(now.tilt.any())
         room = 0.0 if settled else (WORSE - 1.0) * max(now.chi2, float(now.samples))
         if after <= before + room:
             return tried, 0.5**halving
@@ -232,7 +242,7 @@ def most_likely(
         within: how many decades it may be off.
     """
     best = minimize_scalar(
-        lambda decade: _restricted(_under(problem, exact, float(decade))),
+        lambda decade: restricted(_under(problem, exact, float(decade))),
         bounds=decades,
         method="bounded",
         options={"xatol": within},
@@ -246,11 +256,11 @@ def _strays(problem: Problem, exact: Innovations) -> bool:
     A tenth of what is there gains a fifth as much; far more does harm, and far less nothing.
     Between these two it is looked for by halves.
     """
-    none, (low, high) = _restricted(exact), DECADES
+    none, (low, high) = restricted(exact), DECADES
     least = HARDLY * WORTHWHILE
     while high - low > CLOSE:
         middle = 0.5 * (low + high)
-        worse = _restricted(_under(problem, exact, middle)) - none
+        worse = restricted(_under(problem, exact, middle)) - none
         if worse < -least:
             return True
         low, high = (middle, high) if worse < HARDLY * least else (low, middle)
@@ -260,10 +270,10 @@ def _strays(problem: Problem, exact: Innovations) -> bool:
 def _under(problem: Problem, exact: Innovations, decade: float) -> Innovations:
     """Under a torque of that intensity, per squared scale of the base."""
     size = float(np.max(problem.base.scale)) ** 2
-    return problem.whiten(exact.at, exact.exact, size * 10.0**decade)
+    return problem.whiten(exact.at, exact.exact, Noise(size * 10.0**decade))
 
 
-def _restricted(now: Innovations) -> float:
+def restricted(now: Innovations) -> float:
     """-2 log of the restricted likelihood, up to a constant."""
     size = np.linalg.norm(now.columns, axis=0)
     triangle = np.linalg.qr(now.columns / size, mode="r")

@@ -197,6 +197,7 @@ class Body:
             np.moveaxis(ends[1:] - ends[0], 0, -1) / STEP,
             np.zeros((*ends[0].shape, 0)),
             np.zeros((len(ends[0]), x, x)),
+            np.zeros(x),
         )
         answer = self.rollouts.answer(model)
         return Exact(linear, self._local(path[:1], carried, answer), path[:1], answer)
@@ -301,7 +302,22 @@ class Body:
             turned = answer[..., self.machine.base_dof]
             noise = noise + turned @ (grid.step * push) @ turned.swapaxes(-1, -2)
         row = self.cells.row
-        return Local(measured, row, carried, self._pushed, grid.step, noise, drift)
+        driven = grid.step * self._pushed[:, None]
+        errors = self._errors()
+        return Local(measured, row, carried, self._pushed, grid.step, noise, drift, driven, errors)
+
+    def _errors(self) -> dict[str, Array]:
+        """(S, N, k) d(measured / noise) / d error of each column of a sensor of the motion."""
+        found: dict[str, Array] = {}
+        for output, (segment, row) in zip(self.outputs, self.cells.places, strict=True):
+            if output.told is not None or output.stream in ("wheel_speed", "gimbal_angle"):
+                continue
+            columns = output.sigma.shape[1]
+            seen = np.zeros((self.grid.segments, self.cells.count, columns))
+            for column, sigma in enumerate(output.sigma.T):
+                seen[segment, row[:, [column]], column] = 1.0 / sigma[:, None]
+            found[output.stream] = seen
+        return found
 
     def _walks(self) -> tuple[Array, Array]:
         """Intensities of what nobody recorded: (wheels,) of torques on them [(N m)^2 s], (gimbals,)

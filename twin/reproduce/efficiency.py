@@ -19,6 +19,7 @@ from twin.predict.log.motion import motion_of
 from twin.predict.parameters.base import ENTRIES, NAMES, base_parameters
 from twin.predict.path.states import States
 from twin.predict.whitening.innovations import Problem
+from twin.predict.whitening.noise import Noise
 from twin.recording import Recording
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
 from twin.reproduce.part import Ours
@@ -78,7 +79,7 @@ def cramer_rao(
         problem.start(base.as_stated, [np.zeros(len(body.bias_scale))]),
         starts=(States(rotation.normalized(attitude), rate, wheel_speed, none),),
     )
-    covariance = problem.innovations(at, intensity).covariance
+    covariance = problem.innovations(at, Noise(intensity)).covariance
     return np.asarray(np.sqrt(np.diag(covariance)[:9]), dtype=np.float64)
 
 

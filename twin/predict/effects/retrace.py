@@ -42,7 +42,8 @@ def _path(problem: Problem, now: Innovations, log: int) -> States:
     """(1, S, ...) from starts at their best, under the torque that the fit leaves unexplained."""
     body, exact = problem.bodies[log], now.exact[log]
     none = np.zeros(exact.linear.shared.shape[-1])
-    start = now.at.starts[log].moved(now.chains[log].states(none))
+    starts = now.at.starts[log]
+    start = starts.moved(now.chains[log].states(none)[:, : starts.width])
     push = problem.push(log, now.at)
     if now.intensity > 0.0:
         base, k = body.machine.base_dof, exact.path.rate.shape[-1]

@@ -104,6 +104,7 @@ def chain(linear: Linearised) -> Chain:
     root: Array = np.asarray(inverse, dtype=np.float64)
     seen, seen_spread = [mean], [root @ root.T]
     logarithm = 2.0 * float(np.log(np.abs(np.diag(first))).sum())
+    logarithm -= 2.0 * float(np.log(linear.known[linear.known > 0.0]).sum())
     pull, kept, told = [np.zeros_like(mean)], [np.zeros_like(root)], [np.zeros_like(root)]
     for s in range(1, len(of_state)):
         step = linear.transition[s - 1]
@@ -150,7 +151,8 @@ def _updated(h: Array, root: Array) -> tuple[Array, Array, Array]:
 
 
 def _triangle(linear: Linearised, segment: int) -> Array:
-    """(k, k) of a segment's k = x + 1 + u columns: all that its rows say.
+    """(k, k) of a segment's k = x + 1 + u columns: all that its rows say, and of the first one
+    what is known of its start beforehand.
 
     LAPACK called in place: as `np.linalg.qr`, which copies the rows twice, and there are many.
     """
@@ -160,10 +162,12 @@ def _triangle(linear: Linearised, segment: int) -> Array:
     acting = np.flatnonzero(shared.any(axis=1))
     kept = np.concatenate([np.arange(x + 1), x + 1 + acting])
     n, k = shared.shape[1], len(kept)
-    columns = np.zeros((max(n, k), k), order="F")
+    known = np.flatnonzero(linear.known) if segment == 0 else np.zeros(0, dtype=np.intp)
+    columns = np.zeros((max(n + len(known), k), k), order="F")
     columns.T[:x, :n] = linear.state[segment].T
     columns.T[x, :n] = linear.residual[segment]
     columns.T[x + 1 :, :n] = shared[acting]
+    columns[n + np.arange(len(known)), known] = linear.known[known]
     work = int(dgeqrf_lwork(*columns.shape)[0])
     factored = dgeqrf(columns, lwork=work, overwrite_a=True)[0]
     width = x + 1 + linear.shared.shape[-1]

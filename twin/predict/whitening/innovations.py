@@ -14,8 +14,9 @@ from twin.predict.effects.stated import rests_of
 from twin.predict.parameters.base import BaseParameters
 from twin.predict.path.push import Push
 from twin.predict.whitening.chain import Chain, chain, growth
-from twin.predict.whitening.kalman import whitened
+from twin.predict.whitening.kalman import scaled, whitened
 from twin.predict.whitening.linearised import Linearised
+from twin.predict.whitening.noise import EXACT, Noise
 from twin.predict.whitening.unknowns import Eliminated, Unknowns
 
 Array = NDArray[np.float64]
@@ -42,9 +43,8 @@ class Innovations:
     at: Unknowns
     exact: tuple[Exact, ...]
     """Of each log."""
-    intensity: float
-    """Of the white torque about each base axis of the machine as stated that is taken into account
-    [(N m)^2 s]."""
+    noise: Noise
+    """What disturbs the motion and the sensors, beside their white noise."""
     linear: tuple[Linearised, ...]
     """Of each log, with that torque and its states."""
     chains: tuple[Chain, ...]
@@ -61,6 +61,11 @@ class Innovations:
     """Log-determinant of the covariance that was divided out."""
     tilt: Array
     """(.,) how it grows with each unknown; see `Problem.tilted`."""
+
+    @property
+    def intensity(self) -> float:
+        """Of the white torque about each base axis of the machine as stated [(N m)^2 s]."""
+        return self.noise.white
 
     @property
     def covariance(self) -> Array:
@@ -144,7 +149,7 @@ class Problem:
         )
         return Unknowns(theta, own, tuple(body.start for body in self.bodies), strengths)
 
-    def innovations(self, at: Unknowns, intensity: float = 0.0) -> Innovations:
+    def innovations(self, at: Unknowns, noise: Noise = EXACT) -> Innovations:
         """Predict and linearise.
 
         Raises:
@@ -152,7 +157,7 @@ class Problem:
         """
         # what overflows on the way is told by the columns at its end
         with np.errstate(over="ignore", invalid="ignore"):
-            there = self.whiten(at, self.exact(at), intensity)
+            there = self.whiten(at, self.exact(at), noise)
             beyond = not np.isfinite(np.linalg.norm(there.columns, axis=0)).all()
         if beyond or not np.isfinite(there.chi2):
             raise TwinError(
@@ -225,7 +230,7 @@ class Problem:
             replace(one, linear=one.linear.with_columns(more))
             for one, more in zip(now.exact, columns, strict=True)
         ]
-        more = self.whiten(now.at, exact, now.intensity)
+        more = self.whiten(now.at, exact, now.noise)
         none = np.zeros(more.columns.shape[1] - len(now.tilt))
         return replace(more, tilt=np.concatenate([now.tilt, none]))
 
@@ -238,7 +243,7 @@ class Problem:
         no such slope, and is given none; nor is one that a torque disturbs, where the intensity of
         that torque takes its share of it.
         """
-        if now.intensity > 0.0:
+        if now.noise.any:
             return now
         sigma = np.sqrt(np.diag(now.covariance))[: len(now.at.theta)]
         growing = sum(growth(one.linear) for one in now.exact)
@@ -246,25 +251,25 @@ class Problem:
         for index in np.flatnonzero(growing * sigma / self.base.scale >= NO_GROWTH):
             change = np.zeros(len(tilt))
             change[index] = NEARBY * sigma[index]
-            nearby = self._logarithm(now.moved(change), now.intensity)
+            nearby = self._logarithm(now.moved(change), now.noise)
             tilt[index] = (nearby - now.logarithm) / change[index]
         return replace(now, tilt=tilt)
 
-    def _logarithm(self, at: Unknowns, intensity: float) -> float:
+    def _logarithm(self, at: Unknowns, noise: Noise) -> float:
         """Log-determinant of the covariance at some unknowns."""
         total = 0.0
         for log, (body, start) in enumerate(zip(self.bodies, at.starts, strict=True)):
             exact = body.along(self.base, at.theta, start, self.push(log, at))
-            linear, own = _disturbed(exact, intensity)
+            linear, own = _disturbed(exact, noise)
             total += own + chain(linear).logarithm
         return total
 
-    def whiten(self, at: Unknowns, exact: Sequence[Exact], intensity: float) -> Innovations:
-        """What was linearised at some unknowns, under a white torque of this intensity."""
+    def whiten(self, at: Unknowns, exact: Sequence[Exact], noise: Noise) -> Innovations:
+        """What was linearised at some unknowns, under some noise."""
         linear: list[Linearised] = []
         logarithm = 0.0
         for one in exact:
-            white, own = _disturbed(one, intensity)
+            white, own = _disturbed(one, noise)
             logarithm += own
             linear.append(white)
         chains = [chain(one) for one in linear]
@@ -274,7 +279,7 @@ class Problem:
         return Innovations(
             at,
             tuple(exact),
-            intensity,
+            noise,
             tuple(linear),
             tuple(chains),
             stacked[:, 0],
@@ -340,11 +345,16 @@ def _with(one: Exact, added: Added, strengths: Array) -> Exact:
     return replace(one, linear=one.linear.with_columns(*added.columns(one, strengths)))
 
 
-def _disturbed(one: Exact, intensity: float) -> tuple[Linearised, float]:
-    """Under a white torque of this intensity about each base axis; the log-determinant."""
-    if intensity == 0.0 and not one.local.wander.any():
-        return one.linear, 0.0
-    return whitened(one.linear, one.local, np.full(one.local.pushed.shape[-1], intensity))
+def _disturbed(one: Exact, noise: Noise) -> tuple[Linearised, float]:
+    """Under some noise; the log-determinant."""
+    linear, local, own = one.linear, one.local, 0.0
+    if noise.scales:
+        linear, local, own = scaled(linear, local, noise.scales)
+    if noise.white == 0.0 and not noise.wanders and not local.wander.any():
+        return linear, own
+    white = np.full(local.pushed.shape[-1], noise.white)
+    found, logarithm = whitened(linear, local, white, noise if noise.wanders else None)
+    return found, own + logarithm
 
 
 def _prior(bias: Array, scale: Array, p: int, added: int) -> Array:

@@ -35,6 +35,9 @@ class Linearised:
     """(S - 1, x, u)."""
     spread: Array
     """(S - 1, x, x)."""
+    known: Array
+    """(x,) one over the standard deviation about 0 of the first segment's start; 0 of what nothing
+    is known of beforehand."""
 
     def with_columns(self, columns: Array, jumps: Array | None = None) -> "Linearised":
         """With further shared unknowns.

@@ -32,7 +32,7 @@ class Eliminated(Protocol):
         ...
 
     def states(self, change: Array) -> Array:
-        """(S, x) best starts for a change (u,) of the shared unknowns."""
+        """(S, x) best starts for a change (u,) of the shared unknowns, then what else wanders."""
         ...
 
 
@@ -59,7 +59,7 @@ class Unknowns:
             self.theta + change[:p],
             tuple(b + d for b, d in zip(self.biases, own, strict=True)),
             tuple(
-                start.moved(link.states(np.concatenate([change[:p], d, added])))
+                start.moved(link.states(np.concatenate([change[:p], d, added]))[:, : start.width])
                 for start, link, d in zip(self.starts, links, own, strict=True)
             ),
             self.strengths + added,
