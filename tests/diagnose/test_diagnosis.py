@@ -84,7 +84,7 @@ def test_a_fit_that_has_lost_the_motion_names_nothing(found, monkeypatch):
     assert len(asked) == len(FEW)
     line = reasoning.reason(found.plain, asked, lambda _: None)
     assert line.now.effects == ()
-    assert line.left.chance < 1e-4
+    assert line.left.chance < 1e-4 or line.now.noise.wanders
 
 
 class Lost(Explanation):

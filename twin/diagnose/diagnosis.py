@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from twin.compare.free_run import HORIZONS, FreeRun, free_run
 from twin.conventions import ConventionFinding
@@ -20,12 +21,14 @@ from twin.diagnose.reasoning import ROUGH, onward, reason
 from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.rivals import against_rivals
 from twin.diagnose.scatter import scatter_causes
+from twin.diagnose.wandering import carried, ordinary
 from twin.effects import BiasEffect, Effect
 from twin.errors import UsageError
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of
 from twin.predict.log.usable import usable
 from twin.predict.path.rollouts import BeyondBounds
+from twin.predict.whitening.noise import Noise
 from twin.recording import Recording
 from twin.recording.pauses import pieces_of
 
@@ -36,6 +39,9 @@ UNEXPLAINED = 1e-4
 CROWD = 3
 """Kinds of causes at once. What the catalogue lacks looks like more of them, each small beside it:
 six explained an inclinometer's misalignment that had been left out."""
+IN_PART = 0.5
+"""Share of what a model misses that causes must carry, where what wanders beside them is more than
+rooms and sensors have."""
 STRAYS = 2.0
 """Half widths of the band in which a true model's chi-square stays 95 times in 100."""
 
@@ -77,10 +83,24 @@ class Diagnosis:
         return not _unexplained(self.explained, self.remainder, self.held_out)
 
     @property
+    def wander(self) -> Noise:
+        """Noise processes beside the sensors' white noise, fitted with the causes."""
+        return self.explained.noise
+
+    @cached_property
+    def carried(self) -> float:
+        """Share of what the model without causes misses that the causes carry; what wanders has
+        the rest."""
+        return carried(self.plain, self.explained)
+
+    @property
     def verdict(self) -> str:
-        """healthy, explained, ambiguous or unexplained."""
+        """healthy, explained, explained in part, ambiguous or unexplained."""
         if self.pushes or not self.intervals_hold:
             return "unexplained"
+        if not ordinary(self.wander):
+            in_part = self.causes and self.carried > IN_PART
+            return "explained in part" if in_part else "unexplained"
         if not self.causes:
             return "healthy"
         return "ambiguous" if any(cause.ties for cause in self.causes) else "explained"

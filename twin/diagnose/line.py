@@ -9,6 +9,7 @@ from twin.diagnose.explanation import Explanation
 from twin.diagnose.laws import laws_of, unlikely
 from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.search import Search
+from twin.identify.prediction_error import WORTHWHILE
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class Line:
         price = self.search.weighing.weigh(own).gain - self.search.evidence(own)
         if self.now.laws:
             price += len(self.now.laws) * unlikely(laws_of(self.now.bodies))
+        price += WORTHWHILE * self.now.noise.processes
         return self.now.cost + price
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from twin.diagnose.alone import LED, NEARLY, UNMISTAKABLE, sole
-from twin.diagnose.candidates import Candidate, ringing
+from twin.diagnose.candidates import Candidate, resonators, ringing
 from twin.diagnose.explanation import Explanation, explain
 from twin.diagnose.fitting import CROWD, astray, fitted, followed, guesses
 from twin.diagnose.laws import RARE, laws_of, unlikely
@@ -14,6 +14,7 @@ from twin.diagnose.needed import needed_only
 from twin.diagnose.remainder import remainder
 from twin.diagnose.resonance import resonating
 from twin.diagnose.search import TIED, Search
+from twin.diagnose.wandering import beside_wander, gained_by
 from twin.effects import BodyEffect, Effect, able, with_effects
 from twin.errors import TwinError
 from twin.model import compile_model
@@ -25,6 +26,8 @@ ROUNDS = 6
 """Searches, each where the fit of the one before stands."""
 WEAK = 0.03
 """Share of another's evidence that may be no more than the error of its linearised column."""
+WANDERS = 200.0
+"""-2 log L that noise processes gain, from where on they are no weak cause's that was missed."""
 ROUGH = 1.5
 """Chi-square a sample beyond which no cause has made the motion follow the model. The logs are then
 predicted in segments apart, and what they say counts for less."""
@@ -40,7 +43,11 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     search = search_from(plain, every)
     lost = plain.follows and not plain.converged
     line = (_led if lost else sole)(plain, search, every, say)
-    rung, sought = None, False
+    rung, sought, wandering = None, False, None
+    if not lost and (line is None or line.left.doubtful):
+        wandering = _beside_wander(plain, search, every, say)
+        if wandering is not None and _is_wander(wandering):
+            return wandering
     if line is None or line.left.doubtful:
         # what rings or blows at another frequency than usual looks like many causes
         several = len(search.best()) > 1
@@ -79,7 +86,37 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
             # causes that stand in for a law may have hidden it
             lead = -SHADOW if lawful else TIED
             line = _with_laws(Line(plain, search, every), than=line, lead=lead)
-    return _needed(line, say)
+    line = _needed(line, say)
+    return line if wandering is None else min(line, wandering, key=lambda one: one.score)
+
+
+def _beside_wander(
+    plain: Explanation, search: Search, every: tuple[Candidate, ...], say: Say
+) -> Line | None:
+    """Causes beside noise that wanders, where a few causes beside white noise leave more than that;
+    None where they do not, or where such noise leaves more too."""
+    if len(search.best()) <= CROWD and not _searched(plain, search, every, say).left.doubtful:
+        return None
+    found = beside_wander(plain, every, say)
+    return None if found is None or found.left.doubtful else found
+
+
+def _is_wander(line: Line) -> bool:
+    """Whether what wanders does so beyond doubt, and is neither a law without a name nor something
+    that rings."""
+    if gained_by(line.now) < WANDERS:
+        return False
+    laws = laws_of(line.now.bodies)
+    lines = lines_of(line.now)
+    price = unlikely(laws)
+    shapes = resonators(line.asked, line.now.bodies)
+    if lines:
+        shapes = (*shapes, *ringing(line.asked, lines, line.now.bodies))
+    parts = [one.perturbations for one in shapes] + [(law.perturbation,) for law in laws]
+    traces = [one.trace for one in shapes] + [law.trace(price) for law in laws]
+    weighing = line.now.weigh(parts, traces)
+    search = Search(weighing, range(len(weighing.traces)))
+    return not any(search.pays(score) for score in search.scores(line.now.own))
 
 
 def _rung(

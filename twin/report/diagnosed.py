@@ -12,6 +12,7 @@ from twin.diagnose.law import TORQUE
 from twin.diagnose.pushes import Push
 from twin.diagnose.remainder import Remainder
 from twin.diagnose.validation import Validation
+from twin.diagnose.wandering import ordinary
 from twin.identify.excitation import not_excited
 from twin.identify.prediction_error import NORMAL
 from twin.platform import beyond_stated, taken_as_at_rest
@@ -19,6 +20,7 @@ from twin.predict.effects.columns import amplitudes
 from twin.report.next_experiment import experiment_sentence
 from twin.report.one_clock import one_clock_sentences
 from twin.report.words import MEANINGFUL, NO_INTERVALS, pair, quiet_sentences
+from twin.signals import stream_named
 from twin.units import fitting, printed, three_digits
 
 FAR = 0.5
@@ -39,6 +41,7 @@ def diagnosed(found: Diagnosis) -> list[str]:
     said += [push_sentence(found.pushes)] if found.pushes else []
     said += [cause_sentence(cause) for cause in found.causes]
     said += one_clock_sentences(found)
+    said += wander_sentences(found)
     if found.next_experiment is not None:
         said.append(experiment_sentence(found.next_experiment))
     if found.equation is not None:
@@ -77,17 +80,30 @@ def verdict_sentence(found: Diagnosis) -> str:
             f"Unexplained: {times} something happened that no cause explains; for the rest of the "
             f"time, {rest} nothing but noise is left."
         )
+    noise = " and ".join(("noise", *wanders(found)))
     if found.verdict == "healthy":
         return (
-            "Healthy: what the model leaves is the sensors' noise, and none of "
+            f"Healthy: what the model leaves is the sensors' {noise}, and none of "
             f"{sum(one.could_show for one in found.tried)} causes that would show explains any."
         )
     if found.verdict == "explained":
-        return f"Explained: the model lacks {names}, and with that nothing but noise is left."
+        return f"Explained: the model lacks {names}, and with that nothing but {noise} is left."
     if found.verdict == "ambiguous":
         return (
             f"Ambiguous: the model lacks {names}, or what these logs cannot tell from it; with it "
-            "nothing but noise is left."
+            f"nothing but {noise} is left."
+        )
+    rest = " and ".join(wanders(found))
+    if found.verdict == "explained in part":
+        return (
+            f"Explained in part: {names} carries {100.0 * found.carried:.0f} % of what the model "
+            f"misses; the rest is {rest}, more than rooms and sensors have."
+        )
+    if not ordinary(found.wander):
+        best = f", beside {names}," if names else ""
+        return (
+            f"Unexplained: the model lacks{best} {rest}, more than rooms and sensors have, and no "
+            "cause of the catalogue explains it."
         )
     if not found.explained.follows:
         size = np.sqrt(found.remainder.chi2)
@@ -117,6 +133,31 @@ def verdict_sentence(found: Diagnosis) -> str:
         )
     beside = f" beside {names}" if names else ""
     return f"Unexplained: the model lacks something{beside} that the catalogue has no name for."
+
+
+def wanders(found: Diagnosis) -> list[str]:
+    """Each noise process in words: `a torque of 0.03 mN m rms that wanders over 3 s`."""
+    said: list[str] = []
+    if found.wander.torque is not None:
+        one = found.wander.torque
+        size = printed(one.rms, "N m")
+        said.append(f"a torque of {size} rms that wanders over {one.time:.2g} s")
+    for stream, one in found.wander.errors:
+        unit = "rad" if stream == "attitude" else stream_named(stream).unit
+        size = printed(one.rms, unit)
+        said.append(f"an error of {stream} of {size} rms that wanders over {one.time:.2g} s")
+    return said
+
+
+def wander_sentences(found: Diagnosis) -> list[str]:
+    """How much of what the model misses the causes carry beside what wanders."""
+    if not found.wander.wanders or not found.causes or found.verdict == "explained in part":
+        return []
+    names = " and ".join(cause_name(cause) for cause in found.causes)
+    return [
+        f"{names} carries {100.0 * found.carried:.0f} % of what the model misses, what wanders "
+        "the rest; every interval allows for it."
+    ]
 
 
 def cause_name(cause: Cause) -> str:

@@ -20,6 +20,7 @@ def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[
         "intervals_hold": found.intervals_hold,
         "sentence": verdict_sentence(found),
         "causes": [_cause(cause) for cause in found.causes],
+        "wander": _wander(found),
         "base": dict(explained.base.table(explained.at.theta, covariance, NORMAL)),
         "gain": {
             "held_out": {
@@ -81,6 +82,16 @@ def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[
         "noise": [finding.sentence for finding in found.noise],
         "taken_as_at_rest": list(taken_as_at_rest(found.recordings, found.platform)),
         "repairs": [repair for log in found.recordings for repair in log.repairs],
+    }
+
+
+def _wander(found: Diagnosis) -> dict[str, Any]:
+    noise = found.wander
+    torque = noise.torque
+    return {
+        "torque": None if torque is None else {"rms": torque.rms, "time": torque.time},
+        "errors": {stream: {"rms": one.rms, "time": one.time} for stream, one in noise.errors},
+        "carried_by_causes": found.carried if noise.wanders and found.causes else None,
     }
 
 
