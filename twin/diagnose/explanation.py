@@ -131,16 +131,12 @@ class Explanation:
 
     def instead(self, effects: Sequence[Effect], laws: Sequence[Law] = ()) -> "Explanation":
         """Other effects and laws, fitted from where this one stands."""
+        # a white torque has only led the motion to the logs
+        noise = EXACT if self.noise.white > 0.0 else self.noise
         found = explain(
-            self.following,
-            self.base,
-            effects,
-            self.at,
-            laws,
-            follows=self.follows,
-            noise=self.noise,
+            self.following, self.base, effects, self.at, laws, follows=self.follows, noise=noise
         )
-        if self.noise.any:
+        if noise.any:
             found = found.wandering()
         follow = isinstance(self.now, Innovations) and isinstance(found.now, Innovations)
         if follow and abs(self.cost - found.cost) < NEAR * self.samples:
