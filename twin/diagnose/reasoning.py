@@ -43,9 +43,12 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
     search = search_from(plain, every)
     lost = plain.follows and not plain.converged
     line = (_led if lost else sole)(plain, search, every, say)
-    rung, sought, wandering = None, False, None
+    rung, sought, wandering, begun = None, False, None, None
     if not lost and (line is None or line.left.doubtful):
-        wandering = _beside_wander(plain, search, every, say)
+        # a crowd takes long to fit, and stands in for something else
+        begun = _searched(plain, search, every, say) if len(search.best()) <= CROWD else None
+        if begun is None or begun.left.doubtful:
+            wandering = beside_wander(plain, every, say)
         if wandering is not None and _is_wander(wandering):
             return wandering
     if line is None or line.left.doubtful:
@@ -53,7 +56,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
         several = len(search.best()) > 1
         lines = (*lines_of(plain), *slow_line_of(plain)) if several else ()
         if lines:
-            every = (*every, *ringing(asked, lines, plain.bodies))
+            every, begun = (*every, *ringing(asked, lines, plain.bodies)), None
             wider = search_from(plain, every)
             # the strongest at first may be the one whose set is the worse
             better = wider.evidence(wider.best()) > search.evidence(search.best())
@@ -63,7 +66,7 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
             rung, sought = _rung(plain, promised, asked, every, say), True
         enough = rung is not None and rung.score < plain.cost - promised + SHADOW
         simplest = rung if enough else _lawful(plain, search, every, say)
-        simplest = simplest or _simplest(plain, search, every, say)
+        simplest = simplest or _simplest(plain, search, every, say, begun)
         line = min(line or simplest, simplest, key=lambda one: one.score)
     # beside a law without a name what rings may be a term that it lacks
     lines = () if line.now.laws else lines_of(line.now) or slow_line_of(line.now)
@@ -88,17 +91,6 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
             line = _with_laws(Line(plain, search, every), than=line, lead=lead)
     line = _needed(line, say)
     return line if wandering is None else min(line, wandering, key=lambda one: one.score)
-
-
-def _beside_wander(
-    plain: Explanation, search: Search, every: tuple[Candidate, ...], say: Say
-) -> Line | None:
-    """Causes beside noise that wanders, where a few causes beside white noise leave more than that;
-    None where they do not, or where such noise leaves more too."""
-    if len(search.best()) <= CROWD and not _searched(plain, search, every, say).left.doubtful:
-        return None
-    found = beside_wander(plain, every, say)
-    return None if found is None or found.left.doubtful else found
 
 
 def _is_wander(line: Line) -> bool:
@@ -235,11 +227,17 @@ def _lawful(
     return found if beside < SHADOW else None
 
 
-def _simplest(now: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say) -> Line:
+def _simplest(
+    now: Explanation,
+    search: Search,
+    asked: tuple[Candidate, ...],
+    say: Say,
+    begun: Line | None = None,
+) -> Line:
     """Searched, also from each new cause alone that a fit may change beyond its strength: what it
     lacks where its columns were formed looks like a second cause, or lets another one seem the
-    better."""
-    line = _searched(now, search, asked, say)
+    better. `begun` is that search, where it was made already."""
+    line = begun or _searched(now, search, asked, say)
     if not 1 <= len(line.now.effects) <= CROWD or not now.follows:
         return line
     chosen, single = search.best(), len(line.now.effects) == 1
