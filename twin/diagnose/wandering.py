@@ -36,7 +36,8 @@ a degree, a gyro bias of 200 deg/h, an accelerometer bias of 5 mg."""
 
 
 def beside_wander(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line | None:
-    """The causes of logs whose noise.any; None where nothing does, or does in the end.
+    """The causes of logs whose noise wanders; None where it does not beside the causes,
+    or where more than that is left.
 
     Args:
         plain: the model without causes, of a motion that follows it.
@@ -67,7 +68,7 @@ def beside_wander(plain: Explanation, asked: Sequence[Candidate], say: Say) -> L
             break
         line = there
     line = _needed(line, first, say)
-    return line if line.now.noise.any else None
+    return line if line.now.noise.any and not line.left.doubtful else None
 
 
 def _first(line: Line, chosen: tuple[int, ...]) -> tuple[int, ...]:
@@ -83,18 +84,23 @@ def _first(line: Line, chosen: tuple[int, ...]) -> tuple[int, ...]:
 def _needed(line: Line, first: Line, say: Say) -> Line:
     """Without the causes that a fit without them makes good; `first` is that without any."""
     while line.now.effects:
-        tries = [first] if len(line.now.effects) == 1 else []
-        for index in range(len(line.now.effects)) if not tries else ():
-            rest = [e for place, e in enumerate(line.now.effects) if place != index]
-            say(f"fitting without {line.now.effects[index].label}")
-            fewer = followed(line.now, rest)
-            if fewer is not None:
-                tries.append(Line(fewer, search_from(fewer, line.asked), line.asked))
+        tries = [first] if len(line.now.effects) == 1 else _with_one_less(line, say)
         best = min(tries, key=lambda one: one.score, default=None)
         if best is None or best.score > line.score:
             break
         line = best
     return line
+
+
+def _with_one_less(line: Line, say: Say) -> list[Line]:
+    """Fitted without each of the causes in turn, where that keeps the motion."""
+    found: list[Line] = []
+    for effect in line.now.effects:
+        say(f"fitting without {effect.label}")
+        fewer = followed(line.now, [other for other in line.now.effects if other is not effect])
+        if fewer is not None:
+            found.append(Line(fewer, search_from(fewer, line.asked), line.asked))
+    return found
 
 
 def ordinary(noise: Noise) -> bool:

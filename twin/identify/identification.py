@@ -123,7 +123,11 @@ class Identification:
         """Why half widths are no 95 % intervals; empty where they are. A torque that stands for
         what the model lacks explains no misfit of one sensor or one clock."""
         total, *streams = self.left or (None,)
-        worst = max((one for one in streams if one.strays), key=_excess, default=None)
+        worst = max(
+            (one for one in streams if one.strays),
+            key=lambda one: one.chi2_per_sample,
+            default=None,
+        )
         if worst is not None:
             times = np.sqrt(worst.chi2_per_sample)
             return (
@@ -379,10 +383,6 @@ def _refuse_guesses(
             f"a log has no wheel_speed, without which the method {method} knows no wheel's "
             f"momentum; use {OURS}"
         )
-
-
-def _excess(part: Misfit) -> float:
-    return part.chi2_per_sample
 
 
 def _misfit(problem: Problem, found: Fit) -> tuple[Misfit, ...]:

@@ -23,11 +23,12 @@ from twin.stop import check
 
 Array = NDArray[np.float64]
 
-SIZES = (1e-6, 1e-5, 1e-4, 1e-3)
-"""Of the stated m r g, or of J in 1/s^2 where that is larger: rms from which a torque is sought."""
-ERROR = (0.3, 3.0)
-"""Of a sample's noise, likewise of a sensor's."""
-TIMES = {True: 3.0, False: 20.0}
+TORQUES = (1e-6, 1e-5, 1e-4, 1e-3)
+"""Rms from which a torque's is sought, in parts of g abs(m r), or of J a second squared where that
+is larger."""
+ERRORS = (0.3, 3.0)
+"""Likewise a sensor error's, in parts of a sample's noise."""
+TORQUE_TIME, ERROR_TIME = 3.0, 20.0
 """Correlation times from which a torque's and an error's are sought [s]."""
 SHORTEST = 0.2
 """Correlation time below which a process is as good as white [s]."""
@@ -125,8 +126,9 @@ def _begun(
 ) -> tuple[Noise, float]:
     """With one process more, roughly sized."""
     found: list[tuple[float, Noise]] = []
+    time = TORQUE_TIME if name == TORQUE else ERROR_TIME
     for rms in _sizes(problem, name):
-        tried = _with(noise, name, Wander(rms, min(TIMES[name == TORQUE], longest)))
+        tried = _with(noise, name, Wander(rms, min(time, longest)))
         found.append((cost(tried), tried))
         if len(found) > 1 and found[-1][0] > found[-2][0]:
             break
@@ -135,13 +137,14 @@ def _begun(
 
 
 def _sizes(problem: Problem, name: str) -> list[float]:
+    """Rms from which a process is sought, in its unit (SI)."""
     if name == TORQUE:
         platform = problem.base.machine.platform
-        offset = float(np.linalg.norm(platform.center_of_mass_offset)) * platform.mass
-        unit = max(float(np.linalg.eigvalsh(platform.inertia)[0]), offset * platform.gravity)
-        return [unit * one for one in SIZES]
+        restoring = platform.gravity * float(np.linalg.norm(platform.center_of_mass_offset))
+        unit = max(float(np.linalg.eigvalsh(platform.inertia)[0]), restoring)
+        return [unit * one for one in TORQUES]
     output = next(o for body in problem.bodies for o in body.outputs if o.stream == name)
-    return [float(np.median(output.noise)) * one for one in ERROR]
+    return [float(np.median(output.noise)) * one for one in ERRORS]
 
 
 def _sharpened(noise: Noise, reached: float, cost: Cost, longest: float) -> tuple[Noise, float]:

@@ -136,7 +136,7 @@ def verdict_sentence(found: Diagnosis) -> str:
 
 
 def wanders(found: Diagnosis) -> list[str]:
-    """Each noise process in words: `a torque of 0.03 mN m rms that wanders over 3 s`."""
+    """Noise beside the sensors' own in words: `a torque of 0.03 mN m rms that wanders over 3 s`."""
     said: list[str] = []
     if found.wander.torque is not None:
         one = found.wander.torque
@@ -146,6 +146,8 @@ def wanders(found: Diagnosis) -> list[str]:
         unit = "rad" if stream == "attitude" else stream_named(stream).unit
         size = printed(one.rms, unit)
         said.append(f"an error of {stream} of {size} rms that wanders over {one.time:.2g} s")
+    for stream, factor in found.wander.scales:
+        said.append(f"white noise of {stream} {factor:.2g} times as large as its samples' scatter")
     return said
 
 

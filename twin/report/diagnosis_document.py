@@ -91,6 +91,7 @@ def _wander(found: Diagnosis) -> dict[str, Any]:
     return {
         "torque": None if torque is None else {"rms": torque.rms, "time": torque.time},
         "errors": {stream: {"rms": one.rms, "time": one.time} for stream, one in noise.errors},
+        "white_noise": dict(noise.scales),
         "carried_by_causes": found.carried if noise.wanders and found.causes else None,
     }
 
