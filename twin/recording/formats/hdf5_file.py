@@ -77,9 +77,8 @@ def _walk(
         elif isinstance(item := group[key], h5py.Group):
             if item.attrs.get("pandas_type") in (b"frame", "frame") and "block0_items" in item:
                 _frame(path, item, arrays)
-            elif (
-                not key.startswith("#") and depth < DEEPEST
-            ):  # MATLAB's own keep what cells refer to
+            # MATLAB's own groups, `#refs#`, keep what cells refer to
+            elif not key.startswith("#") and depth < DEEPEST:
                 _walk(h5py, path, item, into, depth + 1)
         elif isinstance(item, h5py.Dataset):
             _sort(h5py, path, name, dotted, item, into)

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import LogError
 from twin.recording.formats.array_file import Numbers, Variables
-from twin.recording.formats.extras import check_unpacked
+from twin.recording.formats.extras import check_unpacked, library_errors
 
 
 def read_numpy(path: Path) -> Variables:
@@ -21,7 +20,7 @@ def read_numpy(path: Path) -> Variables:
     arrays: dict[str, Numbers] = {}
     others: dict[str, str] = {}
     clocks: list[str] = []
-    try:
+    with library_errors(path, "a NumPy file", "save it again with numpy.savez"):
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as parts:
                 check_unpacked(path, sum(part.file_size for part in parts.infolist()))
@@ -32,13 +31,6 @@ def read_numpy(path: Path) -> Variables:
             with loaded:
                 for name in loaded.files:
                     _read(name, loaded, arrays, others, clocks)
-    except LogError:
-        raise
-    except Exception as problem:  # on damaged bytes the reader raises what its parts raise
-        text = str(problem).split("\n", 1)[0]
-        raise LogError(
-            path, f"cannot be read as a NumPy file ({text})", "save it again with numpy.savez"
-        ) from None
     return Variables(arrays, others, clocks, save="turn it: NAME = NAME.T")
 
 
