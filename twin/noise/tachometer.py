@@ -58,7 +58,9 @@ def with_signs(recording: Recording, axes: Sequence[Array] = ()) -> tuple[Record
     value, lost, said = series.value.copy(), np.zeros(len(series), dtype=np.bool_), list[str]()
     for wheel, name in enumerate(series.columns):
         speed = value[:, wheel]
-        passages = _passages(speed, float(noise[wheel])) if speed.min() >= 0.0 else []
+        if speed.min() < 0.0:
+            continue
+        passages, unknown = _passages(speed, float(noise[wheel]))
         if not passages:
             continue
         kinks = sum(_is_kink(series.time, speed, row) for row in passages)
@@ -66,10 +68,9 @@ def with_signs(recording: Recording, axes: Sequence[Array] = ()) -> tuple[Record
         signs = {stretch.sign for stretch in told}
         head = f"wheel_speed of {name} is never negative"
         if {-1.0, 1.0} <= signs:
-            unknown = np.zeros(len(series), dtype=np.bool_)
             for stretch in told:
                 value[stretch.first : stretch.last, wheel] *= stretch.sign or 1.0
-                unknown[stretch.first : stretch.last] = stretch.sign == 0.0
+                unknown[stretch.first : stretch.last] |= stretch.sign == 0.0
             lost |= unknown
             count = int(np.count_nonzero(unknown))
             rest = f"; {count} of {len(series)} samples whose sign it does not tell are not used"
@@ -91,19 +92,27 @@ def with_signs(recording: Recording, axes: Sequence[Array] = ()) -> tuple[Record
     return replace(recording, streams={**recording.streams, "wheel_speed": signed}), said
 
 
-def _passages(speed: Array, noise: float) -> list[int]:
-    """Rows of the least speed in each run of rows near zero, with stretches on both sides."""
+def _passages(speed: Array, noise: float) -> tuple[list[int], Mask]:
+    """Rows of the least speed in each run of rows near zero that has others on both sides; and (n,)
+    the rows amid a passage that are not near zero, whose sign nothing gives.
+
+    Runs with fewer than FEWEST rows between them are one passage. One close to an end of the log
+    counts too: so few rows beyond it have no sign either.
+    """
     steps = np.abs(np.diff(speed))
     near = speed <= max(NEAR * noise, 2.0 * float(np.median(steps)), 1e-9)
+    edges = np.flatnonzero(np.diff(np.r_[False, near, False].astype(np.int8))).reshape(-1, 2)
+    amid = np.zeros(len(speed), dtype=np.bool_)
+    if not len(edges):
+        return [], amid
+    apart = edges[1:, 0] - edges[:-1, 1] >= FEWEST
+    firsts, lasts = edges[np.r_[True, apart], 0], edges[np.r_[apart, True], 1]
     rows: list[int] = []
-    edges = np.flatnonzero(np.diff(np.r_[False, near, False].astype(np.int8)))
-    for first, last in edges.reshape(-1, 2).tolist():
-        if first < FEWEST or last > len(speed) - FEWEST:
-            continue
-        row = first + int(np.argmin(speed[first:last]))
-        if not rows or row - rows[-1] >= FEWEST:
-            rows.append(row)
-    return rows
+    for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True):
+        amid[first:last] = ~near[first:last]
+        if first > 0 and last < len(speed):
+            rows.append(first + int(np.argmin(speed[first:last])))
+    return rows, amid
 
 
 def _is_kink(time: Array, speed: Array, row: int) -> bool:
