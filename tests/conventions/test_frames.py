@@ -110,7 +110,9 @@ def test_without_wheels_z_down_and_a_turned_accelerometer_are_both_given(right_l
 def test_an_accelerometer_that_shows_gravity_is_no_frame(sads, right_logs):
     log = right_logs[0]
     wrong = misread(log, "accelerometer", value=-log["accelerometer"].value)
-    assert sentences(wrong, sads) == ["Every axis of accelerometer points the other way."]
+    # where an axis swings by less than what may shake it, its sign is not known beside the others
+    (said,) = sentences(wrong, sads)
+    assert said.startswith("Every axis of accelerometer points the other way")
 
 
 def lab(log: Recording) -> Recording:
