@@ -75,7 +75,7 @@ def check_conventions(
     unit = _gyro_unit(recording)
     scaled = apply_all(recording, unit)
     turning = turning_of(scaled)
-    if turning is not None and unit and not turning.moves_with(SAME):
+    if turning is not None and unit and turning.differs(SAME):
         unit, scaled, turning = [], recording, turning_of(recording)
     strange = no_common_motion(scaled, turning) if turning is not None else None
     if strange is None:  # a unit is a ratio of two motions, and means nothing where they differ

@@ -178,11 +178,11 @@ class Turning:
                     best = max(best or 0.0, shared / np.sqrt(power * own))
         return best
 
-    def moves_with(self, least: float) -> bool:
-        """Whether gyro and attitude both move, and are correlated by so much in some axes and at
-        some lag."""
+    def differs(self, least: float) -> bool:
+        """Whether gyro and attitude both move, and are correlated by less than that in all axes
+        and at all lags."""
         shared = self.correlation(np.concatenate([NEAR[::5], far_lags(self.grid.longest_lag)]))
-        return shared is not None and shared > least
+        return shared is not None and shared <= least
 
     @property
     def agrees(self) -> bool:
