@@ -32,7 +32,7 @@ from twin.units import STANDARD_GRAVITY
 SIGNIFICANT = 8.0
 """Sigmas of correlation without which a gyro's unit is not spoken of."""
 SAME = 0.8
-"""Correlation below which two motions are not one in two units."""
+"""Correlation beneath the noise below which two motions are not one in two units."""
 WORSE = 1.1
 """By which ratio two streams may be further apart: their grid shifts with their clocks."""
 ALIKE = np.radians(1.0)
@@ -75,8 +75,6 @@ def check_conventions(
     unit = _gyro_unit(recording)
     scaled = apply_all(recording, unit)
     turning = turning_of(scaled)
-    if turning is not None and unit and turning.differs(SAME):
-        unit, scaled, turning = [], recording, turning_of(recording)
     strange = no_common_motion(scaled, turning) if turning is not None else None
     if strange is None:  # a unit is a ratio of two motions, and means nothing where they differ
         plain += unit
@@ -217,12 +215,12 @@ def _gyro_unit(recording: Recording) -> list[Correction]:
         turning = turning_of(apply_all(recording, option))
         if turning is None:
             continue
-        factor, seen = turning.factor(
+        factor, seen, alike = turning.factor(
             np.concatenate([NEAR[::5], far_lags(turning.grid.longest_lag, 0.25)])
         )
         if abs(np.log(factor)) < CLOSE and seen > sigmas:
             if not option:
                 return []
-            if not needs_a_bias(apply_all(recording, option), turning):
+            if alike > SAME and not needs_a_bias(apply_all(recording, option), turning):
                 best, sigmas = option, seen
     return best

@@ -178,12 +178,6 @@ class Turning:
                     best = max(best or 0.0, shared / np.sqrt(power * own))
         return best
 
-    def differs(self, least: float) -> bool:
-        """Whether gyro and attitude both move, and are correlated by less than that in all axes
-        and at all lags."""
-        shared = self.correlation(np.concatenate([NEAR[::5], far_lags(self.grid.longest_lag)]))
-        return shared is not None and shared <= least
-
     @property
     def agrees(self) -> bool:
         """Whether gyro and attitude as read show one motion."""
@@ -197,16 +191,17 @@ class Turning:
         off = self.gyro(0.0) - self.rates[0]
         return float(np.sqrt(np.mean(np.square(off - off.mean(axis=0)))))
 
-    def factor(self, lags: Array) -> tuple[float, float]:
-        """By what the gyro's values must be multiplied to follow the attitude, and how many sigmas
-        their correlation is.
+    def factor(self, lags: Array) -> tuple[float, float, float]:
+        """By what the gyro's values must be multiplied to follow the attitude, how many sigmas
+        their correlation is, and how large it is between the motions beneath the noise.
 
         Free of axes and direction: of the reading that correlates best.
         """
         turned = [self.whiten(rate) for rate in self.rates]
         axes = signed_permutations(3)
-        sigmas, factor = 0.0, 1.0
-        own_noise = 3.0 * self.grid.count * noise_power(self._angle_noise, self._rate_noise)
+        sigmas, factor, alike = 0.0, 1.0, 0.0
+        count = 3.0 * self.grid.count
+        own_noise = count * noise_power(self._angle_noise, self._rate_noise)
         for lag in lags:
             gyro = self._white_gyro(float(lag))
             power = max(float(np.sum(np.square(gyro))), 1e-300)
@@ -214,8 +209,11 @@ class Turning:
                 shared = float(np.einsum("sij,ij->s", axes, rate.T @ gyro).max())
                 if shared > sigmas * np.sqrt(power):
                     sigmas = shared / np.sqrt(power)
-                    factor = shared / max(power - own_noise, 0.05 * power)
-        return factor, sigmas
+                    moving = max(power - own_noise, 0.05 * power)
+                    total = float(np.sum(np.square(rate)))
+                    turning = max(total - (count - own_noise), 0.05 * total)
+                    factor, alike = shared / moving, shared / np.sqrt(moving * turning)
+        return factor, sigmas, alike
 
 
 def least(lags: Array, misfit: Array) -> tuple[Array, Array]:
