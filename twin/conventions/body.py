@@ -98,7 +98,7 @@ class Body:
         up = best.reading.upright
         if up is None or not up.has_accelerometer:
             return 1.0
-        return inflation(up.residual(best.attitude, best.force))
+        return inflation(up.residual(best.attitude, best.force)[:-1])
 
     @cached_property
     def _answer(self) -> bool:

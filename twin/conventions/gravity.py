@@ -16,15 +16,17 @@ from twin.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 
-SHAKEN = 0.5
-"""1 sigma of what moves an accelerometer beside gravity, its bias included [m/s^2]."""
+SHAKEN = 0.2
+"""1 sigma of what moves an accelerometer beside gravity [m/s^2]."""
+ASKEW = 0.85
+"""1 sigma of what it is off by throughout [m/s^2]: 5 deg of its mounting, and its bias."""
 AGREE = 2.0
 """Readings nearer than this share the disturbance: one of them counts every so often [s]."""
 LEANING = np.radians(5.0)
 """Beyond the tilt stop by more than this, and no machine stands so [rad]."""
 TOUCHING = np.radians(1.0)
 """Nearer to the tilt stop than this, it may push [rad]."""
-OWN = 2.0
+OWN = 5.0
 """Times the usual disturbance from which on the body's own motion is most of it ..."""
 FEW = 3
 """... and so many readings count in all."""
@@ -82,32 +84,91 @@ def apart(shaken: float, grid: Grid) -> int:
     return max(int(AGREE / grid.cell), few, 1)
 
 
+class Vertical:
+    """One reading of an attitude's angles beside the accelerometer, every two seconds."""
+
+    def __init__(
+        self, attitude: Series, accelerometer: Series, grid: Grid, gravity: float, shaken: float
+    ) -> None:
+        self._every, self._edges = apart(shaken, grid), grid.edges
+        self._attitude = self._read(attitude)
+        self._force = Means(accelerometer).over(grid.edges)[:: self._every]
+        self._gravity, self._shaken = gravity, shaken
+
+    def with_attitude(self, series: Series) -> "Vertical":
+        """The same beside another reading of the attitude."""
+        other = copy(self)
+        other._attitude = self._read(series)
+        return other
+
+    def _read(self, attitude: Series) -> Array:
+        means = Means(attitude).over(self._edges)[:: self._every]
+        return rotation.normalized(means + 1e-9)
+
+    def match(self, attitude: Array) -> Array:
+        """(48,) squared norm of the residual for every axes of the accelerometer."""
+        up = self._gravity * rotation.vertical_body(self._attitude @ attitude.T)
+        force, axes = self._force, signed_permutations(3)
+        lean, felt = up - up.mean(axis=0), force - force.mean(axis=0)
+        shared = np.einsum("sij,ij->s", axes, lean.T @ felt)
+        leans = np.sum(np.square(lean)) + np.sum(np.square(felt)) - 2.0 * shared
+        off = axes @ force.mean(axis=0) - up.mean(axis=0)
+        return leans / self._shaken**2 + np.sum(np.square(off), axis=1) / self._askew
+
+    def residual(self, attitude: Array, axes: Array) -> Array:
+        """(n + 1, 3): how what is felt leans otherwise than the attitude (4, 4) says, in units of
+        what shakes it, and by how much it is off throughout."""
+        up = self._gravity * rotation.vertical_body(self._attitude @ attitude.T)
+        left = self._force @ axes.T - up
+        off = left.mean(axis=0)
+        return np.vstack([(left - off) / self._shaken, off / np.sqrt(self._askew)])
+
+    def angle(self, attitude: Array, axes: Array) -> float:
+        """Median between what is felt and upright [rad]."""
+        felt = rotation.rotate(self._attitude @ attitude.T, self._force @ axes.T)
+        return float(np.median(np.arctan2(np.hypot(felt[:, 0], felt[:, 1]), felt[:, 2])))
+
+    def stands_on_its_head(self, attitude: Array) -> bool:
+        """Whether the body's z axis points down most of the time."""
+        up = rotation.vertical_body(self._attitude @ attitude.T)
+        return float(np.median(up[:, 2])) < 0.0
+
+    @property
+    def shaken_aside(self) -> float:
+        """By how much accelerations of the sensor turn what it feels [rad]."""
+        return float(np.arctan2(self._shaken - SHAKEN, self._gravity))
+
+    @property
+    def _askew(self) -> float:
+        """Variance of the mean residual."""
+        return ASKEW**2 + self._shaken**2 / len(self._force)
+
+
 class Upright:
     """The attitude against the accelerometer and the tilt stop."""
 
     def __init__(self, recording: Recording, platform: Platform | None, grid: Grid) -> None:
         self._attitude = rotation.normalized(Means(recording["attitude"]).over(grid.edges) + 1e-9)
-        self._gravity = platform.gravity if platform else STANDARD_GRAVITY
         self._edges = grid.edges
         self._stop = platform.tilt_limit if platform else np.inf
-        self._force: Array | None = None
-        self._shaken = SHAKEN
+        self._vertical: Vertical | None = None
         series = recording.streams.get("accelerometer")
         if series is not None and series.columns == ("x", "y", "z"):
-            self._force = Means(series).over(grid.edges)
-            self._shaken = shaken_by(recording)
-        self._every = apart(self._shaken, grid)
+            gravity = platform.gravity if platform else STANDARD_GRAVITY
+            shaken = shaken_by(recording)
+            self._vertical = Vertical(recording["attitude"], series, grid, gravity, shaken)
 
     def with_attitude(self, series: Series) -> "Upright":
         """The same beside another reading of the attitude."""
         other = copy(self)
         other._attitude = rotation.normalized(Means(series).over(self._edges) + 1e-9)
+        other._vertical = self._vertical and self._vertical.with_attitude(series)
         return other
 
     @property
     def has_accelerometer(self) -> bool:
         """Whether there is something to hold an accelerometer's axes against."""
-        return self._force is not None
+        return self._vertical is not None
 
     def penalty(self, attitude: Array) -> float:
         """[nats] for an attitude, read as the 4 x 4 matrix says, that leans beyond the stop."""
@@ -126,22 +187,15 @@ class Upright:
 
     def match(self, attitude: Array) -> Array:
         """(48,) squared norm of the residual for every axes of the accelerometer; else zeros."""
-        axes = signed_permutations(3)
-        if self._force is None:
-            return np.zeros(len(axes))
-        up = rotation.vertical_body(self._attitude @ attitude.T)[:: self._every]
-        force = self._force[:: self._every] / self._shaken
-        level = self._gravity / self._shaken
-        shared = np.einsum("sij,ij->s", axes, up.T @ force)
-        return len(up) * level**2 + np.sum(np.square(force)) - 2.0 * level * shared
+        if self._vertical is None:
+            return np.zeros(len(signed_permutations(3)))
+        return self._vertical.match(attitude)
 
     def residual(self, attitude: Array, axes: Array) -> Array:
-        """(n, 3) R f - (0, 0, g) in units of what shakes it; empty without an accelerometer."""
-        if self._force is None:
+        """Of `Vertical`; empty without an accelerometer."""
+        if self._vertical is None:
             return np.zeros((0, 3))
-        q = self._attitude[:: self._every] @ attitude.T
-        turned = rotation.rotate(q, self._force[:: self._every] @ axes.T)
-        return (turned - np.array([0.0, 0.0, self._gravity])) / self._shaken
+        return self._vertical.residual(attitude, axes)
 
 
 def upright_of(recording: Recording, platform: Platform | None) -> Upright | None:

@@ -11,15 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin import rotation
 from twin.conventions.axes import LATE, SIMPLE, signed_permutations
 from twin.conventions.changes import axes_changes, lag_change
 from twin.conventions.correction import Correction
 from twin.conventions.euler import read_angles
 from twin.conventions.evidence import evidence, inflation
 from twin.conventions.finding import ConventionFinding, findings_of, no_fit
-from twin.conventions.gravity import SHAKEN, apart, shaken_by
-from twin.conventions.grid import Grid, Means, grid_of
+from twin.conventions.gravity import Vertical, shaken_by
+from twin.conventions.grid import Grid, grid_of
 from twin.conventions.motion import DEAREST, orientations, place_of
 from twin.conventions.room_vectors import (
     CLOSE,
@@ -38,64 +37,10 @@ from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
 
-ASKEW = 0.85
-"""1 sigma of what an accelerometer is off by throughout [m/s^2]: 5 deg of its mounting."""
 ASTRAY = np.radians(30.0)
 """A reading whose acceleration is in the median further from upright fits nothing [rad]."""
 UPSIDE_DOWN = SIMPLE
 """What an attitude of a machine that stands on its head costs a reading [nats]."""
-
-
-class Vertical:
-    """One reading of an attitude's angles beside the accelerometer, every two seconds."""
-
-    def __init__(
-        self, attitude: Series, accelerometer: Series, grid: Grid, gravity: float, shaken: float
-    ) -> None:
-        every = apart(shaken, grid)
-        edges = grid.edges
-        means = rotation.normalized(Means(attitude).over(edges) + 1e-9)
-        self._attitude = means[::every]
-        self._force = Means(accelerometer).over(edges)[::every]
-        self._gravity, self._shaken = gravity, shaken
-
-    def match(self, attitude: Array) -> Array:
-        """(48,) squared norm of the residual for every axes of the accelerometer."""
-        up = self._gravity * rotation.vertical_body(self._attitude @ attitude.T)
-        force, axes = self._force, signed_permutations(3)
-        lean, felt = up - up.mean(axis=0), force - force.mean(axis=0)
-        shared = np.einsum("sij,ij->s", axes, lean.T @ felt)
-        leans = np.sum(np.square(lean)) + np.sum(np.square(felt)) - 2.0 * shared
-        off = axes @ force.mean(axis=0) - up.mean(axis=0)
-        return leans / self._shaken**2 + np.sum(np.square(off), axis=1) / self._askew
-
-    def residual(self, attitude: Array, axes: Array) -> Array:
-        """(n + 1, 3): how what is felt leans otherwise than the attitude (4, 4) says, in units of
-        what shakes it, and by how much it is off throughout."""
-        up = self._gravity * rotation.vertical_body(self._attitude @ attitude.T)
-        left = self._force @ axes.T - up
-        off = left.mean(axis=0)
-        return np.vstack([(left - off) / self._shaken, off / np.sqrt(self._askew)])
-
-    def angle(self, attitude: Array, axes: Array) -> float:
-        """Median between what is felt and upright [rad]."""
-        felt = rotation.rotate(self._attitude @ attitude.T, self._force @ axes.T)
-        return float(np.median(np.arctan2(np.hypot(felt[:, 0], felt[:, 1]), felt[:, 2])))
-
-    def stands_on_its_head(self, attitude: Array) -> bool:
-        """Whether the body's z axis points down most of the time."""
-        up = rotation.vertical_body(self._attitude @ attitude.T)
-        return float(np.median(up[:, 2])) < 0.0
-
-    @property
-    def shaken_aside(self) -> float:
-        """By how much accelerations of the sensor turn what it feels [rad]."""
-        return float(np.arctan2(self._shaken - SHAKEN, self._gravity))
-
-    @property
-    def _askew(self) -> float:
-        """Variance of the mean residual."""
-        return ASKEW**2 + self._shaken**2 / len(self._force)
 
 
 class Field:
