@@ -139,6 +139,9 @@ def _row(case: Case, seed: int, machine: str, flight: str) -> Row:
     advice = convention_advice(case.read, case.platform)
     findings = list(advice.findings)
     mended = corrected(case.read, findings)
+    said = verdict(case, findings, mended)
+    # on an arm that swings, an accelerometer is upright in a reading that does not lean
+    apart = [] if said == "named" else parted(case.read, mended)
     return Row(
         seed,
         machine,
@@ -147,10 +150,10 @@ def _row(case: Case, seed: int, machine: str, flight: str) -> Row:
         " ".join(case.read),
         case.words,
         case.visible,
-        verdict(case, findings, mended),
+        said,
         tuple(finding.sentence for finding in findings),
         advice.log_toml,
-        " ".join(parted(case.read, mended)),
+        " ".join(apart),
     )
 
 

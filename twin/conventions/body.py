@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.conventions.axes import LATE
-from twin.conventions.changes import axes_change, lag_change
+from twin.conventions.changes import axes_change, axes_changes, lag_change
 from twin.conventions.correction import Correction, apply_all
 from twin.conventions.dating import dated
 from twin.conventions.evidence import evidence, inflation
 from twin.conventions.gravity import upright_of
 from twin.conventions.hypothesis import Hypothesis
 from twin.conventions.momentum import Exchange, momentum_of
-from twin.conventions.motion import motion_hypotheses
+from twin.conventions.motion import ALIKE, motion_hypotheses, place_of
 from twin.conventions.turning import Turning
 from twin.conventions.wheels import ANSWERED, WheelReading, Wheels, factor_of
 from twin.platform import Platform
@@ -34,6 +34,7 @@ LIKELY = 3
 """So many readings of the wheels are kept for each."""
 RIVALS = 12
 """So many of the best of all are left to be weighed in pairs."""
+FORCE_AXES = ("accelerometer", "axes")
 LATE_WHEELS = 3
 """For so many of the best bodies the wheels may be late too."""
 
@@ -86,7 +87,38 @@ class Body:
         for framed in (False, True):
             whole = [h for h in ranked if h.of_whole_log and h.framed == framed]
             kept += [h for h in whole[:1] if not any(h is one for one in kept)]
-        return kept
+        return [one for h in kept for one in self._with_forces(h)]
+
+    def _with_forces(self, h: Hypothesis) -> list[Hypothesis]:
+        """A hypothesis, and the same with the axes of the accelerometer that fit about best once
+        what the turning does to the sensor is taken out."""
+        upright = h.reading.upright
+        if upright is None or not upright.has_arm:
+            return [h]
+        own = next((c for c in h.corrections if (c.stream, c.kind) == FORCE_AXES), None)
+        frame = h.force @ (np.array(own.axes).T if own else np.eye(3))
+        cost = h.cost - (own.cost if own else 0.0)
+        rest = [c for c in h.corrections if c is not own]
+        place = sum(c.kind != "frame" for c in rest)
+        misfit = 0.5 * upright.match(h.attitude)
+        bare = h.misfit - float(misfit[place_of(h.force)])
+        found: list[tuple[float, Hypothesis]] = []
+        for axes, change in axes_changes(self._recording, "accelerometer"):
+            force, changes = frame @ axes, [] if change is None else [change]
+            other = replace(
+                h,
+                corrections=(*rest[:place], *changes, *rest[place:]),
+                cost=cost + sum(c.cost for c in changes),
+                misfit=bare + float(misfit[place_of(force)]),
+                force=force,
+            )
+            left = upright.residual(h.attitude, force, h.gyro)
+            found.append((0.5 * float(np.sum(np.square(left))) + other.cost, other))
+        near = min(score for score, _ in found) + ALIKE
+        return [
+            h,
+            *(other for score, other in found if score < near and (other.force != h.force).any()),
+        ]
 
     @cached_property
     def _inflation(self) -> float:
@@ -98,7 +130,7 @@ class Body:
         up = best.reading.upright
         if up is None or not up.has_accelerometer:
             return 1.0
-        return inflation(up.residual(best.attitude, best.force)[:-1])
+        return inflation(up.residual(best.attitude, best.force, best.gyro)[:-1])
 
     @cached_property
     def _answer(self) -> bool:
@@ -201,7 +233,9 @@ class Body:
         yield self._turn(one), self._turn(other), self._inflation
         mine, theirs = one.reading.upright, other.reading.upright
         if mine is not None and theirs is not None and mine.has_accelerometer:
-            left = [up.residual(h.attitude, h.force) for up, h in ((mine, one), (theirs, other))]
+            left = [
+                up.residual(h.attitude, h.force, h.gyro) for up, h in ((mine, one), (theirs, other))
+            ]
             yield left[0], left[1], self._upright_inflation
         wheels = self._wheels
         if wheels is None or one.wheels is None or other.wheels is None or not self._answer:

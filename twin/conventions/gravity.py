@@ -84,6 +84,32 @@ def apart(shaken: float, grid: Grid) -> int:
     return max(int(AGREE / grid.cell), few, 1)
 
 
+class _Arm:
+    """What the turning of the body does to a sensor beside the centre of rotation,
+    alpha x r + omega x (omega x r), in every so many cells of a grid."""
+
+    def __init__(self, gyro: Series, edges: Array, every: int) -> None:
+        means, cell = Means(gyro), float(edges[1] - edges[0])
+        around = np.append(edges - 0.5 * cell, edges[-1] + 0.5 * cell)
+        self._faster = (np.diff(means.over(around), axis=0) / cell)[::every]
+        squares = np.einsum("ni,nj->nij", gyro.value, gyro.value).reshape(-1, 9)
+        pairs = Means(Series(gyro.time, squares, gyro.columns * 3, "rad^2/s^2")).over(edges)
+        pairs = pairs.reshape(-1, 3, 3)[::every]
+        power = np.trace(pairs, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+        self._inwards = pairs - power
+
+    def felt(self, left: Array, axes: Array) -> Array:
+        """(n, 3) of what an accelerometer feels beside gravity, in right axes, with the likeliest
+        arm, the gyro being in axes (3, 3); a constant is no turning's."""
+        columns = np.cross((self._faster @ axes.T)[:, None], np.eye(3)).swapaxes(1, 2)
+        columns = columns + axes @ self._inwards @ axes.T
+        rows = np.concatenate([columns, np.broadcast_to(np.eye(3), columns.shape)], axis=2)
+        known = np.diag(np.repeat([SHAKEN / ARM, SHAKEN / ASKEW], 3))
+        stacked = np.concatenate([rows.reshape(-1, 6), known])
+        arm = np.linalg.lstsq(stacked, np.append(left.ravel(), np.zeros(6)), rcond=None)[0][:3]
+        return np.asarray(columns @ arm)
+
+
 class Vertical:
     """One reading of an attitude's angles beside the accelerometer, every two seconds."""
 
@@ -101,6 +127,15 @@ class Vertical:
         other._attitude = self._read(series)
         return other
 
+    def without_arm(self, gyro: Series) -> "Vertical":
+        """The same without what the body's turning does to a sensor beside the centre of
+        rotation."""
+        arm = _Arm(gyro, self._edges, self._every)
+        other = copy(self)
+        left = self._force - self._gravity * rotation.vertical_body(self._attitude)
+        other._force = self._force - arm.felt(left, np.eye(3))
+        return other
+
     def _read(self, attitude: Series) -> Array:
         means = Means(attitude).over(self._edges)[:: self._every]
         return rotation.normalized(means + 1e-9)
@@ -115,11 +150,16 @@ class Vertical:
         off = axes @ force.mean(axis=0) - up.mean(axis=0)
         return leans / self._shaken**2 + np.sum(np.square(off), axis=1) / self._askew
 
-    def residual(self, attitude: Array, axes: Array) -> Array:
+    def residual(
+        self, attitude: Array, axes: Array, arm: _Arm | None = None, gyro: Array | None = None
+    ) -> Array:
         """(n + 1, 3): how what is felt leans otherwise than the attitude (4, 4) says, in units of
-        what shakes it, and by how much it is off throughout."""
+        what shakes it, and by how much it is off throughout. Beside a gyro read as (3, 3) says,
+        without what the turning does to the sensor on its arm."""
         up = self._gravity * rotation.vertical_body(self._attitude @ attitude.T)
         left = self._force @ axes.T - up
+        if arm is not None and gyro is not None:
+            left = left - arm.felt(left, gyro)
         off = left.mean(axis=0)
         return np.vstack([(left - off) / self._shaken, off / np.sqrt(self._askew)])
 
@@ -155,20 +195,33 @@ class Upright:
         series = recording.streams.get("accelerometer")
         if series is not None and series.columns == ("x", "y", "z"):
             gravity = platform.gravity if platform else STANDARD_GRAVITY
-            shaken = shaken_by(recording)
-            self._vertical = Vertical(recording["attitude"], series, grid, gravity, shaken)
+            attitude, shaken = recording["attitude"], shaken_by(recording)
+            self._vertical = Vertical(attitude, series, grid, gravity, shaken)
+            # beside a gyro, what the turning does to it is known but for the arm
+            self._still, self._arm = self._vertical, None
+            gyro = recording.streams.get("gyro")
+            if gyro is not None and gyro.columns == ("x", "y", "z"):
+                self._still = Vertical(attitude, series, grid, gravity, SHAKEN)
+                self._arm = _Arm(gyro, grid.edges, apart(SHAKEN, grid))
 
     def with_attitude(self, series: Series) -> "Upright":
         """The same beside another reading of the attitude."""
         other = copy(self)
         other._attitude = rotation.normalized(Means(series).over(self._edges) + 1e-9)
-        other._vertical = self._vertical and self._vertical.with_attitude(series)
+        if self._vertical is not None:
+            other._vertical = self._vertical.with_attitude(series)
+            other._still = self._still.with_attitude(series)
         return other
 
     @property
     def has_accelerometer(self) -> bool:
         """Whether there is something to hold an accelerometer's axes against."""
         return self._vertical is not None
+
+    @property
+    def has_arm(self) -> bool:
+        """Whether there is a gyro to tell what the turning does to that."""
+        return self._vertical is not None and self._arm is not None
 
     def penalty(self, attitude: Array) -> float:
         """[nats] for an attitude, read as the 4 x 4 matrix says, that leans beyond the stop."""
@@ -191,11 +244,11 @@ class Upright:
             return np.zeros(len(signed_permutations(3)))
         return self._vertical.match(attitude)
 
-    def residual(self, attitude: Array, axes: Array) -> Array:
-        """Of `Vertical`; empty without an accelerometer."""
+    def residual(self, attitude: Array, axes: Array, gyro: Array) -> Array:
+        """Of `Vertical`, beside the gyro in axes (3, 3); empty without an accelerometer."""
         if self._vertical is None:
             return np.zeros((0, 3))
-        return self._vertical.residual(attitude, axes)
+        return self._still.residual(attitude, axes, self._arm, gyro)
 
 
 def upright_of(recording: Recording, platform: Platform | None) -> Upright | None:

@@ -43,6 +43,8 @@ COMMON = 0.5
 TOGETHER = 0.8
 """Correlation, turned as they correlate best, below which gyro and attitude show two motions: of
 two that last a minute and are slow, chance makes more than half."""
+LEAST = 0.5
+"""Share of a stream's power that is taken for motion at least, to be compared beneath the noise."""
 BIASED = 0.05
 """A gyro's bias is smaller than this [rad/s], or than what it shows of the motion ..."""
 OUTDONE = 3.0
@@ -209,10 +211,11 @@ class Turning:
                 shared = float(np.einsum("sij,ij->s", axes, rate.T @ gyro).max())
                 if shared > sigmas * np.sqrt(power):
                     sigmas = shared / np.sqrt(power)
-                    moving = max(power - own_noise, 0.05 * power)
+                    factor = shared / max(power - own_noise, 0.05 * power)
                     total = float(np.sum(np.square(rate)))
-                    turning = max(total - (count - own_noise), 0.05 * total)
-                    factor, alike = shared / moving, shared / np.sqrt(moving * turning)
+                    moving = max(power - own_noise, LEAST * power)
+                    turning = max(total - (count - own_noise), LEAST * total)
+                    alike = shared / np.sqrt(moving * turning)
         return factor, sigmas, alike
 
 

@@ -120,12 +120,16 @@ class _Leaning:
 
 
 def vertical_of(recording: Recording, gravity: float) -> Vertical | None:
-    """The attitude as read; None without an accelerometer, or with too little of both."""
+    """The attitude as read; None without an accelerometer, or with too little of both. What the
+    body's turning does to the sensor is taken out by the gyro, where there is one."""
     grid = _grid(recording)
     if grid is None:
         return None
     shaken = shaken_by(recording)
-    return Vertical(recording["attitude"], recording["accelerometer"], grid, gravity, shaken)
+    found = Vertical(recording["attitude"], recording["accelerometer"], grid, gravity, shaken)
+    gyro = recording.streams.get("gyro")
+    turns = gyro is not None and gyro.columns == ("x", "y", "z") and grid_of(recording, "gyro")
+    return found.without_arm(gyro) if gyro is not None and turns else found
 
 
 def vertical_findings(recording: Recording, gravity: float) -> list[ConventionFinding]:
