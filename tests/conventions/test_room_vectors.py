@@ -112,6 +112,16 @@ def test_what_turns_rates_and_vector_alike_is_not_seen(log):
         )
 
 
+def test_rates_put_right_leave_the_same_in_whatever_unit_they_were_read(log):
+    pair = only(log, "gyro", "magnetometer")
+    left = list[Array]()
+    for unit in (1.0, 180.0 / np.pi):
+        seen = room_vector(read_as(pair, "gyro", unit * np.eye(3)), "magnetometer", "gyro")
+        assert seen is not None
+        left.append(seen.residual(np.eye(3) / unit, 0.0))
+    np.testing.assert_allclose(left[1], left[0], atol=1e-6)
+
+
 @pytest.mark.parametrize("vector", ["accelerometer", "magnetometer"])
 def test_a_gyro_in_degrees_is_named_without_an_attitude(log, vector):
     wrong = read_as(only(log, "gyro", vector), "gyro", np.degrees(np.eye(3)))

@@ -8,13 +8,13 @@ T only det(T) T' S is seen, so that turned axes of the one look like turned axes
 vector with the wrong sign throughout is right in another room.
 
 The gyro's bias and an offset of the vector (a bias, iron near the sensor) enter linearly and are
-projected out, so that all 48 relative axes in all units cost one Gram matrix a lag.
+projected out, so that all 48 relative axes cost one Gram matrix a lag and unit.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import product
 from typing import Protocol, Self, TypeVar
 
@@ -76,6 +76,8 @@ RIVALS = 12
 POLISHED = 36
 """... of so many motions whose lags are sought finely: where a body swings fast, lags tried so far
 apart rank them by chance."""
+STRAIGHT = 0.05
+"""Half an arc below which it is as long as its chord, to a thousandth [rad]."""
 FINER = (0.03, 0.01, 0.003)
 """Between the lags tried for that [s]."""
 CROSS = np.array([np.cross(np.eye(3), one) for one in np.eye(3)]).transpose(1, 0, 2)
@@ -132,7 +134,7 @@ class RoomVector:
         self._angle_noise = float(np.hypot(noise, rates.angle_noise)) / cell
         prior = np.repeat([BIAS, OFFSET[stream]], 3)
         self._precision = np.diag(prior**-2.0)
-        self._grams: dict[float, Array] = {}
+        self._grams: dict[tuple[float, float], Array] = {}
         self._found: dict[tuple[bytes, float], tuple[float, float]] = {}
 
     def with_attitude(self, series: Series, *, world: bool) -> "RoomVector":
@@ -172,12 +174,13 @@ class RoomVector:
         return value, lag
 
     def _left(self, rates: Array, lag: float) -> Array:
-        """(m,) [nats] left over with rates in axes and units (m, 3, 3)."""
-        if lag not in self._grams:
-            columns = self._columns(lag)
-            self._grams[lag] = columns @ columns.T
+        """(m,) [nats] left over with rates in axes (m, 3, 3), all of one unit."""
+        key = lag, self._bending(rates)
+        if key not in self._grams:
+            columns = self._columns(*key)
+            self._grams[key] = columns @ columns.T
         parts = _parts(rates)
-        moments = parts.swapaxes(1, 2) @ self._grams[lag] @ parts
+        moments = parts.swapaxes(1, 2) @ self._grams[key] @ parts
         known = moments[:, 1:, 1:] + self._precision
         fitted = np.linalg.solve(known, moments[:, 1:, :1])
         return 0.5 * (moments[:, 0, 0] - np.sum(moments[:, 0, 1:] * fitted[:, :, 0], 1))
@@ -185,7 +188,7 @@ class RoomVector:
     def residual(self, rates: Array, lag: float) -> Array:
         """(n + 2, 3) white with unit variance, for rates that (3, 3) times those read are: what is
         left, and what was fitted of bias and offset, in units of their 1 sigma."""
-        columns = _parts(rates[None])[0].T @ self._columns(lag)
+        columns = _parts(rates[None])[0].T @ self._columns(lag, self._bending(rates))
         gram = columns[1:] @ columns[1:].T + self._precision
         fitted = np.linalg.solve(gram, columns[1:] @ columns[0])
         left = (columns[0] - fitted @ columns[1:]).reshape(-1, 3)
@@ -213,9 +216,21 @@ class RoomVector:
         white = whitened(values, self._angle_noise, UNSTEADY)
         return without(drift(len(white), forgetting(self._angle_noise, UNSTEADY)), white)
 
-    def _columns(self, lag: float) -> Array:
-        """(22, 3 n) white: what the vector gains; e_i x u w_j; e_i x u; w_j e_l."""
-        rate, count = _chords(self._rates.at(lag), self.grid.cell), len(self._gained)
+    def _bending(self, rates: Array) -> float:
+        """What puts rates in this unit into rad/s; 0 where no arc is longer than its chord, so that
+        one set of columns does for all such units."""
+        factor = _factor(rates)
+        return factor if 0.5 * self.grid.cell * factor * self._fastest > STRAIGHT else 0.0
+
+    @cached_property
+    def _fastest(self) -> float:
+        return float(np.max(np.linalg.norm(self._rates.at(0.0), axis=1), initial=0.0))
+
+    def _columns(self, lag: float, factor: float) -> Array:
+        """(22, 3 n) white: what the vector gains; e_i x u w_j; e_i x u; w_j e_l, for rates w as
+        read that `factor` puts into rad/s."""
+        rate = _chords(self._rates.at(lag), self.grid.cell, factor)
+        count = len(self._gained)
         turn = np.cross(np.eye(3)[:, None], self._middle)
         taken = np.einsum("inc,nj->nijc", turn, rate).reshape(count, 27)
         values = np.hstack([self._gained, taken, turn.swapaxes(0, 1).reshape(count, 9), rate])
@@ -225,10 +240,16 @@ class RoomVector:
         return every.swapaxes(0, 1).reshape(22, 3 * count)
 
 
-def _chords(rates: Array, cell: float) -> Array:
-    """Rates (n, 3) [rad/s] as they move a vector beside the middle between two of its values: along
-    the chord of its arc. As read where such a unit would turn it half round."""
-    half = 0.5 * cell * np.linalg.norm(rates, axis=1, keepdims=True)
+def _chords(rates: Array, cell: float, factor: float) -> Array:
+    """Rates (n, 3) as they move a vector beside the middle between two of its values, along the
+    chord of its arc: longer than the arc, but for a unit that turns it half round.
+
+    Args:
+        rates: as read.
+        cell: time between the values [s].
+        factor: what puts the rates into rad/s.
+    """
+    half = 0.5 * cell * factor * np.linalg.norm(rates, axis=1, keepdims=True)
     bent = np.clip(half, 1e-9, AMBIGUOUS)
     return rates * np.where(half < AMBIGUOUS, np.tan(bent) / bent, 1.0)
 
