@@ -40,6 +40,7 @@ HIDDEN = {
     "gimbal_backlash:g3": "tas2",
     "gimbal_center_of_mass_offset:g1": "tas2",
     "magnetorquer_gain": "cubesat",
+    "joint_torque_gain": "dfki_pendulum",
     "thruster_misalignment": "whorl1",
     "gas_consumption": "astros",
 }

@@ -30,6 +30,7 @@ def equipped(sads: Platform) -> Platform:
     return replace(
         sads,
         sensors={**sads.sensors, **more},
+        base=replace(sads.base, kind="hinge", joint="pivot", actuator="motor"),
         gimbals=load_platform("tas2").gimbals,
         magnetorquers=load_platform("cubesat").magnetorquers,
         gas=load_platform("astros").gas,

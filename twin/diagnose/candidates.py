@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from twin.diagnose.weighing import Trace
 from twin.effects import (
-    BiasEffect,
     BodyEffect,
     Effect,
     ScatterEffect,
@@ -69,8 +68,8 @@ class Candidate:
     def trace(self) -> Trace:
         """For weighing; a fit of it would set its shape too."""
         shapes = len(self.effect.values) - len(self.low)
-        constant = isinstance(self.effect, BiasEffect)
-        return Trace(self.label, self.low, self.high, shapes, looked=self.looked, constant=constant)
+        exact = self.effect.exact
+        return Trace(self.label, self.low, self.high, shapes, looked=self.looked, exact=exact)
 
 
 @dataclass(frozen=True)
@@ -175,6 +174,9 @@ def _why_not(kind: type[Effect], target: str, platform: Platform, bodies: Sequen
         return f"not possible here: {refused}"
     if effect.label in [stated.label for stated in bodies[0].machine.effects]:
         return "part of the model already"
+    hidden = effect.hidden_from(platform)
+    if hidden:
+        return f"not observable: {hidden}"
     if kind.name in _FILTERED and np.isinf(platform.sensors[target].cutoff):
         return "not asked: the platform states no filter there, and without one it is a clock_lag"
     seen = {output.stream for body in bodies for output in body.outputs}

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.diagnose.weighing import KNOWN, SLIGHT
-from twin.effects import BiasEffect, Effect
+from twin.effects import Effect
 from twin.predict.body import Body
 from twin.predict.effects.columns import amplitudes, strengths_of
 from twin.predict.effects.perturbation import Perturbation
@@ -56,7 +56,7 @@ def determined(
     basis = np.linalg.qr(columns[:, :kept])[0]
     first = kept
     for i, effect in enumerate(effects):
-        least = KNOWN if isinstance(effect, BiasEffect) else BLURRED
+        least = KNOWN if effect.exact else BLURRED
         amplitude, does = amplitudes(effect), whole[first : first + len(every[i])]
         order = np.lexsort((np.where(amplitude, -does, 0.0), ~amplitude))
         for j in order.tolist():

@@ -22,7 +22,7 @@ from twin.diagnose.remainder import Remainder, remainder
 from twin.diagnose.rivals import against_rivals
 from twin.diagnose.scatter import scatter_causes
 from twin.diagnose.wandering import carried, ordinary
-from twin.effects import BiasEffect, Effect
+from twin.effects import Effect
 from twin.errors import UsageError
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of
@@ -256,9 +256,10 @@ def _unexplained(now: Explanation, left: Remainder, held: HeldOut) -> bool:
 def foretells_nothing(effects: Sequence[Effect], held: HeldOut) -> bool:
     """Whether causes that explain the logs make time that took no part in the fit no likelier.
 
-    A constant error need not: it is any log's own.
+    What only the stated base distinguishes from a change of it need not: a constant error is any
+    log's own, and with another base the motion is the same.
     """
-    lasting = any(not isinstance(effect, BiasEffect) for effect in effects)
+    lasting = any(not effect.exact for effect in effects)
     return lasting and held.log_likelihood <= 0.0
 
 

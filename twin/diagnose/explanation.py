@@ -17,7 +17,7 @@ from twin.diagnose.layout import Layout
 from twin.diagnose.moves import between, farthest, held, in_sigmas, largest, unseen, usual, whole
 from twin.diagnose.rows import Rows
 from twin.diagnose.weighing import Trace, Weighing
-from twin.effects import BiasEffect, Effect
+from twin.effects import Effect
 from twin.identify.noise_processes import likely_noise
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
 from twin.predict.body import Body, Exact
@@ -176,8 +176,9 @@ class Explanation:
 
     @property
     def cost(self) -> float:
-        """-2 log L up to a constant."""
-        return self.now.cost / self.account.inflation
+        """-2 log L up to a constant; of what is known beforehand, nothing is inflated."""
+        known = float(np.sum(np.square(self.now.residual[self.now.cluster < 0])))
+        return (self.now.cost - known) / self.account.inflation + known
 
     @property
     def samples(self) -> int:
@@ -297,8 +298,8 @@ class Explanation:
         low, high = effect.bounds()
         looked = looked_among(self.bodies) if effect.rings else 0.0
         low, high = (low - origin)[free], (high - origin)[free]
-        constant = isinstance(effect, BiasEffect)
-        return Trace(effect.label, low, high, looked=looked, constant=constant, fitted=True)
+        exact = effect.exact
+        return Trace(effect.label, low, high, looked=looked, exact=exact, fitted=True)
 
 
 def explain(

@@ -21,8 +21,8 @@ FITTED = 2.5e-3
 """Less of what a fit has settled where it stands, or a share close to that would be found, fitted,
 and dropped as none."""
 KNOWN = 1e-6
-"""But of what is the same wherever it is formed, a sensor's constant error. What is left of that
-beside the base is what platform.toml says of its size, and no error."""
+"""But of what is linear in its size, a sensor's constant error. What is left of that beside the base
+is what platform.toml says of either, and no error."""
 ROUNDING = 1e-9
 """Share of the largest singular value below which a direction is none."""
 SLIGHT = 1.0
@@ -43,15 +43,15 @@ class Trace:
     """-2 log of how probable it is beforehand beside a cause of the catalogue."""
     looked: float = 0.0
     """Logarithm of how many like it were looked among, of which it is the best."""
-    constant: bool = False
-    """Whether it is the same wherever its columns are formed."""
+    exact: bool = False
+    """See `Effect`."""
     fitted: bool = False
     """Whether a fit has settled it where its columns are formed."""
 
     @property
     def hidden(self) -> float:
         """Share that must be left of a column for it to be told from the base."""
-        if self.constant:
+        if self.exact:
             return KNOWN
         return FITTED if self.fitted else HIDDEN
 

@@ -23,6 +23,7 @@ _FOLDERS = (
     "sensors",
     "clocks",
     "wheels",
+    "hinge",
     "gimbals",
     "stages",
     "magnetorquers",

@@ -116,6 +116,9 @@ class Effect(abc.ABC):
     """Streams without which it cannot be seen."""
     takes: ClassVar[Target] = ""
     """What it is aimed at, if at anything: a stream, or a part (no target: all of them)."""
+    exact: ClassVar[bool] = False
+    """Whether what it does to a log is linear in its size, so that what distinguishes it from a
+    change of the base, however little, is what platform.toml states and no linearisation's error."""
 
     target: str = field(default="", kw_only=True)
     """The stream or part it acts on."""
@@ -274,6 +277,10 @@ class Effect(abc.ABC):
             return f"it needs the stream it acts on, as in {self.name}:{known[0]}"
         if self.target and self.target not in known:
             return f"{self.target!r} is none of its {self.takes}s ({', '.join(known)})"
+        return ""
+
+    def hidden_from(self, platform: Platform) -> str:
+        """Why no log of a platform shows it, as the end of a sentence; empty where one may."""
         return ""
 
     def of_parts(self, names: Sequence[str]) -> tuple[str, ...]:

@@ -91,6 +91,7 @@ class BiasEffect(SeriesEffect, abc.ABC):
     """Adds a constant to each column of a stream."""
 
     order = Order.bias
+    exact = True
 
     @abc.abstractmethod
     def error(self) -> Array:

@@ -229,7 +229,8 @@ class SimulatedPlant(Plant):
 
     def _joint_torque(self, wish: Array) -> Array:
         applied = self._limits.joint_torque(wish)
-        self._ctrl[:, self.machine.joint_actuator] = applied[:, 0]
+        done = self._done_with("command_joint_torque", applied)
+        self._ctrl[:, self.machine.joint_actuator] = done[:, 0]
         return applied
 
     def _gimbal_drive(self, wish: Array) -> Array:

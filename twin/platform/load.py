@@ -56,6 +56,8 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
     base = read_base(table.table("base"), layout)
     parts = read_parts(table, layout, base)
     mass, inertia, offset = _mass_properties(mass_properties)
+    inertia_sd = _deviations(mass_properties, "inertia_sd", 6, "kg m^2")
+    offset_sd = _deviations(mass_properties, "center_of_mass_offset_sd", 3, "kg m")
     step, control_rate = _timing(table)
     environment = table.table("environment", required=False)
     gravity = read_gravity(environment, 9.81)
@@ -120,6 +122,8 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
         paper_from_body=paper_from_body,
         effects=effects,
         pitch_stop=pitch_stop,
+        inertia_sd=inertia_sd,
+        center_of_mass_offset_sd=offset_sd,
     )
 
 
@@ -206,3 +210,11 @@ def _mass_properties(table: Table) -> tuple[float, Array, Array]:
         )
     offset = table.numbers("center_of_mass_offset", 3, unit="kg m")
     return mass, inertia, offset
+
+
+def _deviations(table: Table, key: str, size: int, unit: str) -> Array | None:
+    """Standard deviations, if any are stated; none of them 0."""
+    found: Array | None = table.numbers(key, size, None, low=0.0, unit=unit)
+    if found is not None and not np.all(found > 0.0):
+        raise table.fail(key, "holds 0", f"give what the measurement leaves open [{unit}]")
+    return found

@@ -266,6 +266,11 @@ class Platform:
     """What the machine has beyond its parts (docs/design.md 4.4)."""
     pitch_stop: PitchStop | None = None
     """In place of a tilt stop."""
+    inertia_sd: Array | None = None
+    """(6,) standard deviations of xx yy zz xy xz yz as they were measured [kg m^2]; None where
+    nobody stated them."""
+    center_of_mass_offset_sd: Array | None = None
+    """(3,) of m r [kg m]."""
 
     @property
     def tick(self) -> float:

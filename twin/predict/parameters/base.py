@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Of the inertia tensor, in the order xx yy zz xy xz yz."""
 
+WEAK = 1.0
+"""A base parameter of which no standard deviation is stated has so many of its scales: what the
+logs do not show stays where it is stated, and what they show does not notice."""
+
 NAMES = ("Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz", "mr_x", "mr_y", "mr_z")
 
 
@@ -37,6 +41,9 @@ class BaseParameters:
     """(p,) as platform.toml states them."""
     scale: Array
     """(p,) a typical change of each, for finite differences and conditioning."""
+    prior: Array
+    """(p,) standard deviations about what is stated: those that platform.toml gives, else `WEAK` of
+    the scales."""
     map: Array
     """(9, p) onto Jxx Jyy Jzz Jxy Jxz Jyz, mr_x mr_y mr_z."""
     joints: tuple[JointParameter, ...] = ()
@@ -51,6 +58,7 @@ class BaseParameters:
             units=self.units + tuple(joint.unit for joint in joints),
             as_stated=np.concatenate([self.as_stated, stated]),
             scale=np.concatenate([self.scale, np.abs(stated)]),
+            prior=np.concatenate([self.prior, WEAK * np.abs(stated)]),
             map=np.concatenate([self.map, np.zeros((9, len(joints)))], axis=1),
             joints=self.joints + joints,
         )
@@ -153,7 +161,9 @@ def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True
         size = np.trace(machine.platform.inertia) / 3.0
         reach = machine.platform.mass * 1e-3
         scale = np.array([size] * 6 + [reach] * 3)
-        return BaseParameters(machine, NAMES, units, stated, scale, np.eye(9))
+        known = _stated_sd(machine)
+        prior = np.where(np.isfinite(known), known, WEAK * scale)
+        return BaseParameters(machine, NAMES, units, stated, scale, prior, np.eye(9))
     axis = hinge_axis(machine)
     about_axis = float(axis @ machine.platform.inertia @ axis)
     directions = _across(axis)
@@ -176,12 +186,20 @@ def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True
         columns.append(np.concatenate([np.zeros(6), across]))
         starts.append(float(across @ stated[6:]))
     reach = max(float(np.linalg.norm(stated[6:])), 1e-3 * machine.platform.mass)
+    scale = np.array([about_axis if name == "J" else reach for name in names])
+    known = _stated_sd(machine)
+    about = np.array([(1.0 if i == j else 2.0) * axis[i] * axis[j] for i, j in ENTRIES])
+    across = [np.concatenate([np.zeros(6), one]) for one in directions]
+    along = [np.concatenate([about, np.zeros(3)])] * (len(names) - len(across)) + across
+    # what no axis turns or carries may be unknown
+    sd = [float(np.sqrt(np.sum(np.square(known[one != 0.0] * one[one != 0.0])))) for one in along]
     return BaseParameters(
         machine,
         tuple(names),
         tuple("kg m^2" if name == "J" else "kg m" for name in names),
         np.array(starts),
-        np.array([about_axis if name == "J" else reach for name in names]),
+        scale,
+        np.where(np.isfinite(sd), sd, WEAK * scale),
         np.array(columns).reshape(-1, 9).T,
     )
 
@@ -211,6 +229,18 @@ def _stated(machine: Machine) -> Array:
     platform = machine.platform
     tensor = [platform.inertia[i, j] for i, j in ENTRIES]
     return np.concatenate([tensor, platform.center_of_mass_offset])
+
+
+def _stated_sd(machine: Machine) -> Array:
+    """(9,) inf where nobody stated one."""
+    platform = machine.platform
+    tensor, offset = platform.inertia_sd, platform.center_of_mass_offset_sd
+    return np.concatenate(
+        [
+            np.full(6, np.inf) if tensor is None else tensor,
+            np.full(3, np.inf) if offset is None else offset,
+        ]
+    )
 
 
 def _square(entries: list[Any]) -> list[list[Any]]:

@@ -21,11 +21,8 @@ from twin.predict.whitening.unknowns import Eliminated, Unknowns
 
 Array = NDArray[np.float64]
 
-WEAK = 1.0
-"""A base parameter is held where it is stated with so many of its scales: what the logs do not show
-stays there, and what they show does not notice."""
 HELD = 1e-9
-"""Likewise of a base that is not to move."""
+"""Standard deviation of a base that is not to move, in its scales."""
 
 NO_GROWTH = 0.1
 """The log-determinant has no slope worth its cost along a base parameter where the growth of the
@@ -304,7 +301,7 @@ class Problem:
             The rows, and which segment of which log each comes from.
         """
         p, biases = len(at.theta), sum(map(len, at.biases))
-        weak = (HELD if self.held else WEAK) * self.base.scale
+        weak = HELD * self.base.scale if self.held else self.base.prior
         away = 0.0 * at.theta if self.held else at.theta - self.base.as_stated
         width = p + biases + added
         blocks = [np.column_stack([away / weak, np.diag(1.0 / weak)] + [np.zeros((p, width - p))])]

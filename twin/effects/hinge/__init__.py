@@ -1,0 +1,1 @@
+"""Effects on a hinge and its motor."""
