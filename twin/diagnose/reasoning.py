@@ -3,9 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from twin.diagnose.alone import LED, NEARLY, UNMISTAKABLE, sole
+from twin.diagnose.alone import LED, NEARLY, UNMISTAKABLE, settling, sole
 from twin.diagnose.candidates import Candidate, resonators, ringing
 from twin.diagnose.explanation import Explanation, explain
 from twin.diagnose.fitting import CROWD, astray, fitted, followed, guesses
@@ -30,9 +28,6 @@ WEAK = 0.03
 """Share of another's evidence that may be no more than the error of its linearised column."""
 WANDERS = 200.0
 """-2 log L that noise processes gain, from where on they are no weak cause's that was missed."""
-STRONGEST, SOME = 3, 0.25
-"""Causes that are fitted alone before a wandering torque is taken for the whole, and the share of a
-crowd's evidence that each must promise."""
 ROUGH = 1.5
 """Chi-square a sample beyond which no cause has made the motion follow the model. The logs are then
 predicted in segments apart, and what they say counts for less."""
@@ -55,10 +50,11 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
         if begun is None or begun.left.doubtful:
             wandering = beside_wander(plain, every, say)
         if wandering is not None and begun is None and not wandering.now.effects:
-            line = _strongest(plain, search, every, say)
+            # it passes for any cause that moves slowly, and a crowd for one whose columns bend
+            line = settling(plain, search, every, say)
         if wandering is not None and _is_wander(wandering):
-            found = min((wandering, begun, line), key=_score)
-            if found is wandering:
+            rivals = [one for one in (begun, line) if one is not None]
+            if all(wandering.score <= one.score for one in rivals):
                 return wandering
     if line is None or line.left.doubtful:
         # what rings or blows at another frequency than usual looks like many causes
@@ -100,32 +96,6 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
             line = _with_laws(Line(plain, search, every), than=line, lead=lead)
     line = _needed(line, say)
     return line if wandering is None else min(line, wandering, key=lambda one: one.score)
-
-
-def _score(line: Line | None) -> float:
-    return np.inf if line is None else line.score
-
-
-def _strongest(
-    plain: Explanation, search: Search, asked: tuple[Candidate, ...], say: Say
-) -> Line | None:
-    """The best of the few causes that promise most, each fitted alone beside white noise, if it
-    leaves nothing.
-
-    A wandering torque passes for any cause that moves slowly, and a crowd of causes for one whose
-    columns change along the motion that it makes.
-    """
-    found: list[Line] = []
-    most = search.evidence(search.best())
-    for score in search.scores()[:STRONGEST]:
-        if score.evidence < SOME * most:
-            break
-        (guess,) = guesses(plain, asked, search.weighing, (score.index,))
-        say(f"fitting {guess.label} alone")
-        there = followed(plain, (guess,))
-        if there is not None and not remainder(there).doubtful:
-            found.append(Line(there, search_from(there, asked), asked))
-    return min(found, key=_score, default=None)
 
 
 def _is_wander(line: Line) -> bool:
