@@ -64,15 +64,20 @@ def only(apart: Explanation, asked: Sequence[Candidate], say: Say) -> Line | Non
     if not remainder(apart).doubtful:
         return None
     near = _as_stated(apart)
-    search = search_from(near, asked)
+    return settling(near, search_from(near, asked), asked, say)
+
+
+def settling(now: Explanation, search: Search, asked: Sequence[Candidate], say: Say) -> Line | None:
+    """Of the few causes that promise most, the first that leaves nothing when it is fitted alone;
+    None where none does."""
     tries: dict[str, Effect] = {}
     for score in search.scores():
         if len(tries) < LED:
-            (guess,) = guesses(near, asked, search.weighing, (score.index,))
+            (guess,) = guesses(now, asked, search.weighing, (score.index,))
             tries.setdefault(guess.label, guess)
     for label, guess in tries.items():
         say(f"fitting {label} alone")
-        there = fitted(near, (guess,))
+        there = followed(now, (guess,))
         if there is not None and not remainder(there).doubtful:
             return Line(there, search_from(there, asked), tuple(asked))
     return None

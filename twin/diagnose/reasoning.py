@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from twin.diagnose.alone import LED, NEARLY, UNMISTAKABLE, sole
+from twin.diagnose.alone import LED, NEARLY, UNMISTAKABLE, settling, sole
 from twin.diagnose.candidates import Candidate, resonators, ringing
 from twin.diagnose.explanation import Explanation, explain
 from twin.diagnose.fitting import CROWD, astray, fitted, followed, guesses
@@ -49,8 +49,13 @@ def reason(plain: Explanation, asked: Sequence[Candidate], say: Say) -> Line:
         begun = _searched(plain, search, every, say) if len(search.best()) <= CROWD else None
         if begun is None or begun.left.doubtful:
             wandering = beside_wander(plain, every, say)
+        if wandering is not None and begun is None and not wandering.now.effects:
+            # it passes for any cause that moves slowly, and a crowd for one whose columns bend
+            line = settling(plain, search, every, say)
         if wandering is not None and _is_wander(wandering):
-            return wandering
+            rivals = [one for one in (begun, line) if one is not None]
+            if all(wandering.score <= one.score for one in rivals):
+                return wandering
     if line is None or line.left.doubtful:
         # what rings or blows at another frequency than usual looks like many causes
         several = len(search.best()) > 1
