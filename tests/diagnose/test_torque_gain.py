@@ -51,8 +51,8 @@ def test_a_torque_gain_and_a_base_of_which_nothing_is_stated_are_the_same(pendul
     found = diagnose([log], unsure)
     assert found.verdict == "healthy"
     assert "inertia_sd" in found.not_asked["joint_torque_gain"]
-    J, *_ = found.explained.base.entries(found.explained.at.theta)
-    assert J == pytest.approx(pendulum.inertia[0, 0] / 0.75, rel=0.02)
+    inertia, *_ = found.explained.base.entries(found.explained.at.theta)
+    assert inertia == pytest.approx(pendulum.inertia[0, 0] / 0.75, rel=0.02)
 
 
 def test_time_that_took_no_part_need_not_speak_for_a_torque_gain(pendulum, log, weak):

@@ -21,8 +21,8 @@ FITTED = 2.5e-3
 """Less of what a fit has settled where it stands, or a share close to that would be found, fitted,
 and dropped as none."""
 KNOWN = 1e-6
-"""But of what is linear in its size, a sensor's constant error. What is left of that beside the base
-is what platform.toml says of either, and no error."""
+"""But of what is linear in its size, a sensor's constant error. What is left of that beside the
+base is what platform.toml says of either, and no error."""
 ROUNDING = 1e-9
 """Share of the largest singular value below which a direction is none."""
 SLIGHT = 1.0

@@ -117,8 +117,8 @@ class Effect(abc.ABC):
     takes: ClassVar[Target] = ""
     """What it is aimed at, if at anything: a stream, or a part (no target: all of them)."""
     exact: ClassVar[bool] = False
-    """Whether what it does to a log is linear in its size, so that what distinguishes it from a
-    change of the base, however little, is what platform.toml states and no linearisation's error."""
+    """Whether what it does to a log is linear in its size: what distinguishes it from a change of
+    the base, however little, is then what platform.toml states and no linearisation's error."""
 
     target: str = field(default="", kw_only=True)
     """The stream or part it acts on."""

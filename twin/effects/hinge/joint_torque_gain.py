@@ -38,5 +38,5 @@ class JointTorqueGain(ScaleEffect):
 
     def hidden_from(self, platform: Platform) -> str:
         if platform.inertia_sd is None or platform.center_of_mass_offset_sd is None:
-            return "needs inertia_sd and center_of_mass_offset_sd, for J, m r and torque share a factor"
+            return "without inertia_sd and center_of_mass_offset_sd J and m r may take it"
         return ""
