@@ -109,7 +109,7 @@ def test_a_constant_error_beyond_what_is_stated_of_it_is_named(rng, constant):
     # the base has the same constant, and knows how large it should be
     base = np.append(np.ones((samples, 1)), [[1.0 / stated]], axis=0)
     residual = rng.normal(size=samples + 1) - true * shown[:, 0]
-    found = Weighing(residual, base, shown, [replace(trace("bias"), constant=constant)])
+    found = Weighing(residual, base, shown, [replace(trace("bias"), exact=constant)])
     assert Search(found, [0]).best() == ((0,) if constant else ())
     if constant:
         (strength,) = found.weigh((0,)).strengths
