@@ -12,7 +12,7 @@ from twin.errors import UsageError
 from twin.identify.prediction_error import fit
 from twin.library import library
 from twin.platform import Platform
-from twin.predict.whitening.innovations import Problem
+from twin.predict.innovations import Problem
 from twin.recording import Recording
 from twin.report import document, sentences
 

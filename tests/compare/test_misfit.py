@@ -6,15 +6,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 
-from twin.compare.account import correlation_time
-from twin.compare.misfit import Misfit, autocorrelation, whiteness
+from twin.compare.account import Misfit, autocorrelation, correlation_time, whiteness
 from twin.identify.prediction_error import fit
 from twin.model import compile_model
 from twin.platform import Platform
+from twin.predict.base import base_parameters
 from twin.predict.body import body_of
-from twin.predict.log.motion import motion_of
-from twin.predict.parameters.base import base_parameters
-from twin.predict.whitening.innovations import Problem
+from twin.predict.innovations import Problem
+from twin.predict.logs import motion_of
 from twin.recording import Recording
 from twin.report.words import quiet_sentences
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from twin.cli.main import main
 from twin.diagnose import diagnosis
 from twin.errors import UsageError
-from twin.predict.path.rollouts import BeyondBounds
+from twin.predict.rollouts import BeyondBounds
 
 Array = NDArray[np.float64]
 Change = Callable[[str, Array], Array]

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from tests.predict.flights import flown
-from twin.diagnose.determined import determined
+from twin.diagnose.explanation import determined
 from twin.diagnose.plain import plain_of
 from twin.effects.thrusters.thruster_misalignment import ThrusterMisalignment
 from twin.effects.wheels.wheel_misalignment import WheelMisalignment
 from twin.platform import load_platform
-from twin.predict.effects.columns import slopes_of
+from twin.predict.columns import slopes_of
 
 SEED = 20261123
 

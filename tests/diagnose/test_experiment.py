@@ -10,10 +10,15 @@ from twin.cli.main import main
 from twin.diagnose import diagnosis
 from twin.diagnose.candidates import candidate
 from twin.diagnose.cause import Cause, Tie
-from twin.diagnose.excitation import Excitation, excitations
-from twin.diagnose.experiment import Experiment, Sensitivity, behind, next_experiment
-from twin.diagnose.search import TIED, Search
-from twin.diagnose.weighing import Trace
+from twin.diagnose.experiment import (
+    Excitation,
+    Experiment,
+    Sensitivity,
+    behind,
+    excitations,
+    next_experiment,
+)
+from twin.diagnose.screen import TIED, Search, Trace
 from twin.effects import parse_effects, with_effects
 from twin.effects.catalogue import effect_named
 from twin.platform import load_platform

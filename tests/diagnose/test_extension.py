@@ -16,8 +16,7 @@ from twin.effects import effect_named, parse_effects
 from twin.library import library
 from twin.model import compile_model
 from twin.platform import load_platform
-from twin.predict.parameters.base import base_parameters
-from twin.predict.parameters.joints import joint_parameters
+from twin.predict.base import base_parameters, joint_parameters
 from twin.recording import Recording
 
 

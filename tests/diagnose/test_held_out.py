@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twin.cli.main import main
-from twin.diagnose.held_out import held_out
 from twin.diagnose.plain import plain_of
+from twin.diagnose.remainder import held_out
 from twin.platform import load_platform
 from twin.recording import Recording, open_log
 

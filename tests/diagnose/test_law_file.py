@@ -9,17 +9,15 @@ import pytest
 
 from twin.cli.main import main
 from twin.diagnose.cause import Equation
-from twin.diagnose.law import Law
-from twin.diagnose.law_file import write_laws
-from twin.diagnose.sensor_laws import sensor_laws
-from twin.diagnose.torque_laws import torque_laws
+from twin.diagnose.extension import write_laws
+from twin.diagnose.laws import Law, sensor_laws, torque_laws
 from twin.effects import BodyEffect, SeriesEffect, State, effect_named
 from twin.effects.on_sensor import shown
 from twin.model import compile_model
 from twin.platform import load_platform
 from twin.predict.body import Body, body_of
-from twin.predict.effects.forces import middles, plain_forces
-from twin.predict.log.motion import motion_of
+from twin.predict.forces import middles, plain_forces
+from twin.predict.logs import motion_of
 from twin.recording import open_log
 from twin.signals import Samples
 

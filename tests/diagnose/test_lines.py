@@ -9,8 +9,8 @@ from twin.clock import SimulatedClock
 from twin.diagnose.candidates import candidate, ringing
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.line import search_from
-from twin.diagnose.lines import slow_line_of
 from twin.diagnose.plain import plain_of
+from twin.diagnose.remainder import slow_line_of
 from twin.effects import catalogue
 from twin.flight import prepare
 from twin.platform import load_platform

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from twin.diagnose.moves import largest, usual
+from twin.diagnose.explanation import largest, usual
 from twin.effects import effect_named, parse_effects
 
 

@@ -15,7 +15,7 @@ from twin.estimators import load_estimator
 from twin.loop import fly
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
-from twin.predict.path.segments import LONGEST
+from twin.predict.response import LONGEST
 from twin.recording import Recording
 from twin.reference import Multisine
 from twin.report.diagnosed import diagnosed

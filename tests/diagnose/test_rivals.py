@@ -7,9 +7,8 @@ from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.diagnose.candidates import candidates_of
 from twin.diagnose.fitting import guesses
-from twin.diagnose.line import Line, search_from
+from twin.diagnose.line import Line, against_rivals, search_from
 from twin.diagnose.plain import plain_of
-from twin.diagnose.rivals import against_rivals
 from twin.effects import effect_named, with_effects
 from twin.estimators import load_estimator
 from twin.loop import fly

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from twin.diagnose import scatter
+from twin.diagnose import cause as scatter
 from twin.diagnose.cause import Cause
 from twin.effects import Effect
 from twin.platform import load_platform

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from twin.diagnose.search import Search, price
-from twin.diagnose.weighing import Trace, Weighing
+from twin.diagnose.screen import Search, Trace, Weighing, price
 
 FREE = np.full(1, np.inf)
 SEED = 20261121

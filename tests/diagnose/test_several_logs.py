@@ -10,9 +10,9 @@ import pytest
 
 from twin.diagnose import diagnose, extend
 from twin.diagnose.explanation import explain
-from twin.diagnose.needed import needed_only
+from twin.diagnose.line import needed_only
 from twin.diagnose.plain import plain_of
-from twin.diagnose.search import Search
+from twin.diagnose.screen import Search
 from twin.effects import parse_effects
 from twin.library import library
 from twin.platform import load_platform

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from twin.diagnose.cause import ties_of
-from twin.diagnose.search import Search
-from twin.diagnose.weighing import Trace, Weighing
+from twin.diagnose.screen import Search, Trace, Weighing
 
 SIZE = 8.0
 """Standard deviations that the cause is worth."""

@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.diagnose.cause import Cause
-from twin.diagnose.excitation import Excitation
+from twin.diagnose.cause import Cause, told
+from twin.diagnose.experiment import Excitation
 from twin.diagnose.plain import plain_of
-from twin.diagnose.told import told
 from twin.effects import effect_named, with_effects
 from twin.identify.prediction_error import NORMAL
 from twin.platform import load_platform

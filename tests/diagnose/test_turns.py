@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.diagnose.turns import LARGE, starts
+from twin.diagnose.fitting import LARGE, starts
 from twin.effects import effect_named, parse_effects
 from twin.platform import load_platform
 

@@ -16,7 +16,7 @@ from twin.loop import fly
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
-from twin.predict.parameters.base import ENTRIES
+from twin.predict.base import ENTRIES
 from twin.recording import Recording
 from twin.reference import Hold, parse_reference
 from twin.rotation import from_euler_zyx

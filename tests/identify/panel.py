@@ -13,19 +13,18 @@ from pathlib import Path
 
 import numpy as np
 from conftest import Campaign, fly_campaign, fly_machine
+from score_columns import clock_lag, scale_factor
 
 from twin import rotation
 from twin.identify import identify
 from twin.identify.identification import Identification
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
+from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
-from twin.predict.log.motion import motion_of
-from twin.predict.parameters.base import base_parameters
-from twin.predict.path.states import States
-from twin.predict.sensors.columns import clock_lag, scale_factor
-from twin.predict.whitening.innovations import Problem
-from twin.predict.whitening.unknowns import Unknowns
+from twin.predict.innovations import Problem, Unknowns
+from twin.predict.logs import motion_of
+from twin.predict.states import States
 from twin.recording import Recording
 
 

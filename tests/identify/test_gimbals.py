@@ -8,8 +8,8 @@ import pytest
 from twin.identify.gimbals import as_measured
 from twin.model import compile_model
 from twin.platform import load_platform
-from twin.predict.drive.wander import random_walk
-from twin.predict.sensors.outputs import digits_of
+from twin.predict.profiles import random_walk
+from twin.predict.sensors import digits_of
 from twin.recording import Recording, Series
 
 PERIOD = 0.05

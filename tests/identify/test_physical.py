@@ -8,7 +8,7 @@ import pytest
 from twin.identify.physical import nearest_body
 from twin.model import Machine, carried_properties, compile_model
 from twin.platform import load_platform
-from twin.predict.parameters.base import BaseParameters, base_parameters
+from twin.predict.base import BaseParameters, base_parameters
 
 SEED = 11
 

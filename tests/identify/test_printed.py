@@ -11,8 +11,8 @@ from twin.identify.excitation import excitation_of
 from twin.identify.track import raw_motion
 from twin.model import compile_model
 from twin.platform import taken_as_at_rest
-from twin.predict.log.motion import motion_of
-from twin.predict.parameters.base import base_parameters
+from twin.predict.base import base_parameters
+from twin.predict.logs import motion_of
 from twin.recording import Recording
 from twin.report import compared, identified
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.identify.score_columns import clock_lag, scale_factor
 from twin.identify import Identification, identify
 from twin.model import compile_model
 from twin.plant.simulated import SimulatedPlant
 from twin.predict.body import body_of
-from twin.predict.log.motion import motion_of
-from twin.predict.sensors.columns import clock_lag, scale_factor
-from twin.predict.whitening.innovations import Problem
+from twin.predict.innovations import Problem
+from twin.predict.logs import motion_of
 from twin.recording import Recording
 
 

@@ -11,8 +11,8 @@ from twin.identify import identify
 from twin.identify.momentum import momentum_fit
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
-from twin.predict.log.motion import motion_of
-from twin.predict.parameters.base import base_parameters
+from twin.predict.base import base_parameters
+from twin.predict.logs import motion_of
 from twin.recording import Recording, Series
 from twin.report import identified
 

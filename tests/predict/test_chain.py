@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from twin.errors import TwinError
-from twin.predict.whitening.chain import chain, growth
-from twin.predict.whitening.linearised import Linearised
+from twin.predict.kalman import Linearised, chain, growth
 
 
 def random_chain(

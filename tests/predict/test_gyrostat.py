@@ -5,14 +5,14 @@ import pytest
 
 from twin.clock import SimulatedClock
 from twin.compare import compare
+from twin.compare.account import is_noise, misfits
 from twin.compare.comparison import prepare
-from twin.compare.misfit import is_noise, misfits
 from twin.flight import prepare as prepare_flight
 from twin.identify.prediction_error import Fit, fit
 from twin.platform import load_platform
+from twin.predict.base import base_parameters
 from twin.predict.body import Body
-from twin.predict.parameters.base import base_parameters
-from twin.predict.whitening.innovations import Problem
+from twin.predict.innovations import Problem
 from twin.recording import Recording
 from twin.stream.recorder import MemoryRecorder
 

@@ -5,10 +5,9 @@ import numpy as np
 from twin.library import library
 from twin.model import compile_model
 from twin.platform import load_platform
+from twin.predict.base import base_parameters, joint_parameters
 from twin.predict.body import body_of
-from twin.predict.log.motion import motion_of
-from twin.predict.parameters.base import base_parameters
-from twin.predict.parameters.joints import joint_parameters
+from twin.predict.logs import motion_of
 from twin.recording.open import open_log
 
 

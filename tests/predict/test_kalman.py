@@ -3,8 +3,7 @@
 import numpy as np
 from scipy.linalg import block_diag
 
-from twin.predict.whitening.kalman import Local, whitened
-from twin.predict.whitening.linearised import Linearised
+from twin.predict.kalman import Linearised, Local, whitened
 
 
 def test_whitening_agrees_with_the_dense_covariance():

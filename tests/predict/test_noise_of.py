@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.platform import load_platform
-from twin.predict.sensors.outputs import Output, noise_of
+from twin.predict.sensors import Output, noise_of
 from twin.recording import Recording, Series
 
 ASTROS = load_platform("astros")

@@ -5,11 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.predict.whitening.blocks import blocked
-from twin.predict.whitening.chain import chain
-from twin.predict.whitening.kalman import Local, whitened
-from twin.predict.whitening.linearised import Linearised
-from twin.predict.whitening.noise import Noise, Wander
+from twin.predict.kalman import Linearised, Local, Noise, Wander, blocked, chain, whitened
 
 SEGMENTS, INSTANTS, WIDTH, X, U, C = 3, 8, 2, 2, 2, 2
 STEP = 0.5

@@ -9,11 +9,11 @@ import pytest
 from twin.errors import TwinError, UsageError
 from twin.model import compile_model, mass_properties
 from twin.platform import Platform, load_platform
+from twin.predict.base import base_parameters
 from twin.predict.body import body_of
-from twin.predict.drive.inputs import Inputs, held_mean
-from twin.predict.log.motion import motion_of, noise_of
-from twin.predict.parameters.base import base_parameters
-from twin.predict.path.segments import GROWTH, Segment, growth_rate
+from twin.predict.inputs import Inputs, held_mean
+from twin.predict.logs import motion_of, noise_of
+from twin.predict.response import GROWTH, Segment, growth_rate
 from twin.recording import Recording, Series
 
 

@@ -6,11 +6,10 @@ from scipy.special import ellipj, ellipk
 
 from twin.model import compile_model
 from twin.platform import Platform
+from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
-from twin.predict.log.motion import motion_of
-from twin.predict.parameters.base import base_parameters
-from twin.predict.path.push import Push
-from twin.predict.path.states import States
+from twin.predict.logs import motion_of
+from twin.predict.states import Push, States
 from twin.recording import Recording, Series
 
 AMPLITUDE = 2.0

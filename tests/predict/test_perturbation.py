@@ -10,15 +10,14 @@ from twin.effects.body.bearing_coulomb_friction import BearingCoulombFriction
 from twin.identify.prediction_error import fit
 from twin.model import compile_model
 from twin.platform import Platform
+from twin.predict import added, faults
+from twin.predict.added import Added, formed
+from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
-from twin.predict.effects import added
-from twin.predict.effects.added import Added, formed
-from twin.predict.effects.perturbation import Perturbation
-from twin.predict.log.motion import motion_of
-from twin.predict.parameters.base import base_parameters
-from twin.predict.path.push import Push
-from twin.predict.sensors import faults
-from twin.predict.whitening.innovations import Problem
+from twin.predict.forces import Perturbation
+from twin.predict.innovations import Problem
+from twin.predict.logs import motion_of
+from twin.predict.states import Push
 from twin.recording import Recording
 
 SEED = 20261121

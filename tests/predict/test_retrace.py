@@ -12,12 +12,11 @@ from twin.errors import TwinError
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
+from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
-from twin.predict.effects.columns import perturbations_of, strengths_of
-from twin.predict.effects.retrace import retraced
-from twin.predict.log.motion import motion_of
-from twin.predict.parameters.base import base_parameters
-from twin.predict.whitening.innovations import Problem
+from twin.predict.columns import perturbations_of, strengths_of
+from twin.predict.innovations import Problem, retraced
+from twin.predict.logs import motion_of
 from twin.recording import Recording
 
 SEED = 20261121

@@ -10,7 +10,7 @@ from twin.flight import prepare
 from twin.model import compile_model
 from twin.platform import load_platform
 from twin.predict.body import body_of
-from twin.predict.log.motion import motion_of
+from twin.predict.logs import motion_of
 from twin.recording import Recording
 from twin.stream.recorder import MemoryRecorder
 

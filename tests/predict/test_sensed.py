@@ -7,7 +7,7 @@ import pytest
 
 from tests.predict.flights import flown, predictor
 from twin.clock import SimulatedClock
-from twin.compare.misfit import misfits
+from twin.compare.account import misfits
 from twin.controller.load import load_controller
 from twin.errors import UsageError
 from twin.estimators.named import load_estimator
@@ -17,12 +17,12 @@ from twin.loop import fly
 from twin.model import compile_model
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
+from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
-from twin.predict.log.motion import motion_of
-from twin.predict.parameters.base import base_parameters
-from twin.predict.path.push import Push
-from twin.predict.sensors.sensed import SENSED
-from twin.predict.whitening.innovations import Problem
+from twin.predict.innovations import Problem
+from twin.predict.logs import motion_of
+from twin.predict.sensors import SENSED
+from twin.predict.states import Push
 from twin.recording import Recording
 from twin.reference import parse_reference
 from twin.stream.recorder import MemoryRecorder

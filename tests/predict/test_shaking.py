@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from twin.diagnose.excitation import Excitation
+from twin.diagnose.experiment import Excitation
 from twin.identify import identify
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
 from twin.predict.body import body_of
-from twin.predict.log.motion import motion_of
-from twin.predict.sensors.outputs import Output
+from twin.predict.logs import motion_of
+from twin.predict.sensors import Output
 from twin.recording import Recording
 
 SEED = 20261122

@@ -9,8 +9,8 @@ from twin.effects.stages.stage_backlash import StageBacklash
 from twin.effects.stages.stage_scale import StageScale
 from twin.model import Machine, compile_model
 from twin.platform import load_platform
-from twin.predict.drive.inputs import Inputs
-from twin.predict.drive.profiles import profile
+from twin.predict.inputs import Inputs
+from twin.predict.profiles import profile
 from twin.recording import Recording, Series
 
 TOLD = "command_stage_position"

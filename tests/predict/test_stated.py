@@ -13,8 +13,8 @@ from twin.identify.prediction_error import fit
 from twin.identify.start import first_biases
 from twin.platform import load_platform
 from twin.predict.body import body_of
-from twin.predict.log.motion import motion_of
-from twin.predict.whitening.innovations import Problem
+from twin.predict.innovations import Problem
+from twin.predict.logs import motion_of
 from twin.recording import Recording
 
 STATED = {

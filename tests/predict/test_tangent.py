@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.errors import TwinError
-from twin.predict.path.tangent import carried_states
+from twin.predict.states import carried_states
 
 
 def test_what_carries_a_state_on_is_what_its_reach_grows_by() -> None:

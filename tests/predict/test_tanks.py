@@ -10,7 +10,7 @@ from twin.diagnose.plain import plain_of
 from twin.effects import effect_named, with_effects
 from twin.plant.gas import STANDARD_GRAVITY
 from twin.platform import load_platform
-from twin.predict.drive.tanks import pressure
+from twin.predict.inputs import pressure
 from twin.reference import parse_reference
 from twin.reproduce.flown import flown
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.platform import load_platform, taken_as_at_rest
-from twin.predict.drive.told import as_told
+from twin.predict.inputs import as_told
 from twin.recording import Recording, Series
 
 SADS = load_platform("sads")

@@ -8,11 +8,10 @@ from tests.predict.flights import flown, predictor
 from twin import rotation
 from twin.effects import State
 from twin.library import library
+from twin.predict import rollouts
+from twin.predict.base import base_parameters
 from twin.predict.body import Body
-from twin.predict.parameters.base import base_parameters
-from twin.predict.path import rollouts
-from twin.predict.path.push import Push
-from twin.predict.path.states import STEP
+from twin.predict.states import STEP, Push
 from twin.recording.open import open_log
 
 SEED = 20261123

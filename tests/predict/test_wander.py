@@ -5,7 +5,7 @@ import secrets
 import numpy as np
 import pytest
 
-from twin.predict.drive.wander import random_walk
+from twin.predict.profiles import random_walk
 from twin.recording import Series
 
 PERIOD = 0.05

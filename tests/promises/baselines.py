@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from twin.diagnose import Diagnosis
-from twin.diagnose.held_out import held_out
-from twin.diagnose.search import TIED, price
+from twin.diagnose.remainder import held_out
+from twin.diagnose.screen import TIED, price
 from twin.effects import Effect
 from twin.errors import TwinError
 

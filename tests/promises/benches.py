@@ -12,14 +12,14 @@ import numpy as np
 
 from twin.diagnose import diagnosis
 from twin.diagnose.candidates import Candidate, candidate, candidates_of
-from twin.diagnose.excitation import Angles, Excitation
+from twin.diagnose.experiment import Angles, Excitation
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.weighing import Weighing
+from twin.diagnose.screen import Weighing
 from twin.effects import Effect, Order, SeriesEffect, able, catalogue, with_effects
 from twin.errors import PlatformError, UsageError
 from twin.model import compile_model
 from twin.platform import Platform, Sensor, load_platform
-from twin.predict.effects.columns import amplitudes
+from twin.predict.columns import amplitudes
 from twin.recording import Recording
 
 GRADES = {"fine": (1e-4, 1e-4), "middle": (1e-3, 1e-3), "coarse": (4.4e-3, 3.5e-2)}

@@ -17,7 +17,7 @@ from twin.effects.errors import EffectError
 from twin.errors import TwinError
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
-from twin.predict.effects.columns import BLIND, amplitudes
+from twin.predict.columns import BLIND, amplitudes
 from twin.recording import Recording
 
 UNSEEN = (*BLIND, "stage_vibration")

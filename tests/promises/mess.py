@@ -32,7 +32,7 @@ from twin.effects.effect import Domain, parameter  # noqa: E402
 from twin.effects.on_body import TorqueLaw  # noqa: E402
 from twin.errors import TwinError  # noqa: E402
 from twin.platform import Platform  # noqa: E402
-from twin.predict.effects.columns import amplitudes  # noqa: E402
+from twin.predict.columns import amplitudes  # noqa: E402
 from twin.processes import Pool  # noqa: E402
 from twin.recording import Recording  # noqa: E402
 

@@ -7,13 +7,12 @@ import numpy as np
 from benches import Yardstick, machine
 
 from twin.diagnose import Diagnosis
-from twin.diagnose.search import TIED, Search, price
-from twin.diagnose.weighing import Weighing
+from twin.diagnose.screen import TIED, Search, Weighing, price
 from twin.effects import Effect
 from twin.effects.body.liquid_slosh import LiquidSlosh
 from twin.effects.errors import EffectError
 from twin.platform import Platform
-from twin.predict.effects.columns import amplitudes
+from twin.predict.columns import amplitudes
 
 SURE = 0.9
 """Confidence beyond which a wrong name is worse than none."""

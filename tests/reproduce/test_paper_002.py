@@ -9,8 +9,7 @@ import pytest
 from twin import rotation
 from twin.effects.clocks.clock_lag import ClockLag
 from twin.identify import identify
-from twin.predict.log.motion import motion_of
-from twin.predict.log.tilt import attitude_of_start
+from twin.predict.logs import attitude_of_start, motion_of
 from twin.reproduce.efficiency import cramer_rao, trial_of
 from twin.reproduce.paper_002 import fig4, fig5, fig9, lag_and_turn, table2, table3_ours, table4
 from twin.reproduce.paper_002.manoeuvre import (

@@ -12,8 +12,7 @@ from twin.errors import UsageError
 from twin.library import library
 from twin.recording import Recording, Series
 from twin.strapdown import GyroComparison, compare_gyro
-from twin.strapdown.faults import NAMES, columns, corrected
-from twin.strapdown.turns import chained
+from twin.strapdown.compare import NAMES, chained, columns, corrected
 
 BROAD = library("models") / "broad_imu" / "logs" / "slow_rotation"
 XYZ, WXYZ = ("x", "y", "z"), ("w", "x", "y", "z")

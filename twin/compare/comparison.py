@@ -1,36 +1,88 @@
-"""A model held against a log: as built and refitted, what it misses, where and why."""
+"""A log compared with a platform's model, and with what was fitted to other logs."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
-from twin.compare.balance import Balance, balance
-from twin.compare.explanation import Side, side
-from twin.compare.free_run import HORIZONS, FreeRun, free_run
-from twin.compare.misfit import coloured, is_noise
-from twin.compare.selection import TIED
+from twin import rotation
+from twin.compare.account import Account, coloured, follow, is_noise, loosen
+from twin.compare.explanation import HORIZONS, TIED, FreeRun, Side, Strength, free_run, side
 from twin.compare.symptoms import Domain, Symptom, symptoms_of
 from twin.conventions import ConventionFinding, check_conventions, corrected
 from twin.identify.momentum import momentum_fit
-from twin.identify.prediction_error import fit
+from twin.identify.prediction_error import fit, most_likely
 from twin.identify.ringing import along_what_rings, rings
 from twin.identify.start import base_of, first_biases, first_theta
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of, in_order_of
+from twin.predict.base import ENTRIES, BaseParameters, hinge_axis
 from twin.predict.body import Body, body_of
-from twin.predict.effects.machine import predicted_machine
-from twin.predict.log.motion import motion_of
-from twin.predict.log.possible import check_possible
-from twin.predict.log.usable import usable
-from twin.predict.parameters.base import BaseParameters
-from twin.predict.whitening.innovations import Problem
+from twin.predict.forces import predicted_machine
+from twin.predict.innovations import Problem, Unexplained, unexplained_torque
+from twin.predict.logs import check_possible, motion_of, usable
 from twin.recording import Recording
 from twin.recording.pauses import longest_of
 
 Array = NDArray[np.float64]
+MOVED = 1e-3
+"""Sliding masses that move further [m] make the energy's balance more than this."""
 Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Of one log, on the grid of its smoothed motion."""
+
+    time: Array
+    """(m,) [s]."""
+    momentum: Array | None
+    """(m,) about the vertical, body and wheels [N m s]; None for a hinge."""
+    energy: Array | None
+    """(m,) less the work of the motors [J]; None where sliding masses moved."""
+
+
+def balance(account: Account) -> Balance:
+    """Balance a log's measured motion with the base and the biases of an account."""
+    body, base = account.problem.bodies[0], account.problem.base
+    machine, motion = body.machine, body.motion
+    platform, time = machine.platform, motion.time
+    entries = base.entries(account.theta)
+    inertia = np.zeros((3, 3))
+    for value, (i, j) in zip(entries[:6], ENTRIES, strict=True):
+        inertia[i, j] = inertia[j, i] = value
+    hinge = platform.base.kind == "hinge"
+    axis = hinge_axis(machine) if hinge else np.zeros(3)
+    attitude = rotation.from_rotation_vector(motion.position * axis) if hinge else motion.position
+    bias = np.zeros(3)
+    sensors = account.at.biases[0][: len(body.bias_names)]
+    for name, value in zip(body.bias_names, sensors, strict=True):
+        if name.startswith("gyro "):
+            bias["xyz".index(name[-1])] = value
+    rate = motion.rate * axis if hinge else motion.rate - bias
+    vertical = rotation.vertical_body(attitude)
+    position, velocity, _ = body.inputs.joint_states(time)
+    stage = position[:, machine.stage_qpos]
+    still = not stage.size or float(np.ptp(stage, axis=0).max()) < MOVED
+    spin = velocity[:, machine.wheel_dof]
+    rotor = np.array([wheel.inertia for wheel in platform.wheels])
+    axes = np.array([wheel.axis for wheel in platform.wheels]).reshape(-1, 3)
+    momentum = rate @ inertia + (spin * rotor) @ axes
+    edges = np.append(time, 2.0 * time[-1] - time[-2])
+    torque = body.inputs.commanded(edges, motion)
+    power = np.sum(torque[:, machine.wheel_dof] * spin, axis=1)
+    if hinge:
+        power = power + (torque[:, machine.base_dof] * motion.rate)[:, 0]
+    work = np.asarray(cumulative_trapezoid(power, time, initial=0.0), dtype=np.float64)
+    kinetic = 0.5 * np.sum(rate * (rate @ inertia), axis=1)
+    kinetic = kinetic + np.sum(spin * rotor * (rate @ axes.T), axis=1)
+    kinetic = kinetic + 0.5 * np.square(spin) @ rotor
+    height = platform.gravity * vertical @ entries[6:]
+    driven = bool(np.any(torque)) or not platform.wheels
+    about = None if hinge else np.sum(vertical * momentum, axis=1)
+    return Balance(time, about, kinetic + height - work if still and driven else None)
 
 
 @dataclass(frozen=True)
@@ -178,3 +230,69 @@ def name_of(comparison: Comparison) -> str:
 def log_name(recording: Recording) -> str:
     """A log's own name: that of its folder or file."""
     return recording.source.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1]
+
+
+def missing_torque(comparison: Comparison, mean: float) -> Unexplained:
+    """A white torque of the likeliest intensity, smoothed beside the best base without its laws.
+
+    Args:
+        comparison: whose best model's base is taken.
+        mean: over which the torque is averaged [s]; what chatters faster is no matter of a law.
+    """
+    side = comparison.best if comparison.best.strengths else comparison.as_built
+    account = side.explained
+    problem = Problem([comparison.body], comparison.base, held=True)
+    at = problem.start(account.theta, account.at.biases)
+    found = unexplained_torque(problem, most_likely(problem, problem.innovations(at)), 0)
+    count = max(round(mean / float(found.time[1] - found.time[0])), 1)
+    whole = len(found.time) // count * count
+
+    def averaged(values: Array) -> Array:
+        return values[:whole].reshape(-1, count, *values.shape[1:]).mean(axis=1)
+
+    return Unexplained(averaged(found.time), averaged(found.rate), averaged(found.torque))
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """The first log's model on another log."""
+
+    comparison: Comparison
+    """Of the other log on its own."""
+    plain: Account
+    """The first log's base, no symptom."""
+    explained: Account
+    """The first log's base and symptoms."""
+    strengths: tuple[Strength, ...]
+    """Of the first log."""
+
+
+def transfer(fitted: Comparison, other: Comparison) -> Transfer:
+    """Predict another log with the base and the symptoms of a fitted one."""
+    source = fitted.best
+    return Transfer(
+        other,
+        _held(fitted, other, source.plain, with_symptoms=False),
+        _held(fitted, other, source.explained, with_symptoms=True),
+        source.strengths,
+    )
+
+
+def _held(
+    fitted: Comparison, other: Comparison, account: Account, *, with_symptoms: bool
+) -> Account:
+    theta = other.base.theta(fitted.base.entries(account.theta))
+    joints = len(fitted.base.joints)
+    if joints and fitted.base.names[-joints:] == other.base.names[-joints:]:
+        theta[-joints:] = account.theta[-joints:]
+    problem = Problem([other.body], other.base, held=True)
+    biases = other.best.plain.at.biases
+    start = problem.start(theta, biases)
+    if with_symptoms and account.chosen:
+        more = [p for symptom in account.chosen for p in symptom.perturbations]
+        problem = Problem([other.body], other.base, more, held=True, strengths_held=True)
+        start = replace(start, strengths=np.array(account.strengths))
+    followed = follow(problem, account.chosen, start) if other.best.plain.follows else None
+    if followed is not None and followed.follows:
+        return followed
+    return loosen(problem, account.chosen, start)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.diagnose.weighing import Trace
+from twin.diagnose.screen import Trace
 from twin.effects import (
     BodyEffect,
     Effect,
@@ -22,8 +22,8 @@ from twin.identify.start import drives
 from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.body import Body
-from twin.predict.effects.columns import SMALL, amplitudes, perturbations_of
-from twin.predict.effects.perturbation import Perturbation
+from twin.predict.columns import SMALL, amplitudes, perturbations_of
+from twin.predict.forces import Perturbation
 
 Array = NDArray[np.float64]
 

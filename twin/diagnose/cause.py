@@ -1,29 +1,104 @@
-"""What a diagnosis names: causes with sizes and rivals, what was tried, laws without a name."""
+"""What a diagnosis names: causes with their sizes, intervals, rivals and confidence, what was
+tried, and equations without a name.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 from scipy.stats import chi2
 
 from twin.diagnose.candidates import Candidate
-from twin.diagnose.explanation import Explanation
-from twin.diagnose.law import Law
-from twin.diagnose.search import EVEN, TIED, Search
-from twin.diagnose.told import told
-from twin.effects import Effect
+from twin.diagnose.explanation import Explanation, unseen
+from twin.diagnose.laws import Law
+from twin.diagnose.screen import EVEN, FALSE_ALARM, TIED, Search, price
+from twin.effects import Effect, ScatterEffect, catalogue, effects_of
+from twin.effects.effect import targets
 from twin.identify.prediction_error import NORMAL
-from twin.predict.effects.columns import amplitudes
+from twin.platform import Platform
+from twin.predict.body import added_variance
+from twin.predict.columns import amplitudes, slopes_of
 
 Array = NDArray[np.float64]
-
+LEANS = 0.2
+"""Standard deviations by which a component moves with one that no log tells, if that is wrong by
+its own size, from where on it is told only beside that."""
+NEARBY = 1e-4
+"""Of a component's typical size, to the other end of a finite difference; and what of a difference
+is none."""
 MOSTLY = 1.645
 """Standard deviations by which what is there must exceed what is needed to be found, so that noise
 hides it in 5 of 100 logs."""
 NAMELESS = 0.2
 """Of its confidence what a cause keeps beside something without a name: so many of those that
 docs/diagnosis.md counts were right, or fewer."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """Of one effect."""
+
+    deviations: Array
+    """(p,) standard deviations, those held being what they are; NaN of those."""
+    leaning: NDArray[np.bool_]
+    """(p,) which would be others, were one that is held another."""
+
+
+def told(now: Explanation) -> tuple[Told, ...]:
+    """Of each effect of an explanation, by the logs and by what is known of sensors.
+
+    A fit moves a shape no further than shapes are like, and holds what no log shows. Neither is
+    knowledge: that a draft pushes at a point 0.3 m above the bearing is a place to begin from, and
+    as far as the point is another, its force is.
+    """
+    if not now.effects:
+        return ()
+    platform = now.bodies[0].machine.platform
+    free, sizes = np.concatenate(now.free), np.concatenate([*map(amplitudes, now.effects)])
+    held = ~free & ~sizes
+    slopes = [part for effect in now.effects for part in slopes_of(effect, platform)]
+    rows = now.rows_with(list(compress(slopes, held)))
+    edge = rows.columns.shape[1] - np.count_nonzero(held)
+    own = edge - len(now.laws) - np.count_nonzero(free) + np.arange(np.count_nonzero(free))
+    # rows that hold shapes near where they began
+    shapes = own[~sizes[free]]
+    begun = (rows.cluster < 0) & rows.columns[:, shapes].any(axis=1)
+    columns = rows.columns[~begun]
+    scale = 1.0 / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    triangle = np.asarray(np.linalg.qr(columns * scale, mode="r"))
+    inverse = scale[:edge, None] * np.linalg.pinv(triangle[:edge, :edge], rcond=1e-12)
+    moves = (inverse @ triangle[:edge, edge:] / scale[edge:])[own]
+    wrong = np.concatenate([np.maximum(np.abs(e.values), e.scale()) for e in now.effects])[held]
+    known, moved = np.zeros((len(free), edge)), np.zeros((len(free), len(wrong)))
+    known[free], moved[free] = inverse[own], moves
+    hidden = np.concatenate(unseen(now.effects, now.free, now.most))
+    known[hidden] = inverse[edge - len(now.at.strengths) + now.layout.rests :][: hidden.sum()]
+    found: list[Told] = []
+    first = 0
+    for effect, ones in zip(now.effects, now.free, strict=True):
+        part = slice(first, first := first + len(ones))
+        share = _least_by(effect, platform)
+        deviations = np.linalg.norm(share @ known[part], axis=1)
+        leaning = np.abs(share @ moved[part]) @ wrong > LEANS * deviations
+        # what is held is told where it goes with what is not
+        tells = (np.abs(share) @ ones) > NEARBY
+        found.append(Told(np.where(tells, deviations, np.nan), leaning & tells))
+    return tuple(found)
+
+
+def _least_by(effect: Effect, platform: Platform) -> Array:
+    """(p, p) how the smallest effect that does the same goes with the components of one."""
+    if effect.least(platform) is effect:
+        return np.eye(len(effect.values))
+    columns: list[Array] = []
+    for unit in np.diag(NEARBY * effect.scale()):
+        ends = [np.clip(effect.values + side * unit, *effect.bounds()) for side in (-1.0, 1.0)]
+        before, after = (effect.with_values(end).least(platform).values for end in ends)
+        columns.append((after - before) / np.sum(ends[1] - ends[0]))
+    return np.column_stack(columns)
 
 
 @dataclass(frozen=True)
@@ -202,3 +277,81 @@ def equation_of(now: Explanation, evidence: float) -> Equation | None:
         return None
     spread = np.sqrt(np.diag(now.covariance))[-len(now.laws) :]
     return Equation(now.laws, now.at.strengths[now.layout.of_laws], NORMAL * spread, evidence)
+
+
+def scatter_causes(
+    now: Explanation, taken: Sequence[Effect] = (), *, unexplained: bool = False
+) -> tuple[Cause, ...]:
+    """The best one beyond chance, if any, and those beside it; none where no motion follows.
+
+    Args:
+        now: the explanation that stands.
+        taken: those that are found already.
+        unexplained: something is at work that has no name.
+    """
+    platform = now.bodies[0].machine.platform
+    if not now.follows:
+        return ()
+    unit = [
+        kind(**kind.named([1.0]), target=target)
+        for kind in catalogue()
+        if issubclass(kind, ScatterEffect) and len(kind.parameters()) == 1
+        for target in targets(kind.takes, platform)
+    ]
+    known = [one.label for one in (*effects_of(platform), *taken)]
+    asked = [one for one in unit if not one.unfit(platform) and one.label not in known]
+    found = [one for effect in asked if (one := _cause(now, effect, taken)) is not None]
+    found.sort(key=lambda cause: -cause.evidence)
+    if not found or np.exp(-0.5 * found[0].alone) > FALSE_ALARM / len(asked):
+        return ()
+    first, *others = found
+    behind = {one.effect.label: first.evidence - one.evidence for one in others}
+    share = share_of([*behind.values(), first.evidence]) * (NAMELESS if unexplained else 1.0)
+    ties = tuple(Tie(label, far) for label, far in behind.items() if far < EVEN)
+    named = replace(first, confidence=share, ties=ties, alone=first.evidence)
+    rest = () if ties else scatter_causes(now, (*taken, first.effect), unexplained=unexplained)
+    return (named, *rest)
+
+
+def _cause(now: Explanation, effect: ScatterEffect, taken: Sequence[Effect]) -> Cause | None:
+    """Alone; its gain as it is stands for its evidence alone."""
+    every = (*effects_of(now.bodies[0].machine.platform), *taken)
+    others = [
+        one for one in every if isinstance(one, ScatterEffect) and one.acts_on == effect.acts_on
+    ]
+    squares: list[Array] = []
+    added: list[Array] = []
+    stated: list[Array] = []
+    for body, every_left in zip(now.bodies, now.account.left, strict=True):
+        for output, left in zip(body.outputs, every_left, strict=True):
+            if output.stream != effect.acts_on:
+                continue
+            squares.append(np.square(left * output.sigma))
+            own = added_variance(effect, body.inputs, output.time)
+            known = [added_variance(one, body.inputs, output.time) for one in others]
+            added.append(own)
+            stated.append(sum(known, start=np.zeros_like(own)))
+    if not any(own.any() for own in added):
+        return None
+    square, more, declared = map(np.concatenate, (squares, added, stated))
+
+    def cost(numbers: Array) -> float:
+        variance = np.exp(numbers[0]) + declared + np.square(numbers[1] / scale) * more
+        return float(np.sum(np.log(variance) + square / variance))
+
+    scale = np.sqrt(more.mean() / square.mean())
+    quiet = np.log(max(float(np.mean(square - declared)), 1e-3 * float(square.mean())))
+    none = minimize(lambda a: cost(np.array([a[0], 0.0])), [quiet], method="Nelder-Mead")
+    best = minimize(cost, [float(none.x[0]), 0.3], method="Nelder-Mead")
+    gain = float(none.fun - best.fun)
+    evidence = gain - price(gain, np.ones(1))
+    if evidence <= 0.0:
+        return None
+    size = abs(float(best.x[1]))
+    step = 0.02 * size
+    side = [cost(np.array([best.x[0], size + sign * step])) for sign in (-1.0, 1.0)]
+    bend = max((side[0] + side[1] - 2.0 * float(best.fun)) / step**2, 1e-300)
+    half = NORMAL * np.sqrt(2.0 / bend) / scale
+    there = effect.with_values(np.clip([size / scale], *effect.bounds()))
+    width = np.array([half])
+    return Cause(there, np.array([True]), width, width, evidence, gain, 1.0, ())

@@ -4,31 +4,32 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from twin.compare.free_run import HORIZONS, FreeRun, free_run
+from twin.compare.explanation import HORIZONS, FreeRun, free_run
 from twin.conventions import ConventionFinding
-from twin.diagnose.alone import likeliest, only
 from twin.diagnose.candidates import Candidate, Candidates, candidates_of
-from twin.diagnose.cause import Cause, Equation, Tried, causes_of, equation_of, tried_of
+from twin.diagnose.cause import (
+    Cause,
+    Equation,
+    Tried,
+    causes_of,
+    equation_of,
+    scatter_causes,
+    tried_of,
+)
 from twin.diagnose.experiment import Experiment, next_experiment
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.grounds import check_logs, check_seen
-from twin.diagnose.held_out import HeldOut, held_out
-from twin.diagnose.line import Line
-from twin.diagnose.plain import plain_of
+from twin.diagnose.line import Line, against_rivals, likeliest, only
+from twin.diagnose.plain import check_logs, check_seen, plain_of, read_rightly
 from twin.diagnose.pushes import Push, but_for, pushed, pushed_look, pushes_of
-from twin.diagnose.reading import read_rightly
-from twin.diagnose.reasoning import ROUGH, onward, reason
-from twin.diagnose.remainder import Remainder, remainder
-from twin.diagnose.rivals import against_rivals
-from twin.diagnose.scatter import scatter_causes
-from twin.diagnose.wandering import carried, ordinary
+from twin.diagnose.reasoning import ROUGH, carried, onward, ordinary, reason
+from twin.diagnose.remainder import HeldOut, Remainder, held_out, remainder
 from twin.effects import Effect
 from twin.errors import UsageError
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of
-from twin.predict.log.usable import usable
-from twin.predict.path.rollouts import BeyondBounds
-from twin.predict.whitening.noise import Noise
+from twin.predict.kalman import Noise
+from twin.predict.logs import usable
+from twin.predict.rollouts import BeyondBounds
 from twin.recording import Recording
 from twin.recording.pauses import pieces_of
 

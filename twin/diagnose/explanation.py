@@ -1,39 +1,36 @@
-"""A model with some effects in it, fitted to the logs: base, biases, initial states and effects."""
+"""A model with some effects in it, fitted to the logs: base, biases, initial states and effects.
+
+A fit linearises what effects do where they are, moves them and forms their columns anew, until
+they stay. Which of an effect's numbers a log determines is found first; the others are held.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import compress
+from itertools import accumulate, compress, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.compare.account import Account
-from twin.compare.misfit import misfits, misfits_of
+from twin.compare.account import Account, misfits, misfits_of
 from twin.diagnose.candidates import Candidate, looked_among
-from twin.diagnose.determined import determined
-from twin.diagnose.law import Law
-from twin.diagnose.layout import Layout
-from twin.diagnose.moves import between, farthest, held, in_sigmas, largest, unseen, usual, whole
-from twin.diagnose.rows import Rows
-from twin.diagnose.weighing import Trace, Weighing
+from twin.diagnose.laws import Law
+from twin.diagnose.screen import KNOWN, SLIGHT, Trace, Weighing
 from twin.effects import Effect
 from twin.identify.noise_processes import likely_noise
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
+from twin.predict.added import Formed, formed, with_formed
+from twin.predict.apart import Apart, apart, fit_apart
+from twin.predict.base import BaseParameters
 from twin.predict.body import Body, Exact
-from twin.predict.effects.added import Formed, formed, with_formed
-from twin.predict.effects.columns import amplitudes, slopes_of, strengths_of, with_strengths
-from twin.predict.effects.perturbation import Perturbation
-from twin.predict.effects.reference import references_of
-from twin.predict.effects.retrace import retraced
-from twin.predict.parameters.base import BaseParameters
-from twin.predict.whitening.apart import Apart, apart, fit_apart
-from twin.predict.whitening.innovations import Innovations, Problem
-from twin.predict.whitening.noise import EXACT, Noise
-from twin.predict.whitening.unknowns import Unknowns
+from twin.predict.columns import amplitudes, references_of, slopes_of, strengths_of, with_strengths
+from twin.predict.forces import Perturbation
+from twin.predict.innovations import Innovations, Problem, Unknowns, retraced
+from twin.predict.kalman import EXACT, Noise
 
 Array = NDArray[np.float64]
-
+BLURRED = 1e-2
+"""A component of which less than this share is left beside base and the others stays as it is."""
 ROUNDS = 6
 """Times that the effects' columns are formed anew where the last fit found them."""
 WORSE, IN_ALL = 3.0, 1e-4
@@ -56,6 +53,225 @@ which that may still change."""
 NEAR = 0.1
 """Where a fit is likelier by no more than this a sample, its path is a third of the noise away at
 most, and what else was asked does there what it did before."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """residual + columns u is white, variance 1, for changes u of base, biases and strengths."""
+
+    residual: Array
+    """(m,)."""
+    columns: Array
+    """(m, u)."""
+    cluster: NDArray[np.intp]
+    """(m,) which segment of which log each comes from; -1: what was known beforehand."""
+
+    @property
+    def covariance(self) -> Array:
+        """(u, u) of all that has a column."""
+        size = 1.0 / np.maximum(np.linalg.norm(self.columns, axis=0), 1e-300)
+        triangle = np.asarray(np.linalg.qr(self.columns * size, mode="r"))
+        inverse = np.linalg.pinv(triangle, rcond=1e-12)
+        return inverse @ inverse.T * np.outer(size, size)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """First where springs rest, then what no log shows of each effect, then the components of each
+    that were fitted, then the coefficients of laws."""
+
+    rests: int
+    hidden: tuple[int, ...]
+    """Components of each effect."""
+    free: tuple[int, ...]
+    """Components of each effect."""
+    laws: int
+
+    @property
+    def count(self) -> int:
+        """Of all."""
+        return self.rests + sum(self.hidden) + sum(self.free) + self.laws
+
+    @property
+    def of_hidden(self) -> list[slice]:
+        """By effect."""
+        return _slices(self.rests, self.hidden)
+
+    @property
+    def of_free(self) -> list[slice]:
+        """By effect."""
+        return _slices(self.rests + sum(self.hidden), self.free)
+
+    @property
+    def of_laws(self) -> slice:
+        """All of them."""
+        return slice(self.count - self.laws, self.count)
+
+    @property
+    def own(self) -> slice:
+        """By what the model differs from one without effects and laws: free components, laws."""
+        return slice(self.rests + sum(self.hidden), self.count)
+
+
+def _slices(first: int, counts: tuple[int, ...]) -> list[slice]:
+    return [slice(*ends) for ends in pairwise(accumulate(counts, initial=first))]
+
+
+def between(first: Sequence[Effect], last: Sequence[Effect], share: float) -> tuple[Effect, ...]:
+    """So much of the way from one to the other."""
+    # a sum may end a rounding beyond a bound
+    return tuple(
+        end.with_values(np.clip(begin.values + share * (end.values - begin.values), *end.bounds()))
+        for begin, end in zip(first, last, strict=True)
+    )
+
+
+def held(effect: Effect, parts: Sequence[Perturbation]) -> tuple[Perturbation, ...]:
+    """Its perturbations, those of its shape moved by a fit no further than what shapes are like.
+
+    What a log hardly tells, a fit would follow to where the columns mean nothing any more, and an
+    amplitude with it: a draft that pushes hard near the bearing is one that pushes far from it.
+    """
+    if not parts:
+        return ()
+    return tuple(
+        part if size else replace(part, spread=scale)
+        for part, size, scale in zip(
+            parts, amplitudes(effect), effect.scale().tolist(), strict=True
+        )
+    )
+
+
+def largest(effect: Effect, free: NDArray[np.bool_]) -> float:
+    """Of its amplitudes, in units of what each is usually like, if a log shows any."""
+    size = amplitudes(effect)
+    return float(np.abs(effect.values / usual(effect))[size].max()) if (size & free).any() else 0.0
+
+
+def usual(effect: Effect) -> Array:
+    """(p,) what each component is usually like; the same for all of a vector."""
+    scale = effect.scale()
+    ends = np.cumsum([0, *(known.size for known in effect.parameters())])
+    return np.concatenate(
+        [np.full(j - i, scale[i:j].max()) for i, j in zip(ends, ends[1:], strict=False)]
+    )
+
+
+def unseen(
+    effects: Sequence[Effect], free: Sequence[NDArray[np.bool_]], most: Sequence[float]
+) -> list[NDArray[np.bool_]]:
+    """(p,) of each effect, amplitudes that no log shows beside the others."""
+    return [
+        amplitudes(effect) & ~ones & (size > 0.0)
+        for effect, ones, size in zip(effects, free, most, strict=True)
+    ]
+
+
+def whole(
+    effects: Sequence[Effect],
+    free: Sequence[NDArray[np.bool_]],
+    columns: Array,
+    strengths: Array,
+    layout: Layout,
+) -> Array:
+    """Columns without the first, of amplitudes of each effect that no log shows: they come and go
+    with the largest that one does. `layout` is that of the columns and their strengths."""
+    first = layout.own.start
+    found = columns[:, first:].copy()
+    places = zip(effects, free, layout.of_hidden, layout.of_free, strict=True)
+    for effect, ones, beside, own in places:
+        sizes = np.where(amplitudes(effect)[ones], np.abs(strengths[own]), 0.0)
+        if beside.stop > beside.start and sizes.any():
+            most = own.start + int(np.argmax(sizes))
+            share = strengths[beside] / strengths[most]
+            found[:, most - first] += columns[:, beside] @ share
+    return found
+
+
+def in_sigmas(
+    effects: Sequence[Effect],
+    free: Sequence[NDArray[np.bool_]],
+    covariances: Sequence[Array],
+) -> float:
+    """How far the largest effect's amplitudes are from none, given the covariances of what was
+    fitted of each effect; 0 without any."""
+    sizes = [0.0]
+    for effect, fitted, spread in zip(effects, free, covariances, strict=True):
+        own = amplitudes(effect)[fitted]
+        if own.any():
+            sizes.append(distance(effect.values[fitted][own], spread[np.ix_(own, own)]))
+    return max(sizes)
+
+
+def farthest(
+    before: Sequence[Effect],
+    after: Sequence[Effect],
+    free: Sequence[NDArray[np.bool_]],
+    covariances: Sequence[Array],
+) -> float:
+    """How far effects have moved at most, likewise."""
+    return max(
+        distance((now.values - then.values)[fitted], spread)
+        for then, now, fitted, spread in zip(before, after, free, covariances, strict=True)
+    )
+
+
+def distance(step: Array, spread: Array) -> float:
+    """Of a step, in standard deviations."""
+    return float(np.sqrt(max(step @ np.linalg.pinv(spread, hermitian=True) @ step, 0.0)))
+
+
+def determined(
+    bodies: Sequence[Body],
+    base: BaseParameters,
+    effects: tuple[Effect, ...],
+    every: Sequence[Sequence[Perturbation]],
+    start: Unknowns,
+) -> tuple[NDArray[np.bool_], ...]:
+    """Which components logs show beside base and the components before them, amplitudes first.
+
+    Of amplitudes those come first that do most: where a thruster is turned already, a turn about
+    its own axis does a little, and all of it the others do too.
+
+    Args:
+        bodies: the logs.
+        base: what is fitted of the machine.
+        effects: at the values where their columns are formed.
+        every: their perturbations, one a component.
+        start: where the base, the biases and the states stand; its strengths are not used.
+
+    Returns:
+        (p,) of each effect.
+    """
+    free = [np.ones(len(parts), dtype=bool) for parts in every]
+    doubtful = [i for i, parts in enumerate(every) if len(parts) > 1]
+    if not doubtful:
+        return tuple(free)
+    problem = Problem(bodies, base, [part for parts in every for part in parts])
+    strengths = np.concatenate([np.zeros(0), *(strengths_of(effect) for effect in effects)])
+    now = problem.innovations(replace(start, strengths=strengths))
+    whole = np.linalg.norm(now.columns, axis=0)
+    columns = now.columns / np.maximum(whole, 1e-300)
+    kept = columns.shape[1] - len(strengths)
+    reach = [high - low for low, high in (effect.bounds() for effect in effects)]
+    felt = whole[kept:] > SLIGHT / np.concatenate([np.zeros(0), *reach])
+    basis = np.linalg.qr(columns[:, :kept])[0]
+    first = kept
+    for i, effect in enumerate(effects):
+        least = KNOWN if effect.exact else BLURRED
+        amplitude, does = amplitudes(effect), whole[first : first + len(every[i])]
+        order = np.lexsort((np.where(amplitude, -does, 0.0), ~amplitude))
+        for j in order.tolist():
+            column = columns[:, first + j]
+            for _ in range(2):
+                column = column - basis @ (basis.T @ column)
+            size = float(np.linalg.norm(column))
+            if size < least or not felt[first - kept + j]:
+                free[i][j] = False
+            else:
+                basis = np.column_stack([basis, column / size])
+        first += len(every[i])
+    return tuple(free)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,14 @@
-"""The extended platform: a folder like the one diagnosed, with base and effects as found."""
+"""The extended platform, and what it gains on a log that took no part in the diagnosis.
+
+It is a folder like the one diagnosed, with base and effects as fitted. Laws without a name become
+files of effects that a simulation runs.
+"""
 
 import re
 import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
@@ -11,18 +18,285 @@ import numpy as np
 import tomlkit
 from numpy.typing import NDArray
 
+from twin.compare.explanation import HORIZONS, FreeRun, free_run
+from twin.conventions import ConventionFinding
+from twin.diagnose.cause import Equation
 from twin.diagnose.diagnosis import Diagnosis
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.law_file import write_laws
+from twin.diagnose.laws import TORQUE, Law
+from twin.diagnose.plain import read_rightly
 from twin.effects import Effect
 from twin.errors import UsageError
-from twin.identify.prediction_error import NORMAL
+from twin.identify.prediction_error import NORMAL, fit
+from twin.identify.start import first_biases
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
-from twin.predict.parameters.base import BaseParameters
+from twin.predict.apart import fit_apart
+from twin.predict.base import BaseParameters
+from twin.predict.body import Body, body_of
+from twin.predict.columns import perturbations_of, references_of, strengths_of
+from twin.predict.forces import Perturbation, predicted_machine
+from twin.predict.innovations import Problem, retraced
+from twin.predict.logs import motion_of, usable
+from twin.recording import Recording
+from twin.recording.pauses import longest_of
 from twin.stop import at_last
 
+LAW = "law.py"
+"""Of a torque."""
+LAW_OF = "law_of_{stream}.py"
+"""Of a sensor's error."""
+_TORQUE = '''"""What logs of {platform} show and no effect explains; by `twin diagnose`."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.effects import BodyEffect, Domain, State, parameter
+from twin.platform import Platform
+{imports}
+
+@dataclass(frozen=True)
+class Law(BodyEffect):
+    """A torque on the base, body axes: a sum of products of what the logs show (SI)."""
+
+    name = "{name}"
+    domain = Domain.torque
+    observable = "what it was found by: motion that nothing else explains"
+    streams = {streams}
+
+'''
+_PUSH = '''
+    def torque(self, platform: Platform):
+        """See above."""
+
+        def law(state: State) -> NDArray[np.float64]:
+{quantities}
+            torque = np.zeros_like(state.rate)
+{terms}
+            return torque
+
+        return law
+'''
+_SENSOR = '''"""What logs of {platform} show and no effect explains; by `twin diagnose`."""
+
+from dataclasses import dataclass
+
+from twin.effects import SensorLaw, parameter
+
+
+@dataclass(frozen=True)
+class Law(SensorLaw):
+    """What {stream} shows beyond the truth: a sum of products of that (SI)."""
+
+    name = "{name}"
+    observable = "what it was found by: readings that nothing else explains"
+    streams = ("{stream}",)
+    acts_on = "{stream}"
+    products = (
+{products}
+    )
+
+'''
+Term = tuple[Law, float, float]
+"""A law, its coefficient, and half its 95 % interval."""
 Array = NDArray[np.float64]
+
+
+def write_laws(equation: Equation, platform: Platform, folder: Path) -> tuple[Path, ...]:
+    """Write laws as effects whose typical size is the one that was found.
+
+    Args:
+        equation: the laws.
+        platform: whose logs showed them.
+        folder: where they go, `law.py` of a torque, `law_of_STREAM.py` of a sensor's error.
+
+    Returns:
+        The files, each of which `--effects PATH` runs.
+    """
+    terms = list(
+        zip(
+            equation.laws,
+            equation.coefficients.tolist(),
+            equation.half_widths.tolist(),
+            strict=True,
+        )
+    )
+    written: list[Path] = []
+    for what in dict.fromkeys(law.what for law in equation.laws):
+        own = [term for term in terms if term[0].what == what]
+        path = folder / (LAW if what == TORQUE else LAW_OF.format(stream=what))
+        text = _torque(own, platform, path) if what == TORQUE else _sensor(own, platform, path)
+        path.write_text(text, encoding="utf-8")
+        written.append(path)
+    return tuple(written)
+
+
+def laws_in(folder: Path) -> tuple[Path, ...]:
+    """The files that were written to it."""
+    return (*sorted(folder.glob(LAW)), *sorted(folder.glob(LAW_OF.format(stream="*"))))
+
+
+def _torque(terms: Sequence[Term], platform: Platform, path: Path) -> str:
+    hinge = platform.base.kind == "hinge"
+    needed = {name for law, _, _ in terms for name in law.factors}
+    head = _TORQUE.format(
+        platform=platform.name,
+        imports="from twin.rotation import vertical_body\n" if _leans(needed) else "",
+        name=path.stem,
+        streams='("joint_angle",)' if hinge else '("gyro", "attitude")',
+    )
+    pushes = [
+        f"            torque[:, {0 if hinge else 'xyz'.index(law.column)}] += "
+        + " * ".join([f"self.size_{number}", *map(_variable, law.factors)])
+        for number, (law, _, _) in zip(count(1), terms, strict=False)
+    ]
+    body = _PUSH.format(
+        quantities="\n".join(_quantities(sorted(needed), platform)), terms="\n".join(pushes)
+    )
+    return head + _sizes(terms) + body
+
+
+def _sensor(terms: Sequence[Term], platform: Platform, path: Path) -> str:
+    products = [f"        {(law.column, law.factors)!r},".replace("'", '"') for law, _, _ in terms]
+    head = _SENSOR.format(
+        platform=platform.name,
+        stream=terms[0][0].what,
+        name=path.stem,
+        products="\n".join(products),
+    )
+    return head + _sizes(terms)
+
+
+def _sizes(terms: Sequence[Term]) -> str:
+    """A parameter each."""
+    lines: list[str] = []
+    for number, (law, value, half) in zip(count(1), terms, strict=False):
+        lines += [
+            f"    size_{number}: float = parameter(",
+            f'        "{law.label}",',
+            f'        "{law.unit}",',
+            f"        {value:.9g},",
+            f'        source="fitted: {value - half:.3g} to {value + half:.3g}",',
+            "    )",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _leans(needed: set[str]) -> bool:
+    return any(name.startswith("up") for name in needed)
+
+
+def _quantities(needed: Sequence[str], platform: Platform) -> list[str]:
+    """Lines that take them from a state."""
+    wheels = [wheel.name for wheel in platform.wheels]
+    found: list[str] = []
+    for name in needed:
+        kind, _, part = name.partition("_")
+        if name == "time":
+            value = "state.time"
+        elif kind == "speed":
+            value = f"state.wheel_speed[:, {wheels.index(part)}]"
+        elif kind == "up":
+            value = f"vertical_body(state.position)[:, {'xyz'.index(part)}]"
+        else:
+            source = "position" if kind == "angle" else "rate"
+            value = f"state.{source}[:, {'xyz'.index(part) if part else 0}]"
+        found.append(f"            {_variable(name)} = {value}")
+    return found
+
+
+def _variable(name: str) -> str:
+    """A quantity as Python may call it: a wheel may be `rw-x`."""
+    return re.sub(r"\W", "_", name)
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Base, effects and laws as they were found; only biases and initial states are this log's."""
+
+    log_likelihood: float
+    """Gained by causes and laws [nats]."""
+    before: float
+    """Chi-square of the innovations a sample, with the base that was found without any cause."""
+    after: float
+    free_runs: Mapping[float, FreeRun | None]
+    conventions: tuple[ConventionFinding, ...]
+    """What the log was misread by."""
+    repairs: tuple[str, ...]
+    """Of it, and which part of it was looked at."""
+
+
+def validate(diagnosis: Diagnosis, recording: Recording) -> Validation:
+    """Predict another log of the same machine with what was found; of one with pauses the longest
+    part.
+
+    Raises:
+        UsageError: the log lacks the streams that the prediction needs.
+    """
+    used = usable(recording, diagnosis.platform)
+    log, conventions = read_rightly(longest_of(used), diagnosis.platform)
+    before, after = (
+        _held(one, log, diagnosis.platform) for one in (diagnosis.plain, diagnosis.explained)
+    )
+    samples = before.bodies[0].samples
+    return Validation(
+        # by one scatter: where both models lose the motion, each has its own
+        0.5 * (before.now.cost - after.now.cost) / after.account.inflation,
+        _chi2(before) / samples,
+        _chi2(after) / samples,
+        {horizon: free_run(horizon, before.account, after.account) for horizon in HORIZONS},
+        conventions,
+        log.repairs,
+    )
+
+
+def _chi2(found: Explanation) -> float:
+    """Of what is left, in units of the noise."""
+    left = [values for log in found.account.left for values in log]
+    return sum(float(np.sum(np.square(values))) for values in left)
+
+
+def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation:
+    """An explanation on another log."""
+    body = body_of(predicted_machine(platform), log, motion_of(log, platform))
+    parts = [perturbations_of(effect, platform) for effect in found.effects]
+    more = [part for effect in parts for part in effect]
+    more += [law.perturbation for law in found.laws]
+    strengths = [strengths_of(effect) for effect in found.effects]
+    laws = found.at.strengths[found.layout.of_laws]
+    problem = _posed(found, body, more)
+    rests = np.zeros(len(problem.perturbations) - len(more))
+    start = problem.start(
+        found.at.theta, [first_biases(body)], np.concatenate([rests, *strengths, laws])
+    )
+    if found.follows:
+        first = fit(problem, start)
+        # once more along the motion that it gives the log, free of the sensors' noise
+        body = retraced(problem, first.innovations, 0)
+        problem = _posed(found, body, more)
+        second = fit(problem, first.at)
+        now, converged = second.innovations, second.converged
+    else:
+        now, converged = fit_apart(problem, start), True
+    return Explanation(
+        (body,),
+        found.base,
+        found.effects,
+        tuple(np.ones(len(effect), dtype=bool) for effect in parts),
+        found.laws,
+        problem,
+        now,
+        converged,
+        most=tuple(0.0 for _ in parts),
+    )
+
+
+def _posed(found: Explanation, body: Body, more: Sequence[Perturbation]) -> Problem:
+    """What was found is held; where this log's springs rest is not."""
+    rests = [part for effect in found.effects for part in references_of(effect, [body])]
+    return Problem([body], found.base, [*rests, *more], held=True, strengths_held=True)
 
 
 def extend(diagnosis: Diagnosis, folder: Path) -> Platform:

@@ -19,7 +19,7 @@ from twin.diagnose.explanation import Explanation
 from twin.diagnose.plain import plain_of
 from twin.errors import TwinError
 from twin.platform import Platform
-from twin.predict.whitening.apart import Apart
+from twin.predict.apart import Apart
 from twin.recording import Recording
 from twin.recording.pauses import SHORTEST, part_of
 

@@ -1,31 +1,42 @@
-"""Whether an explanation leaves anything: torques of no law at all, and the noise it was given.
-
-Pieces of torque, each a few seconds long and free in size, soak up whatever smooth torque a model
-lacks, by whatever law. What they gain beyond chance is unexplained.
+"""What an explanation leaves: torques of no law, frequencies that stand out, and how well it
+predicts time that took no part in the fit.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy.signal import periodogram
+from scipy.stats import chi2, gamma, norm
 
-from twin.diagnose.explanation import Explanation
-from twin.diagnose.weighing import Trace, Weighing
+from twin.diagnose.explanation import Explanation, Rows
+from twin.diagnose.screen import Trace, Weighing
+from twin.identify.prediction_error import NORMAL
 from twin.predict.body import Body
-from twin.predict.effects.forces import middles, on_grid
-from twin.predict.effects.perturbation import Perturbation
+from twin.predict.forces import Perturbation, middles, on_grid
 
 Array = NDArray[np.float64]
-
 PIECE = 2.5
 """Length of a piece [s]: torques that change as fast as a platform turns are seen."""
 MOST = 60
 """Pieces of a log; longer logs have longer pieces."""
 DOUBTFUL = 0.01
 """Chance of noise below which what is left is looked into."""
+LINES = 3
+"""Frequencies that are tried."""
+FALSE_ALARM = 0.01
+"""Chance that noise alone has a line."""
+SPACING = 0.25
+"""Of slow frequencies that are asked for, in turns over the log."""
+BROAD = 3.0
+"""Of two frequencies closer than so many bins the weaker is a flank."""
+BLOCKS = 5
+FLOOR = 1e-10
+"""Share of the best known direction below which the other blocks tell nothing of one: it stays
+where it is."""
 
 
 @dataclass(frozen=True)
@@ -106,3 +117,143 @@ def _piece(own: Body, knots: Array, place: int, dof: int) -> Perturbation:
         return on_grid(torque, body)
 
     return Perturbation(f"piece {place} of {dof}", "N m", force=force)
+
+
+def lines_of(found: Explanation) -> tuple[float, ...]:
+    """The strongest lines beyond chance [Hz], of all streams and columns of each log together."""
+    lines: list[tuple[float, float, Array, float]] = []
+    for body, parts in zip(found.bodies, found.account.left, strict=True):
+        for output, values in zip(body.outputs, parts, strict=True):
+            # what a counter leaves repeats with its command, however small it is
+            if len(values) < 8 or not output.scatters:
+                continue
+            rate = (len(output.time) - 1) / float(output.time[-1] - output.time[0])
+            frequency, power = periodogram(values, rate, detrend="linear", axis=0)
+            heights = power[1:].sum(axis=1) / np.maximum(np.median(power[1:].sum(axis=1)), 1e-300)
+            # of white noise a bin of k columns is gamma with shape k, whose median is about k - 1/3
+            k = values.shape[1]
+            heights = heights * float(gamma.ppf(0.5, k))
+            limit = float(gamma.isf(FALSE_ALARM / (len(heights) * len(parts)), k))
+            out = np.flatnonzero(heights > limit)
+            lines += [
+                (float(heights[i]) / limit, float(frequency[1 + i]), values, rate) for i in out
+            ]
+    span = min(body.grid.length * body.grid.segments for body in found.bodies)
+    chosen: list[float] = []
+    for _, hertz, values, rate in sorted(lines, key=lambda line: -line[0]):
+        if len(chosen) == LINES:
+            break
+        if all(abs(hertz - other) > BROAD / span for other in chosen):
+            chosen.append(_between_bins(values, rate, hertz))
+    return tuple(chosen)
+
+
+def slow_line_of(found: Explanation) -> tuple[float, ...]:
+    """The frequency at which a torque on the base gains most [Hz], if that is beyond chance.
+
+    What a segment begins with is free, so that a torque slower than a segment leaves no line in
+    what is measured. Here pieces of torque are made to follow it, and weighed as they do.
+    """
+    best, asked = (0.0, 0.0), 0
+    for body in found.bodies:
+        pieces, knots = torque_pieces_of(body), knots_of(body)
+        weighing, own = beside(found, pieces), len(found.own)
+        shown = np.stack([weighing.signature(own + i, np.ones(1)) for i in range(len(pieces))])
+        left, span = weighing.left(found.own), knots[-1] - knots[0]
+        for hertz in np.arange(1.0, 0.5 * (len(knots) - 1), SPACING) / span:
+            turns = 2.0 * np.pi * hertz * (knots - knots[0])
+            followed = np.stack([np.sin(turns), np.cos(turns)]) @ shown.reshape(
+                -1, len(knots), shown.shape[1]
+            )
+            directions = np.linalg.qr(followed.reshape(-1, shown.shape[1]).T)[0]
+            gain = float(np.sum(np.square(directions.T @ left)))
+            best = min(best, (float(chi2.logsf(gain, directions.shape[1])), float(hertz)))
+            asked += 1
+    surprise, hertz = best
+    # a log of a few seconds holds no turn of what is slow
+    return (hertz,) if asked and surprise + np.log(asked) < np.log(FALSE_ALARM) else ()
+
+
+def _between_bins(values: Array, rate: float, hertz: float) -> float:
+    """Where near a bin (m, k) values are strongest: over a log, half a bin off is half a turn."""
+    bin_width = rate / len(values)
+    near = hertz + bin_width * np.linspace(-0.75, 0.75, 25)
+    turns = np.exp(-2j * np.pi * np.outer(near, np.arange(len(values)) / rate))
+    power = np.sum(np.square(np.abs(turns @ (values - values.mean(axis=0)))), axis=1)
+    return float(near[np.argmax(power)])
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """All blocks together; NaN where each log is one segment, of which nothing can be held out."""
+
+    log_likelihood: float
+    """Gained by the causes."""
+    before: float
+    """Chi-square of the innovations a sample, without the causes."""
+    after: float
+    low: float
+    high: float
+    """A true model stays between these 95 times in 100."""
+
+
+def held_out(found: Explanation) -> HeldOut:
+    """Measure it."""
+    now, (bare, _) = found.rows, found.without()
+    cut = [body.grid.segments > 1 for body in found.bodies]
+    bodies = list(compress(found.bodies, cut))
+    block = np.concatenate([_blocks(body.grid.segments) for body in found.bodies])
+    (before, open_before), (after, open_after) = (_missed(block, one) for one in (bare, now))
+    samples = sum(body.samples for body in bodies)
+    spread = sum(
+        2.0
+        * output.slot.size
+        * (1.0 if output.stated else float(np.mean(1.0 / output.worth - 1.0)))
+        for body in bodies
+        for output in body.outputs
+        if output.scatters
+    )
+    half = NORMAL * float(np.sqrt(spread)) / samples if samples else np.nan
+    states = sum(start.width for start in compress(found.at.starts, cut))
+    free = max(samples - states, 1)
+    return HeldOut(
+        0.5 * (before + open_before - after - open_after),
+        before / free,
+        after / free,
+        1.0 - half,
+        1.0 + half,
+    )
+
+
+def _blocks(segments: int) -> NDArray[np.intp]:
+    """(segments,) of one log; -1 of one that cannot be cut."""
+    if segments < 2:
+        return np.full(segments, -1)
+    return np.arange(segments) * min(BLOCKS, segments) // segments
+
+
+def _missed(block: NDArray[np.intp], rows: Rows) -> tuple[float, float]:
+    """Chi-square and log-determinant of all blocks (segments,), each predicted by what the others
+    fit.
+
+    A block's residual has the covariance I + D D^T, D its columns times a root of the covariance
+    that the others leave; both are had from I + D^T D (Woodbury), which is small.
+    """
+    if block.max(initial=-1) < 0:
+        return np.nan, np.nan
+    size = np.maximum(np.linalg.norm(rows.columns, axis=0), 1e-300)
+    columns = rows.columns / size
+    of_rows = np.where(rows.cluster < 0, -1, block[rows.cluster])
+    chi2, logarithm = 0.0, 0.0
+    for b in range(block.max() + 1):
+        out = of_rows == b
+        u, told, v = np.linalg.svd(columns[~out], full_matrices=False)
+        shown = told > FLOOR * told[0]
+        open_by = v[shown].T / told[shown]
+        left = rows.residual[out] - columns[out] @ (open_by @ (u.T @ rows.residual[~out])[shown])
+        doubt = columns[out] @ open_by
+        spread = np.eye(doubt.shape[1]) + doubt.T @ doubt
+        among = doubt.T @ left
+        chi2 += float(left @ left - among @ np.linalg.solve(spread, among))
+        logarithm += float(np.linalg.slogdet(spread)[1])
+    return chi2, logarithm

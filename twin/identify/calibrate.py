@@ -5,8 +5,7 @@ from dataclasses import replace
 from twin.errors import UsageError
 from twin.identify.identification import identify
 from twin.platform import Platform, in_order_of
-from twin.predict.log.scales import first_scaled, sought
-from twin.predict.log.usable import usable
+from twin.predict.logs import first_scaled, sought, usable
 from twin.recording import Recording
 
 

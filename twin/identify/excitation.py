@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.identify.scale import Scale
 from twin.model import Machine
-from twin.predict.log.motion import Motion
-from twin.predict.parameters.base import BaseParameters, hinge_axis, is_upright
+from twin.predict.base import BaseParameters, hinge_axis, is_upright
+from twin.predict.logs import Motion
 from twin.recording import Recording
 
 Array = NDArray[np.float64]

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.model import Machine
-from twin.predict.drive.faults import STREAM, less_drive_faults
-from twin.predict.drive.profiles import from_mean, profile
-from twin.predict.sensors.outputs import digits_of, noise_of
+from twin.predict.profiles import STREAM, from_mean, less_drive_faults, profile
+from twin.predict.sensors import digits_of, noise_of
 from twin.recording import Recording
 
 Array = NDArray[np.float64]

@@ -33,16 +33,11 @@ from twin.identify.scale import (
 )
 from twin.identify.start import base_of, first_biases, first_theta
 from twin.platform import Platform, in_gravity_of, in_order_of, taken_as_at_rest
+from twin.predict.base import BaseParameters
 from twin.predict.body import body_of
-from twin.predict.effects.machine import predicted_machine
-from twin.predict.effects.perturbation import Perturbation
-from twin.predict.log.motion import motion_of
-from twin.predict.log.possible import check_possible
-from twin.predict.log.scales import Scaled
-from twin.predict.log.usable import usable
-from twin.predict.parameters.base import BaseParameters
-from twin.predict.whitening.innovations import Problem
-from twin.predict.whitening.unknowns import Unknowns
+from twin.predict.forces import Perturbation, predicted_machine
+from twin.predict.innovations import Problem, Unknowns
+from twin.predict.logs import Scaled, check_possible, motion_of, usable
 from twin.recording import Recording
 from twin.recording.pauses import pieces_of
 

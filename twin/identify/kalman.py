@@ -26,7 +26,7 @@ from twin.identify.linear.least_squares import Estimate
 from twin.identify.prediction_error import NORMAL
 from twin.identify.track import Track
 from twin.noise import noise_of
-from twin.predict.parameters.base import ENTRIES, BaseParameters
+from twin.predict.base import ENTRIES, BaseParameters
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]

@@ -18,11 +18,11 @@ from twin.errors import TwinError, UsageError
 from twin.identify.linear.least_squares import Estimate
 from twin.identify.prediction_error import NORMAL
 from twin.identify.start import first_biases
+from twin.predict.base import BaseParameters
 from twin.predict.body import Body
-from twin.predict.log.motion import Motion
-from twin.predict.parameters.base import BaseParameters
-from twin.predict.path.segments import command_step
-from twin.predict.sensors.outputs import Grid
+from twin.predict.logs import Motion
+from twin.predict.response import command_step
+from twin.predict.sensors import Grid
 from twin.recording import Recording
 
 Array = NDArray[np.float64]

@@ -25,8 +25,8 @@ from twin.identify.linear.recursive import recursive
 from twin.identify.momentum import momentum_fit
 from twin.identify.start import first_theta
 from twin.identify.track import Track, raw_motion, track_of
-from twin.predict.log.motion import Motion, motion_of
-from twin.predict.parameters.base import BaseParameters
+from twin.predict.base import BaseParameters
+from twin.predict.logs import Motion, motion_of
 from twin.recording import Recording
 
 Array = NDArray[np.float64]

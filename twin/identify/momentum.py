@@ -20,8 +20,8 @@ from twin.identify.linear.equations import Equations, inertia_rows, integral
 from twin.identify.linear.least_squares import Estimate, least_squares
 from twin.identify.track import gyro_bias, track_of
 from twin.model import Machine
-from twin.predict.log.motion import Motion
-from twin.predict.parameters.base import BaseParameters
+from twin.predict.base import BaseParameters
+from twin.predict.logs import Motion
 from twin.recording import Recording
 
 Array = NDArray[np.float64]

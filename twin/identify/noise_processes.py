@@ -15,10 +15,8 @@ from scipy.optimize import minimize
 from twin.errors import TwinError
 from twin.identify.prediction_error import WORTHWHILE, restricted
 from twin.predict.body import Exact
-from twin.predict.whitening.blocks import blocked
-from twin.predict.whitening.innovations import Innovations, Problem
-from twin.predict.whitening.kalman import TORQUE, scaled
-from twin.predict.whitening.noise import Noise, Wander
+from twin.predict.innovations import Innovations, Problem
+from twin.predict.kalman import TORQUE, Noise, Wander, blocked, scaled
 from twin.stop import check
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from twin.model import carried_properties
-from twin.predict.parameters.base import ENTRIES, BaseParameters
+from twin.predict.base import ENTRIES, BaseParameters
 
 Array = NDArray[np.float64]
 

@@ -15,9 +15,8 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from twin.errors import TwinError
-from twin.predict.whitening.innovations import Innovations, Problem
-from twin.predict.whitening.noise import EXACT, Noise
-from twin.predict.whitening.unknowns import Unknowns
+from twin.predict.innovations import Innovations, Problem, Unknowns
+from twin.predict.kalman import EXACT, Noise
 from twin.stop import check
 
 Array = NDArray[np.float64]

@@ -5,8 +5,7 @@ from dataclasses import replace
 from twin.effects import BodyEffect
 from twin.identify.prediction_error import Fit, fit
 from twin.model import Machine
-from twin.predict.effects.retrace import retraced
-from twin.predict.whitening.innovations import Problem
+from twin.predict.innovations import Problem, retraced
 
 ROUNDS = 3
 """Times that a motion is followed, each nearer to its own."""

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from twin.identify.prediction_error import Fit
 from twin.platform import Platform
 from twin.predict.body import Body
-from twin.predict.effects.perturbation import Perturbation
-from twin.predict.log.scales import Scaled, first_scaled, sought, unit_of
-from twin.predict.path.segments import Segment
+from twin.predict.forces import Perturbation
+from twin.predict.logs import Scaled, first_scaled, sought, unit_of
+from twin.predict.response import Segment
 from twin.recording import Recording
 
 Array = NDArray[np.float64]

@@ -9,9 +9,8 @@ from twin.errors import TwinError
 from twin.identify.linear.least_squares import Estimate
 from twin.identify.track import gyro_bias
 from twin.model import Machine
+from twin.predict.base import BaseParameters, base_parameters, joint_parameters
 from twin.predict.body import Body
-from twin.predict.parameters.base import BaseParameters, base_parameters
-from twin.predict.parameters.joints import joint_parameters
 from twin.recording import Recording
 
 Array = NDArray[np.float64]

@@ -18,9 +18,9 @@ from twin import rotation
 from twin.errors import UsageError
 from twin.model import Machine
 from twin.noise.stream import angles
-from twin.predict.drive.inputs import Inputs
-from twin.predict.log.motion import Motion
-from twin.predict.parameters.base import hinge_axis
+from twin.predict.base import hinge_axis
+from twin.predict.inputs import Inputs
+from twin.predict.logs import Motion
 from twin.recording import Recording, Series
 from twin.stop import check
 

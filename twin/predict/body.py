@@ -3,7 +3,8 @@
 Each segment starts from a state of its own. What the prediction depends on (those states, the base,
 the sensors' biases) is linearised along the path. That a segment ends where the next one starts is
 kept as an equation (multiple shooting), so the segments lose nothing against one long prediction,
-which an unstable machine would not allow.
+which an unstable machine would not allow. A sensor scatters more while something moves, as its
+platform states it.
 """
 
 import copy
@@ -15,38 +16,46 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.effects import ScatterEffect
 from twin.errors import UsageError
 from twin.model import Machine
 from twin.platform import field_world
-from twin.predict.drive.inputs import Inputs
-from twin.predict.drive.tanks import pressure
-from twin.predict.drive.unread import pushed
-from twin.predict.drive.wander import random_walk, wander
-from twin.predict.log.motion import Motion
-from twin.predict.log.possible import check_within_stop
-from twin.predict.log.shaking import shaking
-from twin.predict.parameters.base import BaseParameters
-from twin.predict.parameters.base_forces import base_forces
-from twin.predict.path.push import Push
-from twin.predict.path.rollouts import Rollouts
-from twin.predict.path.segments import command_step, grid_of
-from twin.predict.path.states import STEP, States
-from twin.predict.path.tangent import carried_forces
-from twin.predict.sensors.cells import Cells
-from twin.predict.sensors.outputs import Grid, digits_of, outputs_of
-from twin.predict.sensors.sensed import senses_of
-from twin.predict.whitening.kalman import Local
-from twin.predict.whitening.linearised import Linearised
+from twin.predict.base import BaseParameters, base_forces
+from twin.predict.inputs import Inputs, felt, pressure, pushed
+from twin.predict.kalman import Linearised, Local
+from twin.predict.logs import Motion, check_within_stop
+from twin.predict.profiles import random_walk, wander
+from twin.predict.response import command_step, grid_of
+from twin.predict.rollouts import Rollouts
+from twin.predict.sensors import Cells, Grid, Sense, digits_of, outputs_of, senses_of
+from twin.predict.states import STEP, Push, States, carried_forces
 from twin.recording import Recording, Series
 from twin.signals import DERIVED
 
 Array = NDArray[np.float64]
-
 CHANGED = 0.005
 """Share by which a noise must differ from what it was taken to be, for a fit to be done again."""
-
 EXACT = 0.1
 """By how many of its standard deviations a longer step may move an estimate at the very most."""
+
+
+def added_variance(effect: ScatterEffect, inputs: Inputs, time: Array) -> Array:
+    """(m, 1) or (m, k) of its sensor at some instants (m,) [s]."""
+    _, velocity, _ = inputs.joint_states(time)
+    cause = velocity[:, inputs.machine.stage_dof]
+    return np.square(effect.sigma(cause[None], inputs.machine.platform))[0]
+
+
+def shaking(inputs: Inputs, senses: Mapping[str, Sense], stream: str, time: Array) -> Array | None:
+    """(m, 1) or (m, k) variance of it all; None where nothing shakes a stream."""
+    every = [effect for effect in inputs.machine.effects if isinstance(effect, ScatterEffect)]
+    parts = [added_variance(effect, inputs, time) for effect in every if effect.acts_on == stream]
+    sense, doubt = senses.get(stream), inputs.stage_doubt
+    if sense is not None and sense.feels_turning and doubt is not None:
+        pull = felt(inputs.machine, doubt, sense.site, time)
+        tilted = pull[:, 1::-1] / sense.gravity**2
+        parts.append(pull if stream == "accelerometer" else tilted)
+    return np.asarray(sum(parts)) if parts else None
 
 
 @dataclass(frozen=True)

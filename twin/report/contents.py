@@ -16,14 +16,14 @@ from twin.noise.clock import GAP, clock_of
 from twin.noise.held import measurements
 from twin.noise.tachometer import with_signs
 from twin.platform import Platform, beyond_stated, check_columns, in_order_of, taken_as_at_rest
-from twin.predict.log.motion import motion_of
-from twin.predict.log.possible import (
+from twin.predict.logs import (
     ImpossibleLog,
     apart,
     check_possible,
     check_within_stop,
+    motion_of,
+    usable,
 )
-from twin.predict.log.usable import usable
 from twin.recording import Recording, Series
 from twin.signals import DERIVED, LOGGED, STREAMS, stream_named
 from twin.units import fitting, printed, three_digits

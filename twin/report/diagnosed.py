@@ -4,19 +4,19 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from twin.compare.free_run import FreeRun
+from twin.compare.explanation import FreeRun
 from twin.diagnose import Diagnosis
 from twin.diagnose.cause import Cause, Equation
 from twin.diagnose.diagnosis import crowded, foretells_nothing, strays
-from twin.diagnose.law import TORQUE
+from twin.diagnose.extension import Validation
+from twin.diagnose.laws import TORQUE
 from twin.diagnose.pushes import Push
+from twin.diagnose.reasoning import ordinary
 from twin.diagnose.remainder import Remainder
-from twin.diagnose.validation import Validation
-from twin.diagnose.wandering import ordinary
 from twin.identify.excitation import not_excited
 from twin.identify.prediction_error import NORMAL
 from twin.platform import beyond_stated, taken_as_at_rest
-from twin.predict.effects.columns import amplitudes
+from twin.predict.columns import amplitudes
 from twin.report.next_experiment import experiment_sentence
 from twin.report.one_clock import one_clock_sentences
 from twin.report.words import MEANINGFUL, NO_INTERVALS, pair, quiet_sentences

@@ -5,10 +5,8 @@ from dataclasses import asdict
 from typing import Any
 
 from twin.compare import Comparison, Transfer, name_of
-from twin.compare.account import Account
-from twin.compare.explanation import Side, Strength
-from twin.compare.free_run import FreeRun
-from twin.compare.missed import stream_errors
+from twin.compare.account import Account, stream_errors
+from twin.compare.explanation import FreeRun, Side, Strength
 from twin.platform import taken_as_at_rest
 from twin.report.words import sentences, transfer_sentences
 

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.compare import Comparison
 from twin.compare.account import Account
-from twin.compare.free_run import FreeRun
-from twin.compare.missing_torque import missing_torque
-from twin.compare.shapes import standstill
-from twin.compare.symptoms import Domain
-from twin.predict.whitening.unexplained import Unexplained
+from twin.compare.comparison import missing_torque
+from twin.compare.explanation import FreeRun
+from twin.compare.symptoms import Domain, standstill
+from twin.predict.innovations import Unexplained
 from twin.report.style import FIGURE, INK, PALETTE, SOFT, svg
 from twin.units import fitting
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from twin.strapdown import FAULTS, GyroComparison
-from twin.strapdown.faults import Fault
+from twin.strapdown.compare import Fault
 from twin.units import fitting, printed, three_digits
 
 TIES = {

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from twin.identify import Identification, Misfit
 from twin.platform import beyond_stated, taken_as_at_rest
-from twin.predict.parameters.base import NAMES, hinge_axis
+from twin.predict.base import NAMES, hinge_axis
 from twin.recording import Recording
 from twin.report.words import pair
 from twin.units import printed, three_digits

@@ -5,8 +5,7 @@ from html import escape
 from pathlib import Path
 
 from twin.compare import Comparison, Transfer, name_of
-from twin.compare.account import Account
-from twin.compare.missed import stream_errors
+from twin.compare.account import Account, stream_errors
 from twin.report.figures import (
     balance_figure,
     misfit_figure,

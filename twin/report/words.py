@@ -7,11 +7,16 @@ import numpy as np
 from scipy.stats import norm
 
 from twin.compare import Comparison, Transfer, name_of
-from twin.compare.account import Account
-from twin.compare.explanation import Side, Strength
-from twin.compare.misfit import Misfit, coloured, quiet
-from twin.compare.missed import StreamError, disturbed, stream_errors
-from twin.compare.selection import FALSE_ALARM
+from twin.compare.account import (
+    Account,
+    Misfit,
+    StreamError,
+    coloured,
+    disturbed,
+    quiet,
+    stream_errors,
+)
+from twin.compare.explanation import FALSE_ALARM, Side, Strength
 from twin.compare.symptoms import Domain
 from twin.platform import beyond_stated, taken_as_at_rest
 from twin.predict.body import Body

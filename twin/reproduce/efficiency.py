@@ -14,12 +14,12 @@ from twin.identify.identification import Identification
 from twin.identify.prediction_error import NORMAL
 from twin.model import compile_model
 from twin.platform import Platform
+from twin.predict.base import ENTRIES, NAMES, base_parameters
 from twin.predict.body import body_of
-from twin.predict.log.motion import motion_of
-from twin.predict.parameters.base import ENTRIES, NAMES, base_parameters
-from twin.predict.path.states import States
-from twin.predict.whitening.innovations import Problem
-from twin.predict.whitening.noise import Noise
+from twin.predict.innovations import Problem
+from twin.predict.kalman import Noise
+from twin.predict.logs import motion_of
+from twin.predict.states import States
 from twin.recording import Recording
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
 from twin.reproduce.part import Ours

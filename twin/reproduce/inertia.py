@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.platform import Platform
-from twin.predict.parameters.base import ENTRIES
+from twin.predict.base import ENTRIES
 
 Array = NDArray[np.float64]
 

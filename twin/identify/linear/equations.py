@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 
 from twin import rotation
 from twin.identify.track import Track
-from twin.predict.parameters.base import ENTRIES
+from twin.predict.base import ENTRIES
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from twin.errors import UsageError
 from twin.identify.linear.equations import Equations, gravity_rows
 from twin.identify.linear.least_squares import BLOCK, Estimate, least_squares
 from twin.identify.track import Track
-from twin.predict.parameters.base import BaseParameters
+from twin.predict.base import BaseParameters
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from scipy.stats import t as student
 
 from twin.errors import UsageError
 from twin.identify.linear.equations import Equations
-from twin.predict.parameters.base import BaseParameters
+from twin.predict.base import BaseParameters
 
 Array = NDArray[np.float64]
 

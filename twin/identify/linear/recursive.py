@@ -16,7 +16,7 @@ from twin.identify.linear.equations import integrated
 from twin.identify.linear.least_squares import Estimate, based
 from twin.identify.prediction_error import NORMAL
 from twin.identify.track import Track
-from twin.predict.parameters.base import BaseParameters
+from twin.predict.base import BaseParameters
 
 Array = NDArray[np.float64]
 

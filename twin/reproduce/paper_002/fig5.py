@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.identify import identify
-from twin.predict.parameters.base import NAMES
+from twin.predict.base import NAMES
 from twin.recording import Recording, Series
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
 from twin.reproduce.inertia import entries_of

@@ -17,7 +17,7 @@ from twin.loop import fly
 from twin.plant.initial import InitialState, hanging
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
-from twin.predict.log.tilt import attitude_of_start
+from twin.predict.logs import attitude_of_start
 from twin.recording import Recording
 from twin.reference import Hold, Reference
 from twin.signals import Command, Estimate, Target

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.predict.log.tilt import attitude_of_start
+from twin.predict.logs import attitude_of_start
 from twin.recording import Recording
 from twin.reproduce.paper_002.manoeuvre import NOISE, ideal, machine, measured
 from twin.reproduce.paper_002.methods import METHODS, errors, largest

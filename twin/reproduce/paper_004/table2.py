@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.identify import identify
 from twin.platform import Platform
-from twin.predict.parameters.base import NAMES
+from twin.predict.base import NAMES
 from twin.recording import Recording
 from twin.reference import Multisine
 from twin.report.style import FIGURE, PALETTE, svg

@@ -1,0 +1,393 @@
+"""The numbers of a machine that are fitted: its base and its joints.
+
+What a joint takes of the motion, as numbers to be fitted beside the base: damping, stiffness.
+
+A joint parameter is fitted where the MJCF states one that is not 0: whoever writes
+`damping="0.05"` says that there is damping, and roughly how much.
+
+The base parameters of a machine: its inertia and mass moment, as numbers to be fitted.
+
+Seen are J and m r about the centre of rotation, never the mass itself. A hinge sees J about its
+axis and the two components of m r across it, unless it stands upright; a ball joint sees all 6 + 3.
+What its joints take of the motion may follow.
+
+What a change of the base does to a motion, as forces: J and m r enter the equations linearly.
+
+    torque = -(dJ dw/dt + w x dJ w) + d(m r) x g_body
+
+along a path: to first order the same change of the motion as another J and m r, with no rollout.
+"""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import rotation
+from twin.errors import TwinError
+from twin.model import Machine, MassProperties, set_mass_properties
+from twin.predict.states import States
+
+Array = NDArray[np.float64]
+Kind = Literal["damping", "quadratic damping", "stiffness"]
+UNITS: dict[Kind, str] = {
+    "damping": "N m s",
+    "quadratic damping": "N m s^2",
+    "stiffness": "N m",
+}
+ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Of the inertia tensor, in the order xx yy zz xy xz yz."""
+WEAK = 1.0
+"""A base parameter of which no standard deviation is stated has so many of its scales: what the
+logs do not show stays where it is stated, and what they show does not notice."""
+NAMES = ("Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz", "mr_x", "mr_y", "mr_z")
+
+
+@dataclass(frozen=True)
+class JointParameter:
+    """One number of the base joint or of a wheel's, on all its axes alike."""
+
+    kind: Kind
+    joint: str
+    stated: float
+    """As the MJCF has it."""
+    dofs: tuple[int, ...]
+    wheel: int | None
+    """Which one; None: the base joint."""
+    rest: Array
+    """Where the base joint's spring is at rest: (1,) [rad] or (4,)."""
+
+    @property
+    def name(self) -> str:
+        """`damping of axle`."""
+        return f"{self.kind} of {self.joint}"
+
+    @property
+    def unit(self) -> str:
+        """SI."""
+        return UNITS[self.kind]
+
+    def put(self, model: mujoco.MjModel, value: float) -> None:
+        """Give a compiled model another value."""
+        dofs = list(self.dofs)
+        if self.kind == "damping":
+            model.dof_damping[dofs] = value
+        elif self.kind == "quadratic damping":
+            model.dof_dampingpoly[dofs, 0] = value
+        else:
+            model.jnt_stiffness[model.dof_jntid[dofs[0]]] = value
+
+    def torque(self, path: States) -> Array:
+        """(..., axes) at value 1, along a path (..., .)."""
+        if self.kind == "stiffness":
+            if len(self.rest) == 4:
+                turned = rotation.multiply(rotation.conjugate(self.rest), path.position)
+                return -rotation.to_rotation_vector(turned)
+            return self.rest - path.position
+        rate = path.rate if self.wheel is None else path.wheel_speed[..., [self.wheel]]
+        return -rate if self.kind == "damping" else -rate * np.abs(rate)
+
+
+def joint_parameters(machine: Machine, wheels: bool) -> tuple[JointParameter, ...]:
+    """Those of the base joint, and the damping of wheels whose motion is predicted."""
+    model, platform = machine.model, machine.platform
+    base = tuple(range(machine.base_dof.start, machine.base_dof.stop))
+    rest = model.qpos_spring[machine.base_qpos].copy()
+    joint = platform.base.joint
+    stiffness = float(model.jnt_stiffness[model.dof_jntid[base[0]]])
+    found = [
+        *_dampings(model, joint, base, None, rest),
+        JointParameter("stiffness", joint, stiffness, base, None, rest),
+    ]
+    for index, wheel in enumerate(platform.wheels if wheels else ()):
+        found += _dampings(model, wheel.name, (int(machine.wheel_dof[index]),), index, rest)
+    return tuple(parameter for parameter in found if parameter.stated != 0.0)
+
+
+def joint_forces(joints: tuple[JointParameter, ...], machine: Machine, path: States) -> Array:
+    """(S, steps, nv, p) generalised force by each at value 1, along a path (1, S, steps + 1, .)."""
+    first, last = path[0, :, :-1], path[0, :, 1:]
+    force = np.zeros((*first.rate.shape[:2], machine.model.nv, len(joints)))
+    for place, joint in enumerate(joints):
+        mean = 0.5 * (joint.torque(first) + joint.torque(last))
+        force[:, :, list(joint.dofs), place] = mean
+    return force
+
+
+def _dampings(
+    model: mujoco.MjModel, joint: str, dofs: tuple[int, ...], wheel: int | None, rest: Array
+) -> list[JointParameter]:
+    linear, quadratic = float(model.dof_damping[dofs[0]]), float(model.dof_dampingpoly[dofs[0], 0])
+    return [
+        JointParameter("damping", joint, linear, dofs, wheel, rest),
+        JointParameter("quadratic damping", joint, quadratic, dofs, wheel, rest),
+    ]
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """Fitted numbers theta and how J and m r follow from them: stated + map (theta - as_stated)."""
+
+    machine: Machine
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    as_stated: Array
+    """(p,) as platform.toml states them."""
+    scale: Array
+    """(p,) a typical change of each, for finite differences and conditioning."""
+    prior: Array
+    """(p,) standard deviations about what is stated: those that platform.toml gives, else `WEAK` of
+    the scales."""
+    map: Array
+    """(9, p) onto Jxx Jyy Jzz Jxy Jxz Jyz, mr_x mr_y mr_z."""
+    joints: tuple[JointParameter, ...] = ()
+    """What the last entries of theta are, as far as they are not J and m r."""
+
+    def with_joints(self, joints: tuple[JointParameter, ...]) -> "BaseParameters":
+        """With parameters of joints as further entries of theta."""
+        stated = np.array([joint.stated for joint in joints])
+        return replace(
+            self,
+            names=self.names + tuple(joint.name for joint in joints),
+            units=self.units + tuple(joint.unit for joint in joints),
+            as_stated=np.concatenate([self.as_stated, stated]),
+            scale=np.concatenate([self.scale, np.abs(stated)]),
+            prior=np.concatenate([self.prior, WEAK * np.abs(stated)]),
+            map=np.concatenate([self.map, np.zeros((9, len(joints)))], axis=1),
+            joints=self.joints + joints,
+        )
+
+    def entries(self, theta: Array) -> Array:
+        """(9,) J and m r [kg m^2, kg m]."""
+        return _stated(self.machine) + self.map @ (theta - self.as_stated)
+
+    def theta(self, entries: Array) -> Array:
+        """The numbers whose entries come nearest to (9,) J and m r."""
+        change = entries - _stated(self.machine)
+        return self.as_stated + np.linalg.lstsq(self.map, change, rcond=None)[0]
+
+    def model(self, theta: Array) -> mujoco.MjModel:
+        """A copy of the machine's model with these parameters.
+
+        Raises:
+            TwinError: a moment of inertia would not be positive.
+        """
+        entries = self.entries(theta)
+        inertia = np.empty((3, 3))
+        for value, (i, j) in zip(entries[:6], ENTRIES, strict=True):
+            inertia[i, j] = inertia[j, i] = value
+        offset = entries[6:]
+        smallest = float(np.linalg.eigvalsh(inertia)[0])
+        if smallest <= 0.0:
+            raise TwinError(f"an inertia with principal moment {smallest:.3g} kg m^2 is no body's")
+        # About a fixed point the mass itself does no work; enough of it keeps any m r physical.
+        mass = max(self.machine.platform.mass, 4.0 * float(offset @ offset) / smallest)
+        model = copy.copy(self.machine.model)
+        try:
+            wanted = MassProperties(mass, inertia, offset)
+            set_mass_properties(model, self.machine.base_body, wanted, rigid=False)
+        except ValueError as problem:
+            raise TwinError(f"the fitted base is no rigid body: {problem}") from None
+        first = len(theta) - len(self.joints)
+        for joint, value in zip(self.joints, theta[first:].tolist(), strict=True):
+            joint.put(model, value)
+        return model
+
+    def table(self, theta: Array, covariance: Array, quantile: float) -> Mapping[str, Any]:
+        """`base` of the command line's JSON: value, low, high; null where the log cannot see."""
+        entries = self.entries(theta)
+        spread = self.map @ covariance @ self.map.T
+        half = quantile * np.sqrt(np.maximum(np.diag(spread), 0.0))
+        seen = np.abs(self.map).sum(axis=1) > 0.0
+        if self.machine.platform.base.kind == "hinge":
+            # the others only follow, so that the body stays one
+            axis = hinge_axis(self.machine)
+            seen[:6] = [abs(axis[i] * axis[j]) > 1e-9 for i, j in ENTRIES]
+        bounds = [
+            [
+                float(v + sign * h) if s else None
+                for v, h, s in zip(entries, half, seen, strict=True)
+            ]
+            for sign in (-1.0, 1.0)
+        ]
+        values = [float(value) for value in entries]
+        return {
+            "inertia": {
+                "value": _square(values[:6]),
+                "low": _square(bounds[0][:6]),
+                "high": _square(bounds[1][:6]),
+                "unit": "kg m^2",
+            },
+            "center_of_mass_offset": {
+                "value": values[6:],
+                "low": bounds[0][6:],
+                "high": bounds[1][6:],
+                "unit": "kg m",
+            },
+        }
+
+    @property
+    def not_excited(self) -> tuple[str, ...]:
+        """Entries of J and m r that no motion of this joint shows."""
+        if self.machine.platform.base.kind == "ball":
+            return ()
+        axis = hinge_axis(self.machine)
+        hidden = [f"J but about the axis {_axis(axis)}"]
+        if is_upright(axis):
+            return (*hidden, "m r")
+        return (*hidden, f"m r along the axis {_axis(axis)}")
+
+
+def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True) -> BaseParameters:
+    """What logs of this machine can show of its base.
+
+    Args:
+        machine: compiled.
+        torque: whether they have a known torque, on a hinge. Without one only J / (m r) shows; then
+            m r keeps its stated length, for it is what a scale and a ruler tell. On an upright
+            hinge no m r shows, and J keeps its stated size.
+        angle: whether they have the angle of a hinge. With its rate alone nobody knows from where
+            it counts, and so not which way m r points.
+    """
+    stated = _stated(machine)
+    units = ("kg m^2",) * 6 + ("kg m",) * 3
+    if machine.platform.base.kind == "ball":
+        size = np.trace(machine.platform.inertia) / 3.0
+        reach = machine.platform.mass * 1e-3
+        scale = np.array([size] * 6 + [reach] * 3)
+        known = _stated_sd(machine)
+        prior = np.where(np.isfinite(known), known, WEAK * scale)
+        return BaseParameters(machine, NAMES, units, stated, scale, prior, np.eye(9))
+    axis = hinge_axis(machine)
+    about_axis = float(axis @ machine.platform.inertia @ axis)
+    directions = _across(axis)
+    moment = stated[6:] - (axis @ stated[6:]) * axis
+    if is_upright(axis):
+        directions = ()
+    elif not torque and np.linalg.norm(moment) > 0.0:
+        # what is across m r turns it and keeps its length
+        turned = np.cross(axis, moment) / np.linalg.norm(moment)
+        directions = (turned,) if angle else ()
+    names, columns, starts = list[str](), list[Array](), list[float]()
+    if torque or not is_upright(axis):
+        # J keeps its stated proportions; only the moment about the axis is seen
+        names.append("J")
+        columns.append(np.concatenate([stated[:6] / about_axis, np.zeros(3)]))
+        starts.append(about_axis)
+    for name, across in zip(("mr_1", "mr_2"), directions, strict=False):
+        single = int(np.argmax(np.abs(across)))
+        names.append(NAMES[6 + single] if across[single] > 1.0 - 1e-9 else name)
+        columns.append(np.concatenate([np.zeros(6), across]))
+        starts.append(float(across @ stated[6:]))
+    reach = max(float(np.linalg.norm(stated[6:])), 1e-3 * machine.platform.mass)
+    scale = np.array([about_axis if name == "J" else reach for name in names])
+    known = _stated_sd(machine)
+    about = np.array([(1.0 if i == j else 2.0) * axis[i] * axis[j] for i, j in ENTRIES])
+    across = [np.concatenate([np.zeros(6), one]) for one in directions]
+    along = [np.concatenate([about, np.zeros(3)])] * (len(names) - len(across)) + across
+    # what no axis turns or carries may be unknown
+    sd = [float(np.sqrt(np.sum(np.square(known[one != 0.0] * one[one != 0.0])))) for one in along]
+    return BaseParameters(
+        machine,
+        tuple(names),
+        tuple("kg m^2" if name == "J" else "kg m" for name in names),
+        np.array(starts),
+        scale,
+        np.where(np.isfinite(sd), sd, WEAK * scale),
+        np.array(columns).reshape(-1, 9).T,
+    )
+
+
+def hinge_axis(machine: Machine) -> Array:
+    """(3,) the hinge's axis in body axes at angle 0."""
+    joint = machine.model.body_jntadr[machine.base_body]
+    data = mujoco.MjData(machine.model)
+    mujoco.mj_kinematics(machine.model, data)
+    return data.xaxis[joint].copy()
+
+
+def is_upright(axis: Array) -> bool:
+    """Whether gravity has no moment about a hinge's axis."""
+    return bool(abs(axis[2]) > 1.0 - 1e-9)
+
+
+def _across(axis: Array) -> tuple[Array, ...]:
+    """Two unit vectors across the axis; body axes themselves where they are."""
+    free = [unit for unit in np.eye(3) if abs(unit @ axis) < 1e-9]
+    first = free[0] if free else np.linalg.svd(axis[None])[2][1]
+    second = free[1] if len(free) > 1 else np.cross(axis, first)
+    return first, second
+
+
+def _stated(machine: Machine) -> Array:
+    platform = machine.platform
+    tensor = [platform.inertia[i, j] for i, j in ENTRIES]
+    return np.concatenate([tensor, platform.center_of_mass_offset])
+
+
+def _stated_sd(machine: Machine) -> Array:
+    """(9,) inf where nobody stated one."""
+    platform = machine.platform
+    tensor, offset = platform.inertia_sd, platform.center_of_mass_offset_sd
+    return np.concatenate(
+        [
+            np.full(6, np.inf) if tensor is None else tensor,
+            np.full(3, np.inf) if offset is None else offset,
+        ]
+    )
+
+
+def _square(entries: list[Any]) -> list[list[Any]]:
+    xx, yy, zz, xy, xz, yz = entries
+    return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+
+
+def _axis(axis: Array) -> str:
+    single = int(np.argmax(np.abs(axis)))
+    if abs(axis[single]) > 1.0 - 1e-9:
+        return "xyz"[single]
+    return "(" + ", ".join(f"{part:.3g}" for part in axis) + ")"
+
+
+def base_forces(
+    base: BaseParameters, path: States, step: float, extra: Array | None = None
+) -> Array:
+    """(S, steps, nv, p) generalised force by each base parameter, along a path (1, S, ...).
+
+    Args:
+        base: J, m r and what else is fitted.
+        path: that the machine takes.
+        step: of its instants [s].
+        extra: (S, steps, k) part of the angular acceleration that would be as it is for any J
+            [rad/s^2].
+    """
+    machine = base.machine
+    rate, angle = path.rate[0], path.position[0]
+    hinge = angle.shape[-1] == 1
+    axis = hinge_axis(machine) if hinge else np.zeros(3)
+    attitude = rotation.from_rotation_vector(angle * axis) if hinge else angle
+    turned = rate * axis if hinge else rate
+    middle = rotation.normalized(attitude[:, :-1] + attitude[:, 1:])
+    w = 0.5 * (turned[:, :-1] + turned[:, 1:])
+    change = (rate[:, 1:] - rate[:, :-1]) / step - (0.0 if extra is None else extra)
+    acceleration = change * axis if hinge else change
+    gravity = -machine.platform.gravity * rotation.vertical_body(middle)
+    entries = np.zeros((*w.shape, 9))
+    for place, (i, j) in enumerate(ENTRIES):
+        unit = np.zeros((3, 3))
+        unit[i, j] = unit[j, i] = 1.0
+        entries[..., place] = -(acceleration @ unit + rotation.cross(w, w @ unit))
+    for i in range(3):
+        entries[..., 6 + i] = rotation.cross(np.eye(3)[i], gravity)
+    torque = entries @ base.map
+    if hinge:
+        torque = np.einsum("skip,i->skp", torque, axis)[:, :, None]
+    force = np.zeros((*torque.shape[:2], machine.model.nv, torque.shape[-1]))
+    force[:, :, machine.base_dof] = torque
+    if base.joints:
+        force[..., -len(base.joints) :] += joint_forces(base.joints, machine, path)
+    return force

@@ -1,0 +1,388 @@
+"""Effects of the catalogue, and those that a platform states, as perturbations of a prediction.
+
+Where a spring is at rest that pulls a machine back to where a log began.
+
+A log shows its first attitude only as well as its sensors do. A spring that is seen ten thousand
+times better than it need be shows it better, and would call the difference a torque of its own.
+
+An effect of the catalogue as perturbations of a prediction: one for each of its components.
+
+Strengths are in the components' units. An amplitude's is its value. A component that shapes the
+effect without being its size, a frequency or a place, has a meaning only where there is some
+effect: its strength is a change from the value it has, the amplitudes being what they are.
+
+The effects that a platform states, as a prediction has them beside its model: at their size.
+
+What an effect changes in MuJoCo's model, the compiled machine has already, and a drive's fault the
+drive's profile. What is left is a torque law, a push with axes of the room, a fault of a command,
+of a sensor or of a clock.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import rotation
+from twin.effects import BodyEffect, CoupleEffect, Effect, Order, SeriesEffect
+from twin.platform import Platform
+from twin.predict.body import Body
+from twin.predict.forces import (
+    Perturbation,
+    as_measured,
+    depends_on_start,
+    force_of,
+    inverse,
+    on_grid,
+    plain_forces,
+    pushed_along,
+)
+from twin.predict.inputs import Inputs
+from twin.predict.sensors import Output
+from twin.signals import Samples
+
+Array = NDArray[np.float64]
+TURN = 1e-4
+"""Of a difference [rad]."""
+UNSEEN = 1.0
+"""1 sigma of a first attitude that no stream shows [rad]."""
+BLIND = ("wheel_imbalance",)
+"""What turns with a wheel leaves no column: no log has the angles of wheels."""
+SMALL = 1e-2
+"""Step of a difference, of a component's scale."""
+Change = tuple[tuple[Effect, float], ...]
+"""Effects and factors; their sum is the change at strength 1."""
+OF_DRIVES = ("command_stage_position", "command_gimbal_rate")
+"""Commands whose faults the drives' profiles have."""
+Stated = tuple[tuple[Perturbation, ...], Array]
+_stated: WeakKeyDictionary[Body, Stated] = WeakKeyDictionary()
+_rests: WeakKeyDictionary[Body, tuple[Perturbation, ...]] = WeakKeyDictionary()
+
+
+def references_of(effect: Effect, bodies: Sequence[Body]) -> tuple[Perturbation, ...]:
+    """How an effect would act whose spring rests elsewhere: of each log, a turn about each axis.
+
+    Returns:
+        For each log as many as its base has axes; none for an effect without such a spring.
+    """
+    if not isinstance(effect, BodyEffect) or not effect.follows_start:
+        return ()
+    return tuple(
+        _turned(effect, body, axis, log)
+        for log, body in enumerate(bodies)
+        for axis in range(body.start.rate.shape[-1])
+    )
+
+
+def _turned(effect: BodyEffect, of: Body, axis: int, log: int) -> Perturbation:
+    recording = of.recording
+
+    def force(body: Body) -> Array:
+        grid = body.grid
+        if body.recording is not recording:
+            return np.zeros((grid.segments, grid.steps, body.machine.model.nv))
+        turn = np.zeros(body.start.rate.shape[-1])
+        turn[axis] = TURN
+        return (force_of(effect, body, turn) - force_of(effect, body, -turn)) / (2.0 * TURN)
+
+    name = f"{effect.label} rest of log {log} about {'xyz'[axis]}"
+    return Perturbation(name, "rad", _known(of), force=force)
+
+
+def _known(body: Body) -> float:
+    """1 sigma of the first attitude, before a motion is followed [rad]."""
+    seen = [o.noise.max() for o in body.outputs if o.stream in ("attitude", "joint_angle")]
+    return float(min(seen, default=UNSEEN))
+
+
+def perturbations_of(effect: Effect, platform: Platform) -> tuple[Perturbation, ...]:
+    """What an effect does to a prediction, component by component.
+
+    They are proportional; what an effect does is not, and of a vector what two components do
+    together is more than each by itself. At the values where they were formed they add up to the
+    effect as it is, so where it is large they are formed anew at the strengths that were found.
+
+    Args:
+        effect: at the values where it is linearised; an amplitude of 0 counts as a small one.
+        platform: of the machine that is predicted.
+
+    Returns:
+        One a component, in their order; none for an effect that changes no expected value.
+    """
+    if effect.name in BLIND or not isinstance(effect, BodyEffect | SeriesEffect):
+        return ()
+    units = [known.unit for known in effect.parameters() for _ in range(known.size)]
+    return tuple(
+        _perturbation(f"{effect.label} {name}", unit, change, platform)
+        for name, unit, change in zip(effect.names, units, _changes(effect), strict=True)
+    )
+
+
+def slopes_of(effect: Effect, platform: Platform) -> tuple[Perturbation, ...]:
+    """The same for a fit that starts at the effect, with how it changes there.
+
+    Where stages were is known from their counters to a digit, whatever play their screws have, so
+    in proportion to the play little changes; but it says on which side of the digit they stood.
+    """
+    parts, size = perturbations_of(effect, platform), amplitudes(effect)
+    stages = isinstance(effect, SeriesEffect) and effect.stream == "command_stage_position"
+    if not parts or not stages or np.count_nonzero(size) != 1 or not effect.values[size].any():
+        return parts
+    (index,) = np.flatnonzero(size).tolist()
+    value, (low, high) = effect.values[index], effect.bounds()
+    ends = np.clip(value * (1.0 + SMALL * np.array([-1.0, 1.0])), low[index], high[index])
+    before, after = (effect.with_values(np.where(size, end, effect.values)) for end in ends)
+
+    def force(body: Body) -> Array:
+        if not _as_counted(effect, body):
+            return _input_force(effect, body) / value
+        return (_told(after, body) - _told(before, body)) / float(ends[1] - ends[0])
+
+    def rest(body: Body) -> Array:
+        return _input_force(effect, body) - value * force(body)
+
+    return (*parts[:index], replace(parts[index], force=force, rest=rest), *parts[index + 1 :])
+
+
+def _as_counted(effect: Effect, body: Body) -> bool:
+    """Whether the counters, if there are any, show stages where an effect takes them."""
+    return body.inputs.stage_course is None or body.inputs.counted_with(effect)
+
+
+def _told(effect: Effect, body: Body) -> Array:
+    """What the machine was driven with by stages that went as an effect on the command has them,
+    less what the log says."""
+    if body.inputs.stage_course is None:
+        return _input_force(effect, body)
+    return _driven_by(body.inputs.with_stages(effect, counted=False), body)
+
+
+def strengths_of(effect: Effect) -> Array:
+    """(p,) the strengths of its perturbations that make up the effect itself."""
+    return np.where(amplitudes(effect), effect.values, 0.0)
+
+
+def with_strengths(effect: Effect, strengths: Array) -> Effect:
+    """The effect that its perturbations make at these strengths, within its bounds."""
+    low, high = effect.bounds()
+    values = np.where(amplitudes(effect), 0.0, effect.values) + strengths
+    return effect.with_values(np.clip(values, low, high))
+
+
+def amplitudes(effect: Effect) -> NDArray[np.bool_]:
+    """(p,) which components are amplitudes."""
+    return np.concatenate([np.full(known.size, known.amplitude) for known in effect.parameters()])
+
+
+def of_drive(effect: Effect) -> bool:
+    """Whether it is between a command and what is done: play and dry friction do at a hundredth of
+    their size nothing of what they do at all of it."""
+    return isinstance(effect, SeriesEffect) and effect.stream.startswith("command_")
+
+
+def _changes(effect: Effect) -> list[Change]:
+    """Of each component: of an amplitude, beside those before it, so that they add up."""
+    values, steps = effect.values, (1.0 if of_drive(effect) else SMALL) * effect.scale()
+    low, high = effect.bounds()
+    size = amplitudes(effect)
+    so_far = np.where(size, 0.0, values)
+    found: list[Change] = []
+    for i, step in enumerate(steps):
+        if size[i]:
+            before = effect.with_values(so_far)
+            alone = not so_far[size].any()
+            more = so_far.copy()
+            more[i] = values[i] or step
+            slope = 1.0 / float(more[i])
+            after = (effect.with_values(more), slope)
+            found.append((after,) if alone else (after, (before, -slope)))
+            so_far[i] = values[i]
+            continue
+        large = np.where(size & (values == 0.0), steps, values)
+        ends = [large.copy(), large.copy()]
+        ends[0][i] = max(values[i] - step, low[i])
+        ends[1][i] = min(values[i] + step, high[i])
+        slope = 1.0 / float(ends[1][i] - ends[0][i])
+        before, after = (effect.with_values(end) for end in ends)
+        found.append(((after, slope), (before, -slope)))
+    return found
+
+
+def _perturbation(name: str, unit: str, change: Change, platform: Platform) -> Perturbation:
+    first = change[0][0]
+    if isinstance(first, BodyEffect):
+        laws = tuple(
+            (factor, law)
+            for effect, factor in change
+            if isinstance(effect, BodyEffect) and (law := effect.torque(platform)) is not None
+        )
+        return Perturbation(name, unit, force=_summed(change, _body_force), laws=laws)
+    assert isinstance(first, SeriesEffect)
+    stream = first.stream
+    if stream == "command_stage_position":
+
+        def strayed(output: Output, _: Array) -> Array:
+            assert output.course is not None
+            course = output.course
+            moved = sum(factor * course.less(effect, output.time) for effect, factor in change)
+            return np.asarray(moved)[None]
+
+        force = _summed(change, _drive_force)
+        return Perturbation(name, unit, force=force, stream="stage_position", shown=strayed)
+    if stream.startswith("command_"):
+        return Perturbation(name, unit, force=_summed(change, _input_force))
+
+    def late(output: Output) -> Array:
+        return sum(
+            (factor * _late(effect, output, platform) for effect, factor in change),
+            start=np.zeros(len(output.time)),
+        )
+
+    def shown(output: Output, truth: Array) -> Array:
+        return sum(
+            (factor * _shown(effect, output, truth, platform) for effect, factor in change),
+            start=np.zeros((1, *output.slot.shape)),
+        )
+
+    force = _summed(change, _input_force)
+    if first.order is Order.delay:
+        return Perturbation(name, unit, force=force, stream=stream, late=late)
+    return Perturbation(name, unit, force=force, stream=stream, shown=shown)
+
+
+def _summed(change: Change, force: Callable[[Effect, Body], Array]) -> Callable[[Body], Array]:
+    def total(body: Body) -> Array:
+        grid = body.grid
+        none = np.zeros((grid.segments, grid.steps, body.machine.model.nv))
+        return sum((factor * force(effect, body) for effect, factor in change), start=none)
+
+    return total
+
+
+def _body_force(effect: Effect, body: Body) -> Array:
+    assert isinstance(effect, BodyEffect)
+    return force_of(effect, body)
+
+
+def _drive_force(effect: Effect, body: Body) -> Array:
+    """What stages drive the machine with under a fault of their drives, less what the log says.
+
+    In proportion to what that is at the size that counters show, where they show one: only there do
+    stages go as the fault has them, between a counter's digits too.
+    """
+    course, seen = body.inputs.stage_course, body.inputs.stage_seen
+    if course is None or seen is None or body.inputs.counted_with(effect):
+        return _input_force(effect, body)
+    sized = course.sized(effect, seen)
+    if not body.inputs.counted_with(sized):
+        return _input_force(effect, body)
+    return _input_force(sized, body) * float(effect.values[0] / sized.values[0])
+
+
+def _input_force(effect: Effect, body: Body) -> Array:
+    """What the machine was driven with, less what the log says."""
+    assert isinstance(effect, SeriesEffect)
+    recording, stream = body.recording, effect.stream
+    # the reading of a state drives nothing
+    states = [output.stream for output in body.outputs if output.told is None]
+    none = np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
+    if stream not in body.inputs.used or stream in states:
+        return none
+    counted = any(output.course is not None for output in body.outputs)
+    if stream == "command_stage_position" and counted:
+        return _driven_by(body.inputs.with_stages(effect), body)
+    series = recording[stream]
+    samples = Samples(series.value[None], series.time[None], np.ones((1, len(series)), dtype=bool))
+    act = effect.apply if stream.startswith("command_") else effect.undo
+    true = act(samples, body.machine.platform)
+    if np.array_equal(true.time, samples.time) and np.array_equal(true.value, samples.value):
+        return none
+    driven = replace(series, time=true.time[0], value=true.value[0])
+    inputs = Inputs(body.machine, replace(recording, streams={**recording.streams, stream: driven}))
+    if stream == "command_gimbal_rate":  # a gimbal's angle is a state, which carries the rest
+        return _commanded_by(inputs, body)
+    return _driven_by(inputs, body)
+
+
+def _commanded_by(inputs: Inputs, body: Body) -> Array:
+    """What other commands push with, beyond those that the log says."""
+    logged = body.commanded()
+    commanded = inputs.commanded(body.grid.edges, body.motion)
+    return commanded.reshape(logged.shape) - logged
+
+
+def _driven_by(inputs: Inputs, body: Body) -> Array:
+    """And with what joints that move otherwise do to the body."""
+    more = _commanded_by(inputs, body)
+    here, plainly = plain_forces(body)
+    there = as_measured(body, inputs)
+    if (here.position == there.position).all() and (here.velocity == there.velocity).all():
+        return more
+    needed = plainly - inverse(body.machine, there)
+    return more + on_grid(needed, body)
+
+
+def _late(effect: Effect, output: Output, platform: Platform) -> Array:
+    """(m,) how long before its stamp each sample was true [s]."""
+    assert isinstance(effect, SeriesEffect)
+    blank = Samples(output.value[None], output.time[None], np.ones((1, len(output.time)), bool))
+    return output.time - effect.undo(blank, platform).time[0]
+
+
+def _shown(effect: Effect, output: Output, truth: Array, platform: Platform) -> Array:
+    """(1, m, k) what a sensor shows beyond the truth."""
+    assert isinstance(effect, SeriesEffect)
+    samples = Samples(truth, output.time[None], np.ones((1, len(output.time)), dtype=bool))
+    shown = effect.apply(samples, platform).value
+    if output.stream == "attitude":
+        return rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(truth), shown))
+    return shown - truth
+
+
+def stated_of(body: Body) -> Stated:
+    """What the platform of a log's machine states, and the strengths (a,) of it."""
+    if body not in _stated:
+        every = [_parts(effect, body.machine.platform) for effect in body.machine.effects]
+        parts = tuple(one for found, _ in every for one in found)
+        _stated[body] = parts, np.array([size for _, sizes in every for size in sizes])
+    return _stated[body]
+
+
+def rests_of(body: Body) -> tuple[Perturbation, ...]:
+    """Where the springs of what is stated rest, if that is where the log began: about each axis."""
+    if body not in _rests:
+        found = [part for one in body.machine.effects for part in references_of(one, [body])]
+        _rests[body] = tuple(replace(one, force=_once(one.force)) for one in found if one.force)
+    return _rests[body]
+
+
+def _parts(effect: Effect, platform: Platform) -> tuple[list[Perturbation], list[float]]:
+    if isinstance(effect, BodyEffect) and not depends_on_start(effect):
+        law = effect.torque(platform)
+        pushes = isinstance(effect, CoupleEffect) or effect.pushes(platform)
+        one = Perturbation(
+            effect.label,
+            "1",
+            force=_once(lambda body: pushed_along(effect, body)) if pushes else None,
+            laws=() if law is None else ((1.0, law),),
+        )
+        return [one], [1.0]
+    if isinstance(effect, SeriesEffect) and effect.stream in OF_DRIVES:
+        return [], []
+    parts = perturbations_of(effect, platform)
+    once = [one if one.force is None else replace(one, force=_once(one.force)) for one in parts]
+    return once, strengths_of(effect).tolist() if parts else []
+
+
+def _once(force: Callable[[Body], Array]) -> Callable[[Body], Array]:
+    """Whoever poses the same log again asks again."""
+    known: WeakKeyDictionary[Body, Array] = WeakKeyDictionary()
+
+    def remembered(body: Body) -> Array:
+        if body not in known:
+            known[body] = force(body)
+        return known[body]
+
+    return remembered

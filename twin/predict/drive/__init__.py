@@ -1,1 +1,0 @@
-"""What drives a logged machine: held commands, joints as measured or told, and their doubts."""

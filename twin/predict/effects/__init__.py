@@ -1,1 +1,0 @@
-"""Effects of the catalogue as forces and columns of a prediction."""

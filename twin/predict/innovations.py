@@ -1,0 +1,546 @@
+"""Logs and unknowns in, whitened innovations and their columns out; and the motion of a fit.
+
+What a prediction of logs depends on, and how it moves.
+
+Shared by all logs: the base, and the strengths of what was added to the model. A log's own: its
+sensors' constant errors, held by the spread that platform.toml states of them, where a stated
+spring rests that pulls the machine back to where it began, and its states, of which nothing is
+known beforehand.
+
+Logs and unknowns in, whitened innovations and their columns out; the states are gone.
+
+The torque that the logs ask for beyond the model: the white torque of a fit, smoothed.
+
+A Kalman smoother within each segment, from the start and to the end that `chain` gives it; no
+second derivative of the data is taken.
+
+A log's motion as a fit has it: along this, forces are formed that smoothed data would lose.
+
+Smoothed data lack what is faster than their window: the kick of a command, and with it the ringing
+of whatever hangs on the machine. And their noise is in every force along them, and so in the column
+of an effect, which a large effect is multiplied by. A fit's motion has all that the commands do; of
+the data it takes what the model cannot say, as the torque that a Kalman smoother finds.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import TwinError
+from twin.predict.added import Added, formed, with_formed
+from twin.predict.base import BaseParameters
+from twin.predict.body import Body, Exact
+from twin.predict.columns import rests_of
+from twin.predict.forces import Perturbation
+from twin.predict.kalman import (
+    EXACT,
+    Chain,
+    Linearised,
+    Noise,
+    chain,
+    growth,
+    root,
+    scaled,
+    whitened,
+    with_none,
+)
+from twin.predict.states import Push, States
+
+Array = NDArray[np.float64]
+HELD = 1e-9
+"""Standard deviation of a base that is not to move, in its scales."""
+NO_GROWTH = 0.1
+"""The log-determinant has no slope worth its cost along a base parameter where the growth of the
+motion times its uncertainty, in its scale, is less: it moves that by so many standard deviations at
+most."""
+NEARBY = 0.3
+"""Standard deviations to the other end of a finite difference of the log-determinant."""
+
+
+class Eliminated(Protocol):
+    """A log whose states are gone."""
+
+    @property
+    def rows(self) -> Array:
+        """(m, 1 + u) residual and columns."""
+        ...
+
+    @property
+    def segment(self) -> NDArray[np.intp]:
+        """(m,) the segment that each row comes from."""
+        ...
+
+    def states(self, change: Array) -> Array:
+        """(S, x) best starts for a change (u,) of the shared unknowns, then what else wanders."""
+        ...
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Where a prediction stands."""
+
+    theta: Array
+    """(p,) base parameters."""
+    biases: tuple[Array, ...]
+    """(b,) of each log: of its sensors, then turns of springs that rest where it began."""
+    starts: tuple[States, ...]
+    """(segments, .) of each log."""
+    strengths: Array
+    """(a,) of the perturbations."""
+
+    def moved(self, change: Array, links: Sequence[Eliminated]) -> "Unknowns":
+        """After a change of theta, biases and strengths, the states at their best for it."""
+        p, a = len(self.theta), len(self.strengths)
+        edges = p + np.cumsum([0, *map(len, self.biases)])
+        own = [change[i:j] for i, j in zip(edges, edges[1:], strict=False)]
+        added = change[edges[-1] : edges[-1] + a]
+        return Unknowns(
+            self.theta + change[:p],
+            tuple(b + d for b, d in zip(self.biases, own, strict=True)),
+            tuple(
+                start.moved(link.states(np.concatenate([change[:p], d, added]))[:, : start.width])
+                for start, link, d in zip(self.starts, links, own, strict=True)
+            ),
+            self.strengths + added,
+        )
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """A prediction linearised: rows + columns (change of theta, biases, strengths) is white,
+    variance 1."""
+
+    at: Unknowns
+    exact: tuple[Exact, ...]
+    """Of each log."""
+    noise: Noise
+    """What disturbs the motion and the sensors, beside their white noise."""
+    linear: tuple[Linearised, ...]
+    """Of each log, with that torque and its states."""
+    chains: tuple[Chain, ...]
+    """Of each log, without."""
+    residual: Array
+    """(m,)."""
+    columns: Array
+    """(m, p + all biases + a), then what was only added to be scored."""
+    cluster: NDArray[np.intp]
+    """(m,) which segment of which log a row comes from; -1: what was known beforehand."""
+    samples: int
+    """Numbers predicted."""
+    logarithm: float
+    """Log-determinant of the covariance that was divided out."""
+    tilt: Array
+    """(.,) how it grows with each unknown; see `Problem.tilted`."""
+
+    @property
+    def intensity(self) -> float:
+        """Of the white torque about each base axis of the machine as stated [(N m)^2 s]."""
+        return self.noise.white
+
+    @property
+    def covariance(self) -> Array:
+        """Of all that has a column."""
+        size = 1.0 / np.linalg.norm(self.columns, axis=0)
+        triangle = np.linalg.inv(np.linalg.qr(self.columns * size, mode="r"))
+        return triangle @ triangle.T * np.outer(size, size)
+
+    @property
+    def chi2(self) -> float:
+        """Of the states' best values, all else as it stands."""
+        return float(self.residual @ self.residual)
+
+    @property
+    def cost(self) -> float:
+        """Twice the negative log-likelihood, up to a constant, after a Gauss-Newton step."""
+        step = self.step()
+        left = self.residual + self.columns @ step
+        return float(left @ left + self.tilt @ step) + self.logarithm
+
+    def step(self) -> Array:
+        """Gauss-Newton's change of theta, biases and strengths."""
+        size = 1.0 / np.linalg.norm(self.columns, axis=0)
+        step = -np.linalg.lstsq(self.columns * size, self.residual, rcond=None)[0] * size
+        return step - 0.5 * self.covariance @ self.tilt if self.tilt.any() else step
+
+    def moved(self, change: Array) -> Unknowns:
+        """The unknowns after a change of them, the states at their best for it."""
+        return self.at.moved(change, self.chains)
+
+    def left(self) -> list[Array]:
+        """(S, N) what is left of each log's rows when its states are at their best."""
+        return [
+            line.residual
+            + np.einsum("snx,sx->sn", line.state, link.states(np.zeros(line.shared.shape[-1])))
+            for line, link in zip(self.linear, self.chains, strict=True)
+        ]
+
+
+class Problem:
+    """Logs of one machine, predicted together."""
+
+    def __init__(
+        self,
+        bodies: Sequence[Body],
+        base: BaseParameters,
+        perturbations: Sequence[Perturbation] = (),
+        *,
+        held: bool = False,
+        strengths_held: bool = False,
+    ) -> None:
+        """Pose it.
+
+        Args:
+            bodies: the logs.
+            base: what is fitted of the machine.
+            perturbations: what is fitted besides, each by its strength.
+            held: leave the base where a fit starts.
+            strengths_held: likewise the strengths of which nothing is known beforehand.
+        """
+        self.bodies = tuple(bodies)
+        self.base = base
+        self.perturbations = tuple(perturbations)
+        self.held = held
+        self.strengths_held = strengths_held
+        self._rests = [rests_of(body) for body in self.bodies]
+        self._added = [
+            Added.to(body, (*rests, *self.perturbations))
+            for body, rests in zip(self.bodies, self._rests, strict=True)
+        ]
+
+    def start(
+        self, theta: Array, biases: Sequence[Array], strengths: Array | None = None
+    ) -> Unknowns:
+        """With the states as smoothed, and strengths of 0 unless given; likewise springs' turns."""
+        if strengths is None:
+            strengths = np.zeros(len(self.perturbations))
+        own = tuple(
+            np.pad(bias, (0, len(self._own_scale(log)) - len(bias)))
+            for log, bias in enumerate(biases)
+        )
+        return Unknowns(theta, own, tuple(body.start for body in self.bodies), strengths)
+
+    def innovations(self, at: Unknowns, noise: Noise = EXACT) -> Innovations:
+        """Predict and linearise.
+
+        Raises:
+            TwinError: no rigid body has such a base, or no number holds where its motion leads.
+        """
+        # what overflows on the way is told by the columns at its end
+        with np.errstate(over="ignore", invalid="ignore"):
+            there = self.whiten(at, self.exact(at), noise)
+            beyond = not np.isfinite(np.linalg.norm(there.columns, axis=0)).all()
+        if beyond or not np.isfinite(there.chi2):
+            raise TwinError(
+                "the motion of a machine with such parameters cannot be followed: it is so unstable"
+                " that it runs away from the log within a moment; look at what the platform states,"
+                " and cut the log into shorter ones"
+            )
+        return there
+
+    def exact(self, at: Unknowns) -> tuple[Exact, ...]:
+        """Predict and linearise each log, as if the motion were exact.
+
+        Raises:
+            TwinError: no rigid body has such a base.
+        """
+        exact: list[Exact] = []
+        for log, (body, added, start) in enumerate(
+            zip(self.bodies, self._added, at.starts, strict=True)
+        ):
+            biases, strengths = self._parted(log, at)
+            one = body.linearise(self.base, at.theta, biases, start, added.push(strengths))
+            if added.any:
+                faulty = added.rows(one.path, strengths) - body.rows(one.path)[0]
+                residual = one.linear.residual + faulty
+                one = replace(one, linear=replace(one.linear, residual=residual))
+            exact.append(_with(one, added, strengths))
+        return tuple(exact)
+
+    def push(self, log: int, at: Unknowns, *, stated: bool = True) -> Push:
+        """What the perturbations add to the forces on a log's machine, with the effects that its
+        platform states or without."""
+        _, strengths = self._parted(log, at)
+        if not stated:
+            strengths[: len(self._rests[log])] = 0.0
+        return self._added[log].push(strengths, stated=stated)
+
+    def pushes(self, log: int, at: Unknowns) -> dict[str, Array]:
+        """The same, of each perturbation by its name."""
+        return self._added[log].pushes(self._parted(log, at)[1])
+
+    def _parted(self, log: int, at: Unknowns) -> tuple[Array, Array]:
+        """(b,) of its sensors, and the strengths of all that is added to it."""
+        biases, turns = np.split(at.biases[log], [len(self.bodies[log].bias_scale)])
+        return biases, np.concatenate([turns, at.strengths])
+
+    def _own_scale(self, log: int) -> Array:
+        """(b,) 1 sigma of a log's own unknowns."""
+        spreads = [rest.spread for rest in self._rests[log]]
+        return np.concatenate([self.bodies[log].bias_scale, spreads])
+
+    def with_perturbations(
+        self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]
+    ) -> tuple[Exact, ...]:
+        """What was linearised there with further columns, of strengths that are 0; to be whitened.
+
+        The last entries of a step over their standard deviations are score tests.
+        """
+        return with_formed(exact, formed(self.bodies, exact, perturbations))
+
+    def with_columns(self, now: Innovations, columns: Sequence[Array]) -> Innovations:
+        """With further unknowns, shared by all logs, that no motion depends on: a sensor's.
+
+        The last entries of its step over their standard deviations are score tests.
+
+        Args:
+            now: where to add them.
+            columns: of each log (S, N, c), d residual / d unknown.
+        """
+        exact = [
+            replace(one, linear=one.linear.with_columns(more))
+            for one, more in zip(now.exact, columns, strict=True)
+        ]
+        more = self.whiten(now.at, exact, now.noise)
+        none = np.zeros(more.columns.shape[1] - len(now.tilt))
+        return replace(more, tilt=np.concatenate([now.tilt, none]))
+
+    def tilted(self, now: Innovations) -> Innovations:
+        """With the slope of the log-determinant, which Gauss-Newton leaves out.
+
+        Where a motion is unstable, each sample of it is predicted from those before it the worse
+        the faster it grows, so a likelihood that leaves this out takes its base for one that grows
+        faster than it does: by a standard deviation where the sensors are coarse. A stable one has
+        no such slope, and is given none; nor is one that a torque disturbs, where the intensity of
+        that torque takes its share of it.
+        """
+        if now.noise.any:
+            return now
+        sigma = np.sqrt(np.diag(now.covariance))[: len(now.at.theta)]
+        growing = sum(growth(one.linear) for one in now.exact)
+        tilt = np.zeros(now.columns.shape[1])
+        for index in np.flatnonzero(growing * sigma / self.base.scale >= NO_GROWTH):
+            change = np.zeros(len(tilt))
+            change[index] = NEARBY * sigma[index]
+            nearby = self._logarithm(now.moved(change), now.noise)
+            tilt[index] = (nearby - now.logarithm) / change[index]
+        return replace(now, tilt=tilt)
+
+    def _logarithm(self, at: Unknowns, noise: Noise) -> float:
+        """Log-determinant of the covariance at some unknowns."""
+        total = 0.0
+        for log, (body, start) in enumerate(zip(self.bodies, at.starts, strict=True)):
+            exact = body.along(self.base, at.theta, start, self.push(log, at))
+            linear, own = _disturbed(exact, noise)
+            total += own + chain(linear).logarithm
+        return total
+
+    def whiten(self, at: Unknowns, exact: Sequence[Exact], noise: Noise) -> Innovations:
+        """What was linearised at some unknowns, under some noise."""
+        linear: list[Linearised] = []
+        logarithm = 0.0
+        for one in exact:
+            white, own = _disturbed(one, noise)
+            logarithm += own
+            linear.append(white)
+        chains = [chain(one) for one in linear]
+        logarithm += sum(link.logarithm for link in chains)
+        added = exact[0].linear.shared.shape[-1] - len(at.theta) - len(at.biases[0])
+        stacked, cluster = self.stacked(at, chains, added)
+        return Innovations(
+            at,
+            tuple(exact),
+            noise,
+            tuple(linear),
+            tuple(chains),
+            stacked[:, 0],
+            stacked[:, 1:],
+            cluster,
+            sum(body.samples for body in self.bodies),
+            logarithm,
+            np.zeros(stacked.shape[1] - 1),
+        )
+
+    def stacked(
+        self, at: Unknowns, links: Sequence[Eliminated], added: int
+    ) -> tuple[Array, NDArray[np.intp]]:
+        """Rows (m, 1 + unknowns) of all logs and of what is known beforehand; see `Innovations`.
+
+        Args:
+            at: where they were linearised.
+            links: the logs.
+            added: how many columns they have after theta and their biases.
+
+        Returns:
+            The rows, and which segment of which log each comes from.
+        """
+        p, biases = len(at.theta), sum(map(len, at.biases))
+        weak = HELD * self.base.scale if self.held else self.base.prior
+        away = 0.0 * at.theta if self.held else at.theta - self.base.as_stated
+        width = p + biases + added
+        blocks = [np.column_stack([away / weak, np.diag(1.0 / weak)] + [np.zeros((p, width - p))])]
+        cluster = [np.full(p, -1)]
+        rows = self._known_strengths(at)
+        if len(rows):
+            known = np.zeros((len(rows), 1 + width))
+            known[:, 0] = rows[:, 0]
+            known[:, 1 + p + biases : p + biases + rows.shape[1]] = rows[:, 1:]
+            blocks.append(known)
+            cluster.append(np.full(len(rows), -1))
+        first, before = p, 0
+        for log, (body, link, bias) in enumerate(zip(self.bodies, links, at.biases, strict=True)):
+            rows = np.concatenate([link.rows, _prior(bias, self._own_scale(log), p, added)])
+            own = np.zeros((len(rows), 1 + width))
+            own[:, : 1 + p] = rows[:, : 1 + p]
+            own[:, 1 + first : 1 + first + len(bias)] = rows[:, 1 + p : 1 + p + len(bias)]
+            own[:, 1 + p + biases :] = rows[:, 1 + p + len(bias) :]
+            blocks.append(own)
+            cluster += [link.segment + before, np.full(len(bias), -1)]
+            first += len(bias)
+            before += body.grid.segments
+        return np.concatenate(blocks), np.concatenate(cluster)
+
+    def _known_strengths(self, at: Unknowns) -> Array:
+        """Rows (k, 1 + a) of what is known of the strengths beforehand."""
+        spread = np.array([one.spread for one in self.perturbations])
+        away = np.where(np.isfinite(spread), at.strengths / spread, 0.0)
+        if self.strengths_held:
+            spread = np.where(np.isfinite(spread), spread, HELD)
+        return np.column_stack([away, np.diag(1.0 / spread)])[np.isfinite(spread)]
+
+
+def _with(one: Exact, added: Added, strengths: Array) -> Exact:
+    """With the columns of perturbations."""
+    if not len(strengths):
+        return one
+    return replace(one, linear=one.linear.with_columns(*added.columns(one, strengths)))
+
+
+def _disturbed(one: Exact, noise: Noise) -> tuple[Linearised, float]:
+    """Under some noise; the log-determinant."""
+    linear, local, own = one.linear, one.local, 0.0
+    if noise.scales:
+        linear, local, own = scaled(linear, local, noise.scales)
+    if noise.white == 0.0 and not noise.wanders and not local.wander.any():
+        return linear, own
+    white = np.full(local.pushed.shape[-1], noise.white)
+    found, logarithm = whitened(linear, local, white, noise if noise.wanders else None)
+    return found, own + logarithm
+
+
+def _prior(bias: Array, scale: Array, p: int, added: int) -> Array:
+    """Rows (b, 1 + p + b + added) that hold a log's own unknowns at 0 by what is known of them."""
+    none = np.zeros((len(bias), p)), np.zeros((len(bias), added))
+    return np.column_stack([bias / scale, none[0], np.diag(1.0 / scale), none[1]])
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """Of one log, at the instants of its grid."""
+
+    time: Array
+    """(m,) [s]."""
+    rate: Array
+    """(m, k) [rad/s], body axes, of the smoothed motion."""
+    torque: Array
+    """(m, k) [N m], body axes; 0 where nothing is left to explain."""
+
+
+def unexplained_torque(problem: Problem, now: Innovations, log: int) -> Unexplained:
+    """Smooth the white torque of a fit over one of its logs."""
+    body = problem.bodies[log]
+    grid = body.grid
+    time = grid.starts[:, None] + grid.step * np.arange(grid.steps)
+    torque = np.zeros((*time.shape, now.exact[log].local.pushed.shape[-1]))
+    if now.intensity > 0.0:
+        torque = smoothed_torque(now, log)
+    inside = time.ravel() <= body.motion.time[-1]
+    return Unexplained(
+        time.ravel()[inside],
+        body.motion.at(time.ravel()[inside]).rate,
+        torque.reshape(-1, torque.shape[-1])[inside],
+    )
+
+
+def smoothed_torque(now: Innovations, log: int) -> Array:
+    """(S, steps, k) mean of the white torque over each step, of the machine as stated [N m]."""
+    chain = now.chains[log]
+    linear, local = now.exact[log].linear, now.exact[log].local
+    segments, instants, width = local.row.shape
+    x = local.measured.shape[-1]
+    starts, adjoints = chain.backward(np.zeros(linear.shared.shape[-1]))
+    residual = linear.residual + np.einsum("snx,sx->sn", linear.state, starts)
+    residual, measured = with_none(residual), with_none(local.measured)
+    every = np.arange(segments)[:, None]
+    noise = now.intensity * local.step * local.pushed @ local.pushed.transpose(0, 2, 1)
+    mean = np.zeros((segments, x))
+    spread = np.zeros((segments, x, x))
+    eye = np.eye(width)
+    pull = np.zeros((segments, instants, x))
+    keep = np.zeros((segments, instants, x, x))
+    for k in range(instants):
+        if k:
+            carry = local.carried[:, k - 1]
+            mean = np.einsum("sxy,sy->sx", carry, mean) + local.drift[:, k - 1]
+            spread = carry @ spread @ carry.transpose(0, 2, 1) + noise + local.wander[:, k - 1]
+        at = every, local.row[:, k]
+        h = measured[at]
+        across = h @ spread
+        lower = root(across @ h.transpose(0, 2, 1) + eye)
+        left = (residual[at] - np.einsum("swx,sx->sw", h, mean))[..., None]
+        white = np.linalg.solve(lower, np.concatenate([left, h, across], axis=-1))
+        left, seen, gain = white[..., 0], white[..., 1 : 1 + x], white[..., 1 + x :]
+        pull[:, k] = np.einsum("swx,sw->sx", seen, left)
+        keep[:, k] = np.eye(x) - gain.transpose(0, 2, 1) @ seen
+        mean = mean + np.einsum("swx,sw->sx", gain, left)
+        # squared, so that it stays symmetric: else errors of rounding would grow along a segment
+        spread = spread - gain.transpose(0, 2, 1) @ gain
+    adjoint = np.concatenate([adjoints[1:], np.zeros((1, x))])
+    torque = np.zeros((segments, instants - 1, local.pushed.shape[-1]))
+    for k in range(instants - 1, 0, -1):
+        adjoint = np.einsum("syx,sy->sx", keep[:, k], adjoint) + pull[:, k]
+        torque[:, k - 1] = now.intensity * np.einsum("sxc,sx->sc", local.pushed, adjoint)
+        adjoint = np.einsum("syx,sy->sx", local.carried[:, k - 1], adjoint)
+    return torque
+
+
+def retraced(problem: Problem, now: Innovations, log: int) -> Body:
+    """The predictor of a log, following the motion that a fit gives it, and starting there.
+
+    Where nobody recorded what drove the wheels or the gimbals, a prediction knows no more of their
+    kicks than smoothed data do: there the predictor is returned as it is.
+
+    Args:
+        problem: the logs.
+        now: their fit, exact or disturbed.
+        log: which of them.
+    """
+    body = problem.bodies[log]
+    gimbals = body.start.gimbal_angle.shape[-1] > 0
+    if body.inputs.wheels_undriven or (gimbals and body.inputs.gimbals_undriven):
+        return body
+    path = _path(problem, now, log)
+    pushes = None if now.intensity > 0.0 else problem.pushes(log, now.at)
+    followed = body.following(path, pushes)
+    followed.start = path[0, :, 0]
+    return followed
+
+
+def _path(problem: Problem, now: Innovations, log: int) -> States:
+    """(1, S, ...) from starts at their best, under the torque that the fit leaves unexplained."""
+    body, exact = problem.bodies[log], now.exact[log]
+    none = np.zeros(exact.linear.shared.shape[-1])
+    starts = now.at.starts[log]
+    start = starts.moved(now.chains[log].states(none)[:, : starts.width])
+    push = problem.push(log, now.at)
+    if now.intensity > 0.0:
+        base, k = body.machine.base_dof, exact.path.rate.shape[-1]
+        # It is a torque on the machine as stated, and the path is that of the machine as fitted.
+        rate = slice(k, 2 * k)
+        alike = np.linalg.solve(exact.answer[:, 0, rate, base], exact.local.pushed[:, rate])
+        force = push.force.copy()
+        force[..., base] += np.einsum("sij,stj->sti", alike, smoothed_torque(now, log))
+        push = replace(push, force=force)
+    return body.rollouts.paths(problem.base.model(now.at.theta), start.one(), push)

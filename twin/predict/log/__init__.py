@@ -1,1 +1,0 @@
-"""What a log says by itself: how the base moves, noise, ranges, scales, stated errors."""

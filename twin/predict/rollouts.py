@@ -1,0 +1,316 @@
+"""A log's machine carried along under its drives: segments side by side, from states of choice."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from twin.effects import State
+from twin.errors import TwinError
+from twin.model import Machine
+from twin.predict.inputs import Inputs
+from twin.predict.logs import Motion
+from twin.predict.response import Passage, Response, Segment, is_gyrostat, transitions
+from twin.predict.sensors import Grid
+from twin.predict.states import STEP, Push, States, carried_states, reached, torque_of
+from twin.stop import check
+
+Array = NDArray[np.float64]
+_CONTROL = int(mujoco.mjtState.mjSTATE_CTRL.value)
+_FORCE = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED.value)
+STOP_GUARD = np.radians(2.0)
+"""A log that stays so far from the tilt stop is predicted without contacts, at half the cost."""
+TOUCH = np.radians(0.5)
+"""And a path of any other that stays so far from it carries its neighbours by its own equations."""
+STIFF = 0.1
+"""Part of its rate that what answers to a path may take from it in a step, for the neighbours to
+follow from the path's own equations."""
+
+
+class BeyondBounds(TwinError):
+    """A motion that grows without end."""
+
+
+class Rollouts:
+    """Of one log on a given grid. Models that are given are changed: their step is the grid's."""
+
+    def __init__(self, machine: Machine, inputs: Inputs, motion: Motion, grid: Grid) -> None:
+        self.machine, self.inputs, self.grid = machine, inputs, grid
+        self._contacts = _leans(machine, motion.position, STOP_GUARD)
+        drives = [
+            inputs.drive(Segment(start, start + grid.length)) for start in grid.starts.tolist()
+        ]
+        self.force = np.stack([drive.force for drive in drives])
+        """(S, steps, nv) that the log drove its joints with [N m, N]."""
+        self._control = np.stack([drive.control for drive in drives])
+        self._position = np.stack([drive.joint_position for drive in drives])
+        self._velocity = np.stack([drive.joint_velocity for drive in drives])
+        there = motion.at(grid.starts)
+        wheels = machine.wheel_dof if inputs.wheels_predicted else slice(0, 0)
+        self.start = States(
+            there.position,
+            there.rate,
+            self._velocity[:, wheels],
+            self._position[:, machine.gimbal_qpos],
+        )
+        """(S, .) as smoothed."""
+        axes = np.array([coil.axis for coil in machine.platform.magnetorquers]).reshape(-1, 3)
+        self._dipole = self._control[..., machine.magnetorquer_actuator] @ axes
+        self._response = Response(machine, *self._along(motion), inputs.wheels_predicted)
+
+    def paths(self, model: mujoco.MjModel, start: States, push: Push | None = None) -> States:
+        """States along each prediction, (v, S, steps + 1, .), from starts (v, S, .).
+
+        The model is changed: its step is the grid's.
+
+        Args:
+            model: the machine's, with the base parameters to try.
+            start: of each segment.
+            push: added to the drive.
+
+        Raises:
+            TwinError: the motion is unbounded.
+            Stopped: a stop was requested.
+        """
+        check()
+        return self._paths(model, start, push)[0]
+
+    def around(
+        self, model: mujoco.MjModel, start: States, push: Push | None = None
+    ) -> tuple[States, Array]:
+        """The path from starts (S, .), its neighbours, and how one step carries them on.
+
+        Args:
+            model: as for `paths`.
+            start: of each segment.
+            push: added to the drive.
+
+        Returns:
+            States (1 + x, S, steps + 1, .), each but the first with one number of its start moved
+            by `STEP`, and changes (S, steps, x, x) of each by one of the state before it.
+
+        Raises:
+            TwinError: the motion is unbounded.
+            Stopped: a stop was requested.
+        """
+        check()
+        if is_gyrostat(self.machine, model):
+            path, position, velocity = self._paths(model, start.one(), push)
+            if not self._contacts or not _leans(self.machine, path.position, TOUCH):
+                beside = self._beside(model, path, position, velocity, push)
+                if beside is not None:
+                    return beside
+        x = start.width
+        shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
+        paths = self.paths(model, start.one().moved(shifts), push)
+        return paths, carried_states(np.moveaxis(paths[1:].less(paths[:1]), 0, -1) / STEP)
+
+    def _beside(
+        self,
+        model: mujoco.MjModel,
+        path: States,
+        position: Array,
+        velocity: Array,
+        push: Push | None,
+    ) -> tuple[States, Array] | None:
+        """As `around`, of a path that touches nothing; None where what answers to it turns over
+        within a step, as dry friction does near rest."""
+        masses = self._response.masses(model, 0.5 * (path.rate[0, :, :-1] + path.rate[0, :, 1:]))
+        field, answering = self.inputs.field_world, None
+        if push is not None and push.laws:
+            answering = push.slopes(path[0], self.grid.begins)
+            k = path.rate.shape[-1]
+            braking = answering[..., k : 2 * k] @ np.linalg.inv(masses.free)[..., :k, :k]
+            if self.grid.step * np.abs(braking).max() > STIFF:
+                return None
+        passage = Passage(
+            path[0], position, velocity, self._dipole, field, self.grid.step, answering
+        )
+        carried = transitions(self.machine, model, masses, passage)
+        beside = path.moved(STEP * np.moveaxis(reached(carried), -1, 0))
+        return States.joined([path, beside]), carried
+
+    def _paths(
+        self, model: mujoco.MjModel, start: States, push: Push | None
+    ) -> tuple[States, Array, Array]:
+        """As `paths`; and of all joints positions and velocities (v S, steps + 1, .)."""
+        machine, grid = self.machine, self.grid
+        self.prepare(model)
+        variants = start.rate.shape[0]
+        rows = variants * grid.segments
+        position = np.tile(self._position, (variants, 1))
+        velocity = np.tile(self._velocity, (variants, 1))
+        position[:, machine.base_qpos] = start.position.reshape(rows, -1)
+        velocity[:, machine.base_dof] = start.rate.reshape(rows, -1)
+        if self.inputs.wheels_predicted:
+            velocity[:, machine.wheel_dof] = start.wheel_speed.reshape(rows, -1)
+        position[:, machine.gimbal_qpos] = start.gimbal_angle.reshape(rows, -1)
+        push = push or Push(np.zeros_like(self.force))
+        force, turning = self._driven(push.force)
+        velocity += np.tile(turning, (variants, 1))
+        batch = Batch(model, rows)
+        batch.bind("qpos")[:] = position
+        batch.bind("qvel")[:] = velocity
+        driven = np.tile(np.concatenate([self._control, force], axis=-1), (variants, 1, 1))
+        positions, velocities = self._carried(batch, driven, push, np.tile(grid.starts, variants))
+        if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
+            raise BeyondBounds("a machine with such parameters moves beyond all bounds")
+
+        def along(values: Array, columns: slice | NDArray[np.intp]) -> Array:
+            return values[..., columns].reshape(variants, grid.segments, grid.steps + 1, -1)
+
+        wheels = machine.wheel_dof if self.inputs.wheels_predicted else slice(0, 0)
+        path = States(
+            along(positions, machine.base_qpos),
+            along(velocities, machine.base_dof),
+            along(velocities, wheels),
+            along(positions, machine.gimbal_qpos),
+        )
+        return path, positions, velocities
+
+    def onward(
+        self,
+        model: mujoco.MjModel,
+        segments: NDArray[np.intp],
+        start: States,
+        steps: int,
+        push: Push,
+    ) -> Array:
+        """Positions (r, steps + 1, .) from starts (r, .) of segments, on beyond their ends.
+
+        Args:
+            model: as for `paths`.
+            segments: (r,) that the starts belong to.
+            start: of each.
+            steps: how far; the last drive is held where the log ends.
+            push: added to the drive.
+        """
+        check()
+        machine, grid = self.machine, self.grid
+        self.prepare(model)
+        position, velocity = self._position[segments], self._velocity[segments]
+        position[:, machine.base_qpos] = start.position
+        velocity[:, machine.base_dof] = start.rate
+        if self.inputs.wheels_predicted:
+            velocity[:, machine.wheel_dof] = start.wheel_speed
+        position[:, machine.gimbal_qpos] = start.gimbal_angle
+        force, turning = self._driven(push.force)
+        velocity += turning[segments]
+        driven = np.concatenate([self._control, force], axis=-1)
+        driven = driven.reshape(-1, model.nu + model.nv)
+        place = segments[:, None] * grid.steps + np.arange(steps)
+        batch = Batch(model, len(segments))
+        batch.bind("qpos")[:] = position
+        batch.bind("qvel")[:] = velocity
+        driven = driven[np.minimum(place, len(driven) - 1)]
+        positions, _ = self._carried(batch, driven, push, grid.starts[segments])
+        return positions[..., machine.base_qpos]
+
+    def _carried(
+        self, batch: Batch, driven: Array, push: Push, start: Array
+    ) -> tuple[Array, Array]:
+        """Positions (r, steps + 1, nq) and velocities (r, steps + 1, nv) of a batch, first as it
+        stands at some times (r,), under controls and forces (r, steps, .) and what answers."""
+        position, velocity = batch.bind("qpos")[:, None].copy(), batch.bind("qvel")[:, None].copy()
+        if push.laws:
+            pieces = list(self._answering(batch, driven, push, start))
+        else:
+            pieces = [_rolled(batch, driven)]
+        return (
+            np.concatenate([position, *(one for one, _ in pieces)], axis=1),
+            np.concatenate([velocity, *(one for _, one in pieces)], axis=1),
+        )
+
+    def _answering(
+        self, batch: Batch, driven: Array, push: Push, start: Array
+    ) -> Iterator[tuple[Array, Array]]:
+        """Step by step; a torque is held at what it is in the middle of a step, by the last two
+        (Adams-Bashforth)."""
+        machine = self.machine
+        base = driven.shape[2] - machine.model.nv + np.arange(machine.model.nv)[machine.base_dof]
+        last: Array | None = None
+        for k in range(driven.shape[1]):
+            velocity = batch.bind("qvel")
+            state = State(
+                batch.bind("qpos")[:, machine.base_qpos],
+                velocity[:, machine.base_dof],
+                velocity[:, machine.wheel_dof],
+                start + k * self.grid.step,
+            )
+            now = torque_of(push.laws, state)
+            held = driven[:, k : k + 1].copy()
+            held[:, 0, base] += now if last is None else 1.5 * now - 0.5 * last
+            last = now
+            yield _rolled(batch, held)
+
+    @property
+    def unexplained(self) -> Array:
+        """(S, steps, d) torques on wheels and rates of gimbals that no command says."""
+        machine, inputs = self.machine, self.inputs
+        edges = self.grid.step * np.arange(self.grid.steps + 1)
+        rates = [inputs.gimbal_rate(start + edges) for start in self.grid.starts.tolist()]
+        return np.concatenate(
+            [
+                self.force[..., machine.wheel_dof] * inputs.wheels_undriven,
+                np.stack(rates) * inputs.gimbals_undriven,
+            ],
+            axis=-1,
+        )
+
+    def answer(self, model: mujoco.MjModel) -> Array:
+        """(S, steps or 1, x, nv) change of the state by a unit impulse on each degree of freedom, a
+        unit turn of each gimbal; where gimbals turn it differs from step to step."""
+        return self._response.of(model)
+
+    def _along(self, motion: Motion) -> tuple[Array, Array]:
+        """(S, steps or 1, nq) and (S, steps or 1, nv) of the log's motion."""
+        grid, machine = self.grid, self.machine
+        if not machine.gimbal_dof.size:
+            position, velocity = self._position.copy(), self._velocity.copy()
+            position[:, machine.base_qpos] = self.start.position
+            return position[:, None], velocity[:, None]
+        times = (grid.starts[:, None] + grid.step * (np.arange(grid.steps) + 0.5)).ravel()
+        position, velocity, _ = self.inputs.joint_states(times)
+        there = motion.at(times)
+        position[:, machine.base_qpos], velocity[:, machine.base_dof] = there.position, there.rate
+        shape = (grid.segments, grid.steps, -1)
+        return position.reshape(shape), velocity.reshape(shape)
+
+    def _driven(self, push: Array) -> tuple[Array, Array]:
+        """Forces (S, steps, nv) with a push; and what it adds to the velocities (S, nv) at the
+        starts, where it turns gimbals at a rate."""
+        dof = self.machine.gimbal_dof
+        force, turning = self.force + push, np.zeros_like(self._velocity)
+        rate = push[..., dof]
+        middle = 0.5 * (rate[:, 1:] + rate[:, :-1])
+        edges = np.concatenate([rate[:, :1], middle, rate[:, -1:]], axis=1)
+        pull = self.machine.gimbal_inertia * np.diff(edges, axis=1) / self.grid.step
+        force[..., dof] = self.force[..., dof] + pull
+        turning[:, dof] = edges[:, 0]
+        return force, turning
+
+    def prepare(self, model: mujoco.MjModel) -> None:
+        """Put a model on the grid's step, prescribe its joints, spare it contacts out of reach."""
+        self.inputs.prepare(model)
+        model.opt.timestep = self.grid.step
+        if not self._contacts:
+            model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+
+
+def _leans(machine: Machine, position: Array, guard: float) -> bool:
+    """Whether a base (..., 4) on a ball comes so near to its stop; another one, whether it has
+    contacts at all."""
+    platform = machine.platform
+    if platform.base.kind != "ball":
+        return not machine.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    return float(platform.lean(position).max()) > platform.stop_angle - guard
+
+
+def _rolled(batch: Batch, driven: Array) -> tuple[Array, Array]:
+    """Positions (r, steps, nq) and velocities (r, steps, nv) of a batch after each step."""
+    run = batch.rollout(
+        driven.shape[1], driven, control_spec=_CONTROL | _FORCE, record=("qpos", "qvel")
+    )
+    return run["qpos"], run["qvel"]

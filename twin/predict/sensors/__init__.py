@@ -1,1 +1,0 @@
-"""What sensors should show of a path, and how their faults change that."""

@@ -1,1 +1,0 @@
-"""The states taken out: white innovations and their columns."""
