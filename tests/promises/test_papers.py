@@ -31,6 +31,9 @@ def test_wheel_speeds_that_come_late_are_found_to_be_and_nothing_else():
     assert found.verdict == "explained"
     assert len(found.causes) == 1
     assert cause.half_widths[0] < 0.05
+    assert cause.effect.values[0] == pytest.approx(
+        FAULTS["late wheels"].drawn(SEED).values[0], 0.05
+    )
 
 
 @pytest.mark.slow
