@@ -73,7 +73,7 @@ def test_axes_at_another_skew_are_those_of_the_shipped_variant():
     np.testing.assert_allclose(fig_7.gimbal_axes(load_platform("tas2"), 70.0), shipped, atol=1e-12)
 
 
-@pytest.mark.slow(45)
+@pytest.mark.slow(60)
 def test_the_rows_of_the_paper_come_out(monkeypatch):
     """Those of Fig. 8 take minutes, as do all logs of eq. 43: `twin reproduce 000`."""
     # what is judged of eq. 43 is its first log
