@@ -81,7 +81,7 @@ def test_every_make_target_of_the_readme_exists(target: str):
     assert re.search(rf"^{target}:", MAKEFILE, re.MULTILINE)
 
 
-@pytest.mark.slow(110)
+@pytest.mark.slow(130)
 def test_every_command_of_the_readme_runs_in_its_order_and_those_of_make_demo(checkout: Path):
     assert DEMO
     assert all(any(line.startswith(one) for line in TWIN_COMMANDS) for one in COARSER)

@@ -88,7 +88,7 @@ def test_a_torque_on_a_body_whose_inertia_nothing_tells_is_named_though_its_size
     assert cause.confidence > 0.9
 
 
-@pytest.mark.slow(80)
+@pytest.mark.slow(100)
 def test_a_weak_push_at_another_frequency_than_usual_is_not_given_the_name_of_what_looks_like_it():
     shaken = Bench("sads", SHAKEN, grade="fine", reference="multisine:2", depth=0.1)
     bench = replace(shaken, rate=25.0, duration=80.0)
