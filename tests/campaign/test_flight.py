@@ -206,7 +206,7 @@ def test_a_law_that_cannot_have_its_gains_as_columns_flies_in_batches(kind, tmp_
     assert len({one.metrics["rate_rms"] for one in came.values()}) == 4
 
 
-@pytest.mark.slow
+@pytest.mark.slow(60)
 def test_a_balancing_has_the_same_bits_alone_as_among_others(spec_of):
     spec = spec_of(text=BALANCE)
     every = flown(spec, draw(spec, range(2)))

@@ -26,9 +26,7 @@ def laws_of(comparison: Comparison) -> dict[str, float]:
     return {s.symptom.name: float(s.values[0]) for s in comparison.best.strengths}
 
 
-@pytest.mark.parametrize(
-    "seed", [SEED, SEED + 1, *(pytest.param(SEED + i, marks=pytest.mark.slow) for i in (2, 3))]
-)
+@pytest.mark.parametrize("seed", [SEED, SEED + 1])
 def test_nothing_hidden_is_called_healthy(swing: Swings, pendulum: Platform, seed: int):
     comparison = compare(swing(seed=seed, duration=12.0), pendulum)
     assert comparison.verdict == "healthy", sentences(comparison)
@@ -36,14 +34,11 @@ def test_nothing_hidden_is_called_healthy(swing: Swings, pendulum: Platform, see
     assert comparison.as_built.strengths == ()
 
 
-@pytest.mark.parametrize(
-    "seed", [SEED, *(pytest.param(SEED + i, marks=pytest.mark.slow) for i in (1, 2))]
-)
-def test_hidden_friction_is_said_with_its_size(swing: Swings, pendulum: Platform, seed: int):
-    generator = np.random.default_rng(seed)
+def test_hidden_friction_is_said_with_its_size(swing: Swings, pendulum: Platform):
+    generator = np.random.default_rng(SEED)
     dry, viscous = 10.0 ** generator.uniform(-2.0, -1.0), 10.0 ** generator.uniform(-2.5, -1.7)
-    print(f"seed {seed}: dry {dry:.4g} N m, viscous {viscous:.4g} N m s")
-    comparison = compare(swing(seed=seed, dry=dry, viscous=viscous), pendulum)
+    print(f"seed {SEED}: dry {dry:.4g} N m, viscous {viscous:.4g} N m s")
+    comparison = compare(swing(seed=SEED, dry=dry, viscous=viscous), pendulum)
     found = laws_of(comparison)
     assert set(found) == {"bearing_coulomb_friction", "bearing_viscous_friction"}
     assert found["bearing_coulomb_friction"] == pytest.approx(dry, rel=0.03)

@@ -134,7 +134,7 @@ def test_times_in_counts_are_named_with_the_seconds_of_one(sads, right_logs, tic
 def test_most_of_a_panel_is_recognised_and_no_right_log_is_accused(sads):
     seed = secrets.randbits(32)
     print("seed", seed)
-    order = np.random.default_rng(seed).permutation(len(panel.CELLS))[:8]
+    order = np.random.default_rng(seed).permutation(len(panel.CELLS))[:4]
     rows = [row for cell in order for row in panel.fly_and_check(sads, int(cell), seed + int(cell))]
     print(panel.table(rows))
     assert not [row for row in rows if row["verdict"] == "accused"]

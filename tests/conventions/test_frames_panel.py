@@ -1,4 +1,4 @@
-"""Frames, mirrored axes and Euler angles on several machines: a part of the panel, drawn anew."""
+"""Frames, mirrored axes and Euler angles on any machine: a part of the panel, drawn anew."""
 
 import secrets
 
@@ -14,16 +14,14 @@ NAMED = 0.9
 """Share of the visible mistakes that is named, alone or in a tie, as the panel has it."""
 WRONG = 0.01
 """Share of all logs that may be given wrong advice as sure, where the panel had none."""
-FLIGHTS = 2
-"""Each of another machine."""
 
 
-@pytest.mark.slow(150)
-def test_frames_are_named_on_several_machines_and_wrong_advice_is_rare():
+@pytest.mark.slow(20)
+def test_frames_are_named_on_whatever_machine_and_wrong_advice_is_rare():
     seed = secrets.randbits(20)
     print("seed", seed)
-    machines = np.random.default_rng(seed).permutation(list(frames_panel.LAWS))[:FLIGHTS]
-    rows = [row for name in machines for row in frames_panel.fly_and_check(str(name), seed)]
+    machine = str(np.random.default_rng(seed).choice(list(frames_panel.LAWS)))
+    rows = list(frames_panel.fly_and_check(machine, seed))
     print(frames_panel.table(rows))
     wrong = [row for row in rows if row.verdict in ("wrong", "doubted") or row.parted]
     assert len(wrong) <= binom.isf(BY_CHANCE, len(rows), WRONG), wrong

@@ -203,7 +203,7 @@ def test_the_page_shows_the_experiment_that_would_split_a_tie(found, tmp_path):
     assert any(line in said for said in diagnosed(tied))
 
 
-@pytest.mark.slow(50)
+@pytest.mark.slow(80)
 def test_a_cause_is_named_where_only_laws_without_a_name_show_the_motion_that_it_makes(
     flight_of: Callable[..., Recording],
 ):

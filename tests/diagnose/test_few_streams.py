@@ -17,9 +17,9 @@ def without(log: Recording, *names: str) -> Recording:
     return replace(log, streams={n: s for n, s in kept.items() if not n.startswith("estimate")})
 
 
-@pytest.mark.slow(40)
+@pytest.mark.slow
 def test_gyro_and_accelerometer_are_enough_though_nothing_tells_the_heading(flight_of, drawn_seed):
-    log = without(flight_of("tas2", "cmg_pd", "multisine:3", 20.0, drawn_seed), *TELL_MORE)
+    log = without(flight_of("tas2", "cmg_pd", "multisine:3", 10.0, drawn_seed), *TELL_MORE)
     found = diagnose([log], load_platform("tas2"))
     assert found.verdict == "healthy"
 

@@ -124,8 +124,8 @@ def test_what_is_left_of_a_log_are_its_parts_between_pushes_long_enough_to_be_lo
 
 @pytest.mark.slow(50)
 def test_the_verdict_is_on_the_rest_and_the_push_is_told(sads, draw):
-    shove = a_shove(draw, 1.5 * LONGEST)
-    found = diagnose([flown(sads, draw, shove, length=3.0 * LONGEST)], sads)
+    shove = a_shove(draw, 1.1 * LONGEST)
+    found = diagnose([flown(sads, draw, shove, length=2.2 * LONGEST)], sads)
     assert found.verdict == "unexplained"
     assert not found.causes
     (push,) = found.pushes

@@ -13,7 +13,7 @@ from twin.diagnose.plain import plain_of
 from twin.effects import Effect, able, effect_named
 from twin.platform import Platform, load_platform
 
-LENGTH = 40.0
+LENGTH = 16.0
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def a_panel(rng: np.random.Generator) -> Effect:
     )
 
 
-@pytest.mark.slow(75)
+@pytest.mark.slow(45)
 def test_a_panel_is_named_alone_at_whatever_frequency(hanging, drawn_seed):
     """Or with a liquid, where they do the same.
 

@@ -82,7 +82,7 @@ def with_a_dipole(
     return fly
 
 
-@pytest.mark.slow(40)
+@pytest.mark.slow(80)
 def test_a_dipole_is_found_in_the_fields_that_the_logs_state_each_its_own(
     with_a_dipole, drawn_seed: int, tmp_path: Path
 ):

@@ -28,7 +28,7 @@ def hanging() -> Platform:
     )
 
 
-@pytest.mark.slow(65)
+@pytest.mark.slow(50)
 def test_a_liquid_that_kicks_make_ring_is_named_alone_and_sized(hanging):
     """Beside it nothing else pushes at its frequency, or bends."""
     rng = np.random.default_rng(SEED)
@@ -40,7 +40,7 @@ def test_a_liquid_that_kicks_make_ring_is_named_alone_and_sized(hanging):
         pivot=(rng.uniform(0.25, 0.35), rng.uniform(0.05, 0.15), rng.uniform(-0.35, -0.25)),
     )
     print(f"{liquid.words()}, seed {SEED}")
-    log = moved(able(hanging, liquid), (liquid,), 40.0, seed=SEED, law=Kicks())
+    log = moved(able(hanging, liquid), (liquid,), 16.0, seed=SEED, law=Kicks())
     found = diagnose([log], hanging)
     (cause,) = found.causes
     assert cause.effect.label == "liquid_slosh"

@@ -16,7 +16,7 @@ from twin.platform import Platform, Sensor, load_platform
 from twin.recording import Recording
 
 SEED = 20261121
-SECONDS = 20.0
+SECONDS = 10.0
 LOUD = 20.0
 """An effect is hidden with at least so many of its own standard deviations."""
 NOISELESS = 1e-7

@@ -18,7 +18,7 @@ CHANCE = 1e-4
 def fits(request, tmp_path_factory) -> list[dict]:
     """Ten fits of a grade, none told the noise."""
     folder = tmp_path_factory.mktemp("panel")
-    command = [sys.executable, PANEL, folder, "--logs", "10", "--duration", "100"]
+    command = [sys.executable, PANEL, folder, "--logs", "10", "--duration", "60"]
     run = subprocess.run(
         [*command, "--only", request.param],
         capture_output=True,

@@ -94,11 +94,8 @@ def within(found: Identification, name: str, truth: float, widths: float = 1.6) 
     assert abs(error) < widths * half, f"{name}: off by {error / half:.2f} half widths"
 
 
-@pytest.mark.parametrize(
-    "seed", [11, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (12, 13))]
-)
-def test_inertia_damping_and_scale_of_a_swinging_fork(seed: int):
-    stated, log, model, inertia = swinging(seed, amplitude=0.6)
+def test_inertia_damping_and_scale_of_a_swinging_fork():
+    stated, log, model, inertia = swinging(seed=11, amplitude=0.6)
     found = identify([log], stated)
     within(found, "J", inertia)
     within(found, "damping of axle", model.dof_damping[0])
@@ -121,11 +118,8 @@ def test_a_small_swing_leaves_the_scale_open_and_says_so():
         calibrated(log, stated)
 
 
-@pytest.mark.parametrize(
-    "seed", [21, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (22, 23))]
-)
-def test_body_and_motor_under_a_duty_that_nobody_measured_the_answer_of(seed: int):
-    stated, log, model, inertia = spun(seed)
+def test_body_and_motor_under_a_duty_that_nobody_measured_the_answer_of():
+    stated, log, model, inertia = spun(seed=21)
     found = identify([log], stated)
     within(found, "J", inertia)
     within(found, "damping of line", model.dof_damping[0])

@@ -16,6 +16,8 @@ RATE = 50.0
 DEG, G = np.pi / 180.0, 9.80665
 EPOCH = 1_764_000_000.0
 """Of clocks that count since 1970 [s]."""
+LIMIT = 60.0
+"""Of one verb on one file, in seconds of the processor: others may use the computer, too."""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from twin.predict.logs import motion_of
 from twin.recording import Recording
 
 SEED = 20261121
-SECONDS = 40.0
+SECONDS = 24.0
 LOUD = 20.0
 """An effect is hidden with at least so many of its own standard deviations."""
 
@@ -233,7 +233,7 @@ def finds(text: str, platform: Platform) -> None:
 @pytest.mark.parametrize("text", RINGING)
 def test_a_hidden_part_that_rings_is_found_to_within_its_interval(text, hanging):
     truth = drawn(text)
-    log = moved(able(hanging, truth), (truth,), SECONDS / 2, seed=SEED + 1, law=Kicks())
+    log = moved(able(hanging, truth), (truth,), 20.0, seed=SEED + 1, law=Kicks())
     compared(truth, disturbed(body(log, hanging)))
 
 

@@ -138,7 +138,7 @@ def test_what_time_runs_out_for_is_told_as_failed(capsys):
     assert document["residual_torque"] is None
 
 
-@pytest.mark.slow(80)
+@pytest.mark.slow(130)
 def test_cubesat_is_balanced_from_anywhere_and_says_truly_how_well(tmp_path, capsys):
     out = tmp_path / "out.rrd"
     words = ["cubesat", "--procedure", "direct", "--random-offset", "--seed", "3"]

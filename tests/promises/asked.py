@@ -5,7 +5,7 @@ from benches import Bench
 
 from twin.diagnose import Diagnosis, diagnose
 
-LONG = Bench(duration=120.0)
+BENCH = Bench(duration=60.0)
 
 
 def diagnosed(bench, effects, seed: int) -> Diagnosis:

@@ -19,23 +19,21 @@ SEED = 20261121
 sys.path.insert(0, str(Path(__file__).parent))
 import hidden  # noqa: E402
 import scoring  # noqa: E402
-from asked import LONG, diagnosed, named  # noqa: E402
+from asked import BENCH, diagnosed, named  # noqa: E402
 from benches import SHAKEN, Bench, yardstick  # noqa: E402
-
-SHORT = Bench(duration=60.0)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [SEED + 1, SEED + 2])
+@pytest.mark.parametrize("seed", [SEED + 1])
 def test_an_effect_drawn_at_random_is_named_and_sized(seed):
-    effect = hidden.any_of(SHORT, 6000.0, np.random.default_rng(seed))
+    effect = hidden.any_of(BENCH, 6000.0, np.random.default_rng(seed))
     is_named_and_sized(effect, seed)
 
 
 @pytest.mark.slow
 def test_a_scale_factor_of_the_gyro_is_named_and_sized():
     rng = np.random.default_rng(SEED)
-    effect = hidden.drawn(SHORT, "gyro_scale_factor", 6000.0, rng)
+    effect = hidden.drawn(BENCH, "gyro_scale_factor", 6000.0, rng)
     is_named_and_sized(effect, SEED)
 
 
@@ -47,7 +45,7 @@ def test_a_wheel_far_from_its_stated_inertia_is_sized_along_the_motion_that_it_m
 
 
 def is_named_and_sized(effect, seed: int) -> None:
-    found = diagnosed(SHORT, [effect], seed)
+    found = diagnosed(BENCH, [effect], seed)
     (members,) = named(found)
     assert effect.label in members
     (cause,) = found.causes
@@ -62,7 +60,7 @@ def is_named_and_sized(effect, seed: int) -> None:
 @pytest.mark.slow
 def test_a_nozzle_that_points_far_from_where_it_should_is_named():
     """Its linear column says another direction, from which a fit ends at another nozzle."""
-    bench = hidden.graded(Bench(controller=SHAKEN, reference="multisine:2"), "coarse", long=False)
+    bench = Bench(controller=SHAKEN, grade="coarse", duration=60.0, reference="multisine:2")
     effect = effect_named("thruster_misalignment").typical("f4z")
     effect = replace(effect, rotation=(-1.42, 0.27, 0.0))
     assert named(diagnosed(bench, [effect], 1203)) == [{effect.label}]
@@ -71,16 +69,17 @@ def test_a_nozzle_that_points_far_from_where_it_should_is_named():
 @pytest.mark.slow
 def test_of_a_mass_that_stops_short_nothing_is_left_for_a_law_without_a_name():
     """By how hard the steps of its drive push, an accelerometer tells its half from its whole."""
-    bench = hidden.graded(Bench("tas2", SHAKEN), "middle", long=False)
+    bench = Bench("tas2", SHAKEN, duration=60.0)
     effect = replace(effect_named("stage_scale").typical("s3"), error=-0.26)
     found = diagnosed(bench, [effect], 1)
     assert found.verdict == "explained"
     assert named(found) == [{effect.label}]
 
 
-@pytest.mark.slow(45)
+@pytest.mark.slow
 def test_a_torque_on_a_body_whose_inertia_nothing_tells_is_named_though_its_size_is_open():
-    bench = Bench("whorl2", "free_float", grade="fine", attitude=(45.0, 0.0, 0.0))
+    floating = Bench("whorl2", "free_float", grade="fine", attitude=(45.0, 0.0, 0.0))
+    bench = replace(floating, duration=60.0)
     effect = hidden.drawn(bench, "structural_sag", 200.0, np.random.default_rng(SEED))
     found = diagnosed(bench, [effect], SEED + 40)
     assert named(found) == [{"structural_sag"}]
@@ -89,9 +88,10 @@ def test_a_torque_on_a_body_whose_inertia_nothing_tells_is_named_though_its_size
     assert cause.confidence > 0.9
 
 
-@pytest.mark.slow(80)
+@pytest.mark.slow(100)
 def test_a_weak_push_at_another_frequency_than_usual_is_not_given_the_name_of_what_looks_like_it():
-    bench = Bench("sads", SHAKEN, grade="fine", reference="multisine:2", depth=0.1)
+    shaken = Bench("sads", SHAKEN, grade="fine", reference="multisine:2", depth=0.1)
+    bench = replace(shaken, rate=25.0, duration=80.0)
     rng, usual = np.random.default_rng(SEED + 42), effect_named("room_draft").typical()
     place = rng.uniform(0.1, 0.3, 3) * rng.choice([-1.0, 1.0], 3)
     push = replace(usual, point=tuple(place), frequency=rng.uniform(0.042, 0.048))
@@ -128,9 +128,9 @@ def test_what_a_control_law_makes_good_is_hidden_all_the_same():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [SEED + 10, SEED + 11])
+@pytest.mark.parametrize("seed", [SEED + 10])
 def test_where_nothing_is_hidden_nothing_is_named(seed):
-    found = diagnosed(LONG, [], seed)
+    found = diagnosed(BENCH, [], seed)
     assert found.verdict == "healthy"
 
 
@@ -138,10 +138,10 @@ def test_where_nothing_is_hidden_nothing_is_named(seed):
 @pytest.mark.parametrize("seed", [SEED + 20])
 def test_of_a_pair_both_are_named(seed):
     rng = np.random.default_rng(seed)
-    one, other = (hidden.any_of(LONG, 6000.0, rng) for _ in range(2))
+    one, other = (hidden.any_of(BENCH, 6000.0, rng) for _ in range(2))
     while other.label == one.label:
-        other = hidden.any_of(LONG, 6000.0, rng)
-    found = diagnosed(LONG, [one, other], seed)
+        other = hidden.any_of(BENCH, 6000.0, rng)
+    found = diagnosed(BENCH, [one, other], seed)
     for effect in (one, other):
         assert any(effect.label in members for members in named(found))
 
@@ -155,15 +155,15 @@ def test_an_answer_counts_in_full_only_where_nobody_could_know_more():
 
 
 def test_a_torque_whose_direction_a_dipole_shares_is_its_sibling():
-    effect = hidden.drawn(SHORT, "bearing_swirl_torque", 60.0, np.random.default_rng(SEED))
-    assert "residual_dipole" in scoring.siblings(scoring.behind(yardstick(SHORT), effect))
+    effect = hidden.drawn(BENCH, "bearing_swirl_torque", 60.0, np.random.default_rng(SEED))
+    assert "residual_dipole" in scoring.siblings(scoring.behind(yardstick(BENCH), effect))
 
 
 def test_two_causes_that_one_of_them_could_be_alone_are_no_pair():
     rng = np.random.default_rng(SEED)
     swirl, dipole, scale = (
-        hidden.drawn(SHORT, label, 60.0, rng)
+        hidden.drawn(BENCH, label, 60.0, rng)
         for label in ("bearing_swirl_torque", "residual_dipole", "gyro_scale_factor")
     )
-    assert "residual_dipole" in scoring.stand_ins(yardstick(SHORT), [swirl, dipole])
-    assert not scoring.stand_ins(yardstick(SHORT), [swirl, scale])
+    assert "residual_dipole" in scoring.stand_ins(yardstick(BENCH), [swirl, dipole])
+    assert not scoring.stand_ins(yardstick(BENCH), [swirl, scale])
