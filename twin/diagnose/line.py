@@ -3,8 +3,8 @@
 A cause is fitted by itself where columns promise several, or as much of others; of an explanation
 what the others have made needless is dropped; an only cause is held against rivals that are fitted
 in its place, for along the motion that has it their columns promise less than their fits; and what
-rings as commands repeat, at whatever frequency, is fitted alone: what a model leaves then has lines,
-but where the commands' harmonics are.
+rings as commands repeat, at whatever frequency, is fitted alone, for what a model leaves then has
+lines at the harmonics of the commands.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
