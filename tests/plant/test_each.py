@@ -14,7 +14,7 @@ from twin.platform import Platform, load_platform
 STREAMS = {"sensor_lag": "gyro", "clock_lag": "gyro", "clock_drift": "gyro"}
 ALIKE = {"sensor_lag", "clock_lag", "clock_drift", "thruster_misalignment"}
 """Effects whose values are those of all runs."""
-MACHINES = ("sads", "cubesat", "tas2", "astros")
+MACHINES = ("sads", "cubesat", "tas2", "astros", "dfki_pendulum")
 
 
 def machine_for(effect: Effect) -> Platform:

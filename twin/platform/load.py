@@ -5,6 +5,7 @@ with its line. A variant ([variants.NAME]) replaces the keys it gives.
 """
 
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -214,9 +215,7 @@ def _mass_properties(table: Table) -> tuple[float, Array, Array]:
 
 def _deviations(table: Table, key: str, size: int, unit: str) -> Array | None:
     """Standard deviations, if any are stated; none of them 0."""
-    if key not in table:
-        return None
-    found = table.numbers(key, size, low=0.0, unit=unit)
-    if not np.all(found > 0.0):
+    found = cast(Array | None, table.numbers(key, size, None, low=0.0, unit=unit))
+    if found is not None and not np.all(found > 0.0):
         raise table.fail(key, "holds 0", f"give what the measurement leaves open [{unit}]")
     return found

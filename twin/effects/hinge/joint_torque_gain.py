@@ -34,7 +34,7 @@ class JointTorqueGain(ScaleEffect):
     )
 
     def gain(self, platform: Platform) -> Array:
-        return np.array([1.0 + self.error])
+        return np.ones(1) + self.error
 
     def hidden_from(self, platform: Platform) -> str:
         if platform.inertia_sd is None or platform.center_of_mass_offset_sd is None:
