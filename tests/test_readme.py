@@ -22,16 +22,6 @@ COMMANDS = [
 ]
 TWIN_COMMANDS = [line for line in COMMANDS if line.startswith("twin ")]
 DEMO = re.findall(r"^\t\$\(BIN\)/(twin .*)$", MAKEFILE, re.MULTILINE)
-COARSER = {"twin balance cubesat": "--target 4e-3"}
-"""What a command is told besides, so that it ends after fewer of the same rounds: to its own target
-`tests/procedures/test_balancing.py` balances."""
-SHORTER = "models/dfki_pendulum/logs/energy_shaping"
-"""A log of another lab, of which only the beginning is given."""
-ROWS = 1500
-"""Of that log: 7.5 s of its 20 s."""
-LIMIT = 200.0
-"""Of a command, in seconds of the processor. A diagnosis fits its log hundreds of times: this tells
-one that hangs from one that is slow."""
 
 
 @pytest.fixture
@@ -39,10 +29,6 @@ def checkout(tmp_path: Path) -> Path:
     """A folder that looks like a fresh checkout, for commands to write into."""
     for name in ("models", "controllers"):
         shutil.copytree(REPOSITORY / name, tmp_path / name)
-    (table,) = (tmp_path / SHORTER).glob("*.csv")
-    lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
-    assert len(lines) > 1 + ROWS
-    table.write_text("".join(lines[: 1 + ROWS]), encoding="utf-8")
     viewer = tmp_path / "viewer"
     viewer.write_text('#!/bin/sh\nfor last; do :; done\ntest -s "$last"\n')
     viewer.chmod(0o755)
@@ -52,7 +38,6 @@ def checkout(tmp_path: Path) -> Path:
 def run(line: str, checkout: Path) -> None:
     """Run a line that begins with `twin`; only the viewer's window is a stand-in."""
     words = shlex.split(line, comments=True)[1:]
-    before = os.times()
     done = subprocess.run(
         [sys.executable, "-m", "twin", *words],
         cwd=checkout,
@@ -62,12 +47,7 @@ def run(line: str, checkout: Path) -> None:
         text=True,
         timeout=300.0,
     )
-    after = os.times()
-    took = after.children_user + after.children_system
-    took -= before.children_user + before.children_system
-    print(f"{took:6.2f} s  {line}")
     assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
-    assert took < LIMIT, line
 
 
 def test_the_readme_shows_two_commands_to_start_and_fifteen_for_every_day():
@@ -81,16 +61,14 @@ def test_every_make_target_of_the_readme_exists(target: str):
     assert re.search(rf"^{target}:", MAKEFILE, re.MULTILINE)
 
 
-@pytest.mark.slow(130)
+@pytest.mark.slow(150)
 def test_every_command_of_the_readme_runs_in_its_order_and_those_of_make_demo(checkout: Path):
     assert DEMO
-    assert all(any(line.startswith(one) for line in TWIN_COMMANDS) for one in COARSER)
     ran = set()
     for line in TWIN_COMMANDS + DEMO:
         job = re.sub(r"runs/\S+", "runs/", line.split("#")[0]).strip()
-        besides = [more for one, more in COARSER.items() if job.startswith(one)]
         if job not in ran:
-            run(" ".join([line.split("#")[0], *besides]), checkout)
+            run(line, checkout)
         ran.add(job)
 
 
