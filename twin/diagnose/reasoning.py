@@ -93,7 +93,7 @@ def beside_wander(plain: Explanation, asked: Sequence[Candidate], say: Say) -> L
         if there.score > line.score:
             break
         line = there
-    line = _less_needless(line, first, say)
+    line = _reduced(line, first, say)
     return line if line.now.noise.any and not line.left.doubtful else None
 
 
@@ -107,7 +107,7 @@ def _first(line: Line, chosen: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(index for index in chosen if index < len(line.now.own) or index == most)
 
 
-def _less_needless(line: Line, first: Line, say: Say) -> Line:
+def _reduced(line: Line, first: Line, say: Say) -> Line:
     """Without the causes that a fit without them makes good; `first` is that without any."""
     while line.now.effects:
         tries = [first] if len(line.now.effects) == 1 else _with_one_less(line, say)
