@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from twin.compare.symptoms import clock_lag, scale_factor
 from twin.effects.body.bearing_coulomb_friction import BearingCoulombFriction
 from twin.identify.prediction_error import fit
 from twin.model import compile_model
 from twin.platform import Platform
-from twin.predict import added, faults
+from twin.predict import added
 from twin.predict.added import Added, formed
 from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
@@ -108,7 +109,7 @@ def test_a_lags_column_does_not_see_what_a_law_commands_afterwards(
     body = predictor(swing(seed=SEED, duration=2.0), pendulum)
     base = base_parameters(body.machine)
     path = body.rollouts.paths(base.model(base.as_stated), body.start.one())
-    lag = Added.to(body, (faults.clock_lag("joint_rate"),))
+    lag = Added.to(body, (clock_lag("joint_rate"),))
     instant = body.grid.steps // 2
     later = replace(path, rate=path.rate.copy())
     later.rate[:, :, instant + 1 :] += 1.0
@@ -156,8 +157,8 @@ def test_a_late_stream_and_a_wrong_scale_are_fitted_together(swing: Swings, pend
     wrong = replace(rate, time=rate.time + 0.02, value=rate.value * 1.03)
     log = replace(log, streams={**log.streams, "joint_rate": wrong})
     wrongs = [
-        faults.clock_lag("joint_rate"),
-        faults.scale_factor("joint_rate", 0),
+        clock_lag("joint_rate"),
+        scale_factor("joint_rate", 0),
     ]
     strength, sigma = fitted(problem_of(log, pendulum, wrongs))
     assert np.all(np.abs(strength - [0.02, 0.03]) < 4.0 * sigma)

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.predict import faults
 from twin.predict.body import Body
 from twin.predict.forces import Perturbation
 from twin.predict.logs import Motion
+from twin.predict.sensors import Output
 
 Array = NDArray[np.float64]
 Shape = Callable[[Body], Array]
@@ -174,6 +174,62 @@ def _spread(body: Body, torque: Array, dofs: slice) -> Array:
     force = np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
     force[..., dofs] = torque.reshape(body.grid.segments, body.grid.steps, -1)
     return force
+
+
+def bias(stream: str, column: int, unit: str) -> Perturbation:
+    """A constant error of one column; of an attitude, a turn about a body axis."""
+    return Perturbation(
+        f"{stream}_bias", unit, stream=stream, shown=lambda output, _: _only(output, column)
+    )
+
+
+def drift(stream: str, column: int, unit: str) -> Perturbation:
+    """An error of one column that grows with time, 0 at the log's first instant."""
+
+    def shown(output: Output, _: Array) -> Array:
+        return _only(output, column) * (output.time - output.time[0])[:, None]
+
+    return Perturbation(f"{stream}_drift", f"{unit}/s", stream=stream, shown=shown)
+
+
+def scale_factor(stream: str, column: int) -> Perturbation:
+    """One column shows (1 + strength) of the truth."""
+
+    def shown(output: Output, truth: Array) -> Array:
+        return truth * _only(output, column)
+
+    return Perturbation(f"{stream}_scale_factor", "1", stream=stream, shown=shown)
+
+
+def misalignment(stream: str, axis: int) -> Perturbation:
+    """A vector's sensor is turned about a body axis: it shows R(strength)^T of the truth."""
+    unit = np.eye(3)[axis]
+
+    def shown(_: Output, truth: Array) -> Array:
+        return rotation.cross(truth, unit)
+
+    return Perturbation(f"{stream}_misalignment", "rad", stream=stream, shown=shown)
+
+
+def clock_lag(stream: str) -> Perturbation:
+    """A value stamped t was true at t - strength."""
+    return Perturbation(
+        "clock_lag", "s", stream=stream, late=lambda output: np.ones(len(output.time))
+    )
+
+
+def clock_drift(stream: str) -> Perturbation:
+    """A value true at t, counted from the log's first instant, is stamped t (1 + strength)."""
+    return Perturbation(
+        "clock_drift", "s/s", stream=stream, late=lambda output: output.time - output.time[0]
+    )
+
+
+def _only(output: Output, column: int) -> Array:
+    """(1, m, k) of ones in a column."""
+    shown = np.zeros((1, *output.slot.shape))
+    shown[..., column] = 1.0
+    return shown
 
 
 class Domain(Enum):
@@ -409,7 +465,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
             f"a constant error of {stream}",
             f"{stream} off by {{}}",
             unit,
-            lambda i: faults.bias(stream, i, unit),
+            lambda i: bias(stream, i, unit),
         )
     if rate:
         fault(
@@ -417,7 +473,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
             f"an error of {stream} that grows with time",
             f"{stream} drifting by {{}}",
             f"{unit}/s",
-            lambda i: faults.drift(stream, i, unit),
+            lambda i: drift(stream, i, unit),
         )
     if stream != "attitude" and (len(body.outputs) > 1 or _inside(body)):
         fault(
@@ -425,7 +481,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
             f"another scale of {stream}",
             f"{stream} scaled by {{}} too much",
             "1",
-            lambda i: faults.scale_factor(stream, i),
+            lambda i: scale_factor(stream, i),
         )
     if stream == "gyro":
         fault(
@@ -433,7 +489,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
             "a gyro turned in its mount",
             "a gyro turned by {} in its mount",
             "rad",
-            lambda i: faults.misalignment(stream, i),
+            lambda i: misalignment(stream, i),
         )
     if stream == "attitude":
         fault(
@@ -441,7 +497,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
             "an attitude sensor turned in its mount",
             "an attitude sensor turned by {} in its mount",
             "rad",
-            lambda i: faults.bias(stream, i, unit),
+            lambda i: bias(stream, i, unit),
         )
     if len(body.outputs) == 1 and not any(name.startswith("command") for name in body.recording):
         # nothing to be late against: another start of the motion is as good
@@ -451,7 +507,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
         f"{stream} late against the others",
         f"{stream} late by {{}}",
         "s",
-        lambda _: faults.clock_lag(stream),
+        lambda _: clock_lag(stream),
         Domain.clock,
         1,
     )
@@ -460,7 +516,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
         f"a clock of {stream} that runs at another rate",
         f"a clock of {stream} that runs fast by {{}}",
         "s/s",
-        lambda _: faults.clock_drift(stream),
+        lambda _: clock_drift(stream),
         Domain.clock,
         1,
     )
