@@ -41,7 +41,7 @@ TUMBLE = InitialState(
         ("cubesat", 0.1, 0.04),
         ("whorl1", 0.1, 0.1),
         ("whorl2", 0.1, 0.1),
-        ("tas2", 0.05, 0.008),
+        ("tas2", 0.05, 0.005),
         ("astros", 0.05, 0.04),
         ("astros:mode_c", 0.05, 0.04),
         ("dfki_pendulum", 0.002, 0.3),
