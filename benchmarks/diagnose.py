@@ -9,8 +9,8 @@ from pathlib import Path
 from benchmarks.machines import LAWS
 from benchmarks.measure import in_turn, table, twin
 from twin.diagnose.candidates import Candidate, candidates_of
+from twin.diagnose.engine import search_from
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.line import search_from
 from twin.diagnose.plain import plain_of
 from twin.identify.calibrate import calibrated
 from twin.platform import load_platform

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from twin.cli.main import main
-from twin.diagnose import Experiment, diagnose, extend, extension, reasoning, validate
+from twin.diagnose import Experiment, diagnose, extend, extension, validate
 from twin.diagnose.diagnosis import crowded
+from twin.diagnose.engine import Engine
 from twin.diagnose.explanation import Explanation
 from twin.effects import effect_named, effects_of
 from twin.errors import UsageError
@@ -82,7 +83,7 @@ def test_a_fit_that_has_lost_the_motion_names_nothing(found, monkeypatch):
     monkeypatch.setattr(Explanation, "instead", lost)
     asked = [one for one in found.asked if one.label in FEW]
     assert len(asked) == len(FEW)
-    line = reasoning.reason(found.plain, asked, lambda _: None)
+    line = Engine(asked, lambda _: None).explained(found.plain)
     assert line.now.effects == ()
     assert line.left.chance < 1e-4 or line.now.noise.wanders
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from twin.clock import SimulatedClock
 from twin.diagnose.candidates import candidate, ringing
+from twin.diagnose.engine import search_from
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.line import search_from
 from twin.diagnose.plain import plain_of
 from twin.diagnose.remainder import slow_line_of
 from twin.effects import catalogue

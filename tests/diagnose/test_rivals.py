@@ -6,8 +6,8 @@ import pytest
 from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.diagnose.candidates import candidates_of
-from twin.diagnose.fitting import guesses
-from twin.diagnose.line import Line, against_rivals, search_from
+from twin.diagnose.engine import Engine, Line
+from twin.diagnose.explanation import guesses
 from twin.diagnose.plain import plain_of
 from twin.effects import effect_named, with_effects
 from twin.estimators import load_estimator
@@ -38,12 +38,13 @@ def line() -> Line:
     plain = plain_of([memory.recording().without_truth()], platform)
     asked = candidates_of(plain.bodies).asked
     now = plain.instead((rubbing,))
-    return Line(now, search_from(now, asked), asked)
+    return Line(now, asked)
 
 
 @pytest.mark.slow
-def test_whichever_of_two_rivals_reasoning_ended_at_the_answer_is_the_same(line: Line):
-    best = against_rivals(line)
+def test_whichever_of_two_rivals_the_search_ended_at_the_answer_is_the_same(line: Line):
+    engine = Engine(line.asked, lambda _: None)
+    best = engine.against_rivals(line)
     (own,) = best.now.effects
     assert best.rivals[own.label] == 0.0
     others = {label: behind for label, behind in best.rivals.items() if label != own.label}
@@ -52,7 +53,7 @@ def test_whichever_of_two_rivals_reasoning_ended_at_the_answer_is_the_same(line:
     weighing = best.search.weighing
     place = next(i for i, _ in best.search.instead((0,), 0) if weighing.traces[i].label == label)
     there = best.now.instead(guesses(best.now, best.asked, weighing, (place,)))
-    again = against_rivals(Line(there, search_from(there, best.asked), best.asked))
+    again = engine.against_rivals(Line(there, best.asked))
     (found,) = again.now.effects
     assert found.label == own.label
     assert again.rivals[label] == pytest.approx(others[label], abs=1.0)

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from twin.diagnose import diagnose, extend
+from twin.diagnose.engine import Engine, Line
 from twin.diagnose.explanation import explain
-from twin.diagnose.line import needed_only
 from twin.diagnose.plain import plain_of
-from twin.diagnose.screen import Search
 from twin.effects import parse_effects
 from twin.library import library
 from twin.platform import load_platform
@@ -108,7 +107,9 @@ def test_a_second_cause_that_another_base_makes_good_is_dropped_whatever_its_col
     plain = plain_of(logs, load_platform("sads"))
     both = parse_effects("residual_dipole=-36.2/-32.9/31.2,wheel_misalignment:w3=-0.05/0.05/0")
     there = explain(plain.bodies, plain.base, both, plain.at)
-    search = Search(there.weighing(()), there.own)
-    assert len(search.best()) == 2
-    (left,) = needed_only(there, search.limit).effects
+    line = Line(there)
+    assert len(line.search.best()) == 2
+    fewer = Engine((), lambda _: None).without_one(line)
+    assert fewer is not None
+    (left,) = fewer.now.effects
     assert left.label == "residual_dipole"

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.diagnose.fitting import LARGE, starts
+from twin.diagnose.explanation import TURNED, starts
 from twin.effects import effect_named, parse_effects
 from twin.platform import load_platform
 
@@ -20,7 +20,7 @@ def nozzle(turn: np.ndarray):
 def test_a_large_turn_begins_about_each_axis_but_the_parts_own(drawn_seed: int):
     rng = np.random.default_rng(drawn_seed)
     across = np.array(rng.choice([-1.0, 1.0]) * np.cross(NOZZLE.direction, rng.normal(size=3)))
-    guess = nozzle(across / np.linalg.norm(across) * rng.uniform(LARGE, 1.4))
+    guess = nozzle(across / np.linalg.norm(across) * rng.uniform(TURNED, 1.4))
     first, *others = starts([guess], (), SADS)
     assert first == (guess,)
     places = np.array([one.values for (one,) in others])

@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from twin.compare.explanation import HORIZONS, FreeRun, free_run
 from twin.conventions import ConventionFinding
 from twin.diagnose.candidates import Candidate, Candidates, candidates_of
@@ -16,25 +18,36 @@ from twin.diagnose.cause import (
     scatter_causes,
     tried_of,
 )
+from twin.diagnose.engine import Engine, Line, likeliest
 from twin.diagnose.experiment import Experiment, next_experiment
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.line import Line, against_rivals, likeliest, only
 from twin.diagnose.plain import check_logs, check_seen, plain_of, read_rightly
 from twin.diagnose.pushes import Push, but_for, pushed, pushed_look, pushes_of
-from twin.diagnose.reasoning import ROUGH, carried, onward, ordinary, reason
 from twin.diagnose.remainder import HeldOut, Remainder, held_out, remainder
 from twin.effects import Effect
 from twin.errors import UsageError
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of
-from twin.predict.kalman import Noise
+from twin.predict.kalman import EXACT, Noise
 from twin.predict.logs import usable
 from twin.predict.rollouts import BeyondBounds
 from twin.recording import Recording
 from twin.recording.pauses import pieces_of
 
+DRAUGHT = 3e-4
+"""Torque of the draughts of a room on a platform [N m], rms: 1 mN at 0.3 m."""
+STRAYING = {
+    "attitude": 0.01,
+    "joint_angle": 0.01,
+    "inclinometer": 0.01,
+    "gyro": 1e-3,
+    "joint_rate": 1e-3,
+    "accelerometer": 0.05,
+    "magnetometer": 1e-6,
+}
+"""Errors that sensors have however well they are calibrated, rms (SI): a vertical reference of half
+a degree, a gyro bias of 200 deg/h, an accelerometer bias of 5 mg."""
 Say = Callable[[str], None]
-
 UNEXPLAINED = 1e-4
 """Chance below which what is left is no noise."""
 CROWD = 3
@@ -43,8 +56,37 @@ six explained an inclinometer's misalignment that had been left out."""
 IN_PART = 0.5
 """Share of what a model misses that causes must carry, where what wanders beside them is more than
 rooms and sensors have."""
+ROUGH = 1.5
+"""Chi-square a sample beyond which no cause has made the motion follow the model. The logs are then
+predicted in segments apart, and what they say counts for less."""
+LOST = 30.0
+"""Chi-square a sample of a model without causes, beyond which segments apart come first."""
 STRAYS = 2.0
 """Half widths of the band in which a true model's chi-square stays 95 times in 100."""
+
+
+def ordinary(noise: Noise) -> bool:
+    """Whether all that wanders is inside what rooms and sensors of such laboratories have."""
+    torque = 0.0 if noise.torque is None else noise.torque.rms
+    return torque <= DRAUGHT and all(
+        one.rms <= STRAYING.get(stream, np.inf) for stream, one in noise.errors
+    )
+
+
+def carried(plain: Explanation, now: Explanation) -> float:
+    """Share of what a model without causes misses that the causes take: of the excess of its
+    squared residual, what wanders taking the rest; of the error of a free run where segments are
+    predicted apart, whose residuals are those of a few pushes."""
+    if not (plain.follows and now.follows):
+        run = free_run(HORIZONS[0], plain.account, now.account)
+        if run is None:
+            return 0.0
+        before, after, least = run.errors
+        return float(np.clip(1.0 - (after - least) / max(before - least, 1e-9), 0.0, 1.0))
+    with_causes = now.problem.whiten(now.at, now.now.exact, EXACT)
+    left = with_causes.residual + with_causes.columns @ with_causes.step()
+    excess = plain.now.residual @ plain.now.residual - plain.samples
+    return float(np.clip(1.0 - (left @ left - now.samples) / max(excess, 1.0), 0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -81,7 +123,7 @@ class Diagnosis:
     def intervals_hold(self) -> bool:
         """Whether the intervals of causes and base are 95 % intervals: not where something is left
         that no cause explains."""
-        return not _unexplained(self.explained, self.remainder, self.held_out)
+        return not _unexplained(self.plain, self.explained, self.remainder, self.held_out)
 
     @property
     def wander(self) -> Noise:
@@ -97,6 +139,9 @@ class Diagnosis:
     @property
     def verdict(self) -> str:
         """healthy, explained, explained in part, ambiguous or unexplained."""
+        if not self.explained.follows:
+            in_part = _in_part(self.plain, self.explained) and self.held_out.log_likelihood > 0.0
+            return "explained in part" if in_part and not self.pushes else "unexplained"
         if self.pushes or not self.intervals_hold:
             return "unexplained"
         if not ordinary(self.wander):
@@ -186,28 +231,29 @@ class _Reasoned:
 
     @property
     def unexplained(self) -> bool:
-        return _unexplained(self.line.now, self.line.left, self.held)
+        return _unexplained(self.plain, self.line.now, self.line.left, self.held)
 
 
 def _reasoned(plain: Explanation, logs: Sequence[Recording], say: Say) -> _Reasoned:
     candidates = candidates_of(plain.bodies)
-    asked, lost = candidates.asked, plain.follows and not plain.converged
+    engine = Engine(candidates.asked, say)
     # along a motion that is lost columns say little
-    line = None if lost else reason(plain, asked, say)
-    if line is None or line.left.chi2 > ROUGH:
+    lost = plain.follows and (not plain.converged or remainder(plain).chi2 > LOST)
+    line = None if lost else engine.explained(plain)
+    if line is None or line.left.chi2 > ROUGH or not ordinary(line.now.noise):
         say("the base, by segments")
         apart = plain_of(logs, plain.base.machine.platform, follows=False)
-        alone = only(apart, asked, say)
-        settled = None if alone is None else onward(plain, alone, say)
-        if settled is not None and not settled.left.doubtful:
-            line = settled
+        by_segments = engine.explained(apart)
+        whole = engine.onward(plain, by_segments)
+        if whole is not None and not whole.left.doubtful:
+            line = whole
+        elif by_segments.now.effects and not by_segments.left.doubtful:
+            plain, line = apart, by_segments
         else:
-            line = line or reason(plain, asked, say)
-            if line.left.chi2 > ROUGH:
-                line = reason(apart, asked, say)
-                settled = onward(plain, line, say)
-                plain, line = (apart, line) if settled is None else (plain, settled)
-    line = against_rivals(line)
+            line = line or engine.explained(plain)
+            lasting = not ordinary(line.now.noise) and _in_part(apart, by_segments.now)
+            if line.left.chi2 > ROUGH or lasting:
+                plain, line = apart, by_segments
     return _Reasoned(plain, candidates, line, held_out(line.now))
 
 
@@ -233,6 +279,12 @@ def _explained(
     return whole or _reasoned(plain, logs, say), ()
 
 
+def _in_part(plain: Explanation, now: Explanation) -> bool:
+    """Whether causes that are few carry most of what a model without them misses."""
+    few = bool(now.effects) and not now.laws and not crowded(now.effects)
+    return few and carried(plain, now) > IN_PART
+
+
 def _is_noise(plain: Explanation) -> bool:
     return plain.follows and remainder(plain).chance > UNEXPLAINED
 
@@ -248,10 +300,11 @@ def _pushes(logs: Sequence[Recording], platform: Platform, say: Say) -> tuple[Pu
     return () if any(not pushed(one) for one in causes) else pushes
 
 
-def _unexplained(now: Explanation, left: Remainder, held: HeldOut) -> bool:
+def _unexplained(plain: Explanation, now: Explanation, left: Remainder, held: HeldOut) -> bool:
     """Whether there is something at work that no cause is a name for."""
-    doubtful = crowded(now.effects) or foretells_nothing(now.effects, held) or strays(held)
-    return bool(now.laws) or not now.follows or doubtful or left.chance < UNEXPLAINED
+    if now.laws or left.chance < UNEXPLAINED or not (now.follows or _in_part(plain, now)):
+        return True
+    return crowded(now.effects) or foretells_nothing(now.effects, held) or strays(held)
 
 
 def foretells_nothing(effects: Sequence[Effect], held: HeldOut) -> bool:

@@ -4,7 +4,8 @@ A fit linearises what effects do where they are, moves them and forms their colu
 they stay. Which of an effect's numbers a log determines is found first; the others are held.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate, compress, pairwise
@@ -14,11 +15,13 @@ from numpy.typing import NDArray
 
 from twin.compare.account import Account, misfits, misfits_of
 from twin.diagnose.candidates import Candidate, looked_among
-from twin.diagnose.laws import Law
+from twin.diagnose.laws import Law, laws_of, unlikely
 from twin.diagnose.screen import KNOWN, SLIGHT, Trace, Weighing
 from twin.effects import Effect
+from twin.errors import TwinError
 from twin.identify.noise_processes import likely_noise
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
+from twin.platform import Platform
 from twin.predict.added import Formed, formed, with_formed
 from twin.predict.apart import Apart, apart, fit_apart
 from twin.predict.base import BaseParameters
@@ -53,6 +56,15 @@ which that may still change."""
 NEAR = 0.1
 """Where a fit is likelier by no more than this a sample, its path is a third of the noise away at
 most, and what else was asked does there what it did before."""
+TURNED = 0.5
+"""Turn [rad] from which on its linear column is no guess of where it leads."""
+ASTRAY = 0.1
+"""A fit that is less likely by more than this a sample than the one it began from has lost it."""
+ELSEWHERE = 1.0
+"""-2 log L by which a fit from another start must be likelier to be more than the same minimum."""
+CROWD = 3
+"""Causes beyond which a set stands in for something else: neither one of them of another shape, nor
+any that points elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -392,9 +404,14 @@ class Explanation:
 
     @property
     def cost(self) -> float:
-        """-2 log L up to a constant; of what is known beforehand, nothing is inflated."""
+        """-2 log L up to a constant."""
+        return self.deflated(self.account.inflation)
+
+    def deflated(self, inflation: float) -> float:
+        """-2 log L where samples say so many times less than white noise does; of what is known
+        beforehand, nothing is inflated."""
         known = float(np.sum(np.square(self.now.residual[self.now.cluster < 0])))
-        return (self.now.cost - known) / self.account.inflation + known
+        return (self.now.cost - known) / inflation + known
 
     @property
     def samples(self) -> int:
@@ -403,10 +420,10 @@ class Explanation:
 
     def weighing(self, candidates: Sequence[Candidate]) -> Weighing:
         """Its own effects and laws, then candidates, weighed where it stands."""
-        parts = [self._sized(one) for one in candidates]
+        parts = [self.sized(one) for one in candidates]
         return self.weigh(parts, [one.trace for one in candidates])
 
-    def _sized(self, one: Candidate) -> tuple[Perturbation, ...]:
+    def sized(self, one: Candidate) -> tuple[Perturbation, ...]:
         """What answers to the path that it makes, in the size that the logs ask for."""
         parts, before = one.perturbations, np.zeros(len(one.perturbations))
         if not any(part.laws for part in parts):
@@ -462,7 +479,8 @@ class Explanation:
     def traces(self) -> list[Trace]:
         """Of its effects and laws."""
         mine = [self._trace(i) for i in range(len(self.effects))]
-        return mine + [law.trace(0.0) for law in self.laws]
+        price = unlikely(laws_of(self.bodies)) if self.laws else 0.0
+        return mine + [law.trace(price) for law in self.laws]
 
     def rows_with(self, perturbations: Sequence[Perturbation]) -> Rows:
         """Whitened where it stands, with further columns."""
@@ -642,3 +660,81 @@ def _fitted(
 
 def _counts(masks: Sequence[NDArray[np.bool_]]) -> tuple[int, ...]:
     return tuple(int(mask.sum()) for mask in masks)
+
+
+def starts(
+    effects: Sequence[Effect], fitted: Collection[Effect], platform: Platform
+) -> Iterator[tuple[Effect, ...]]:
+    """A set of effects as it is, then with each large turn that is but guessed about each axis.
+
+    Args:
+        effects: the set.
+        fitted: those of it that are no guesses.
+        platform: what they are effects of.
+    """
+    yield tuple(effects)
+    for index, guess in enumerate(effects):
+        turn = _turn_of(guess)
+        size = float(np.linalg.norm(guess.values[turn]))
+        if size < TURNED or guess in fitted:
+            continue
+        low, high = guess.bounds()
+        for axis in np.concatenate([np.eye(3), -np.eye(3)]):
+            values = guess.values.copy()
+            values[turn] = np.clip(size * axis, low[turn], high[turn])
+            # about the part's own axis nothing turns
+            other = guess.with_values(values).least(platform)
+            if np.linalg.norm(other.values[turn]) > 0.5 * size:
+                yield (*effects[:index], other, *effects[index + 1 :])
+
+
+def _turn_of(effect: Effect) -> NDArray[np.bool_]:
+    """(p,) which of its components are a vector of angles; none if it has no such."""
+    known = effect.parameters()
+    return np.concatenate(
+        [np.full(one.size, one.unit == "rad" and one.size == 3 and one.amplitude) for one in known]
+    )
+
+
+def guesses(
+    now: Explanation, asked: Sequence[Candidate], weighing: Weighing, chosen: tuple[int, ...]
+) -> list[Effect]:
+    """The chosen effects, new ones with their linearised strengths; no laws."""
+    found: list[Effect] = []
+    for index, own in zip(chosen, weighing.weigh(chosen).strengths, strict=True):
+        if index < len(now.effects):
+            found.append(now.effects[index])
+        elif len(now.own) <= index < len(now.own) + len(asked):
+            effect = asked[index - len(now.own)].effect
+            strengths = strengths_of(effect)
+            strengths[amplitudes(effect)] = own
+            found.append(with_strengths(effect, strengths))
+    return found
+
+
+def fitted(
+    now: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
+) -> Explanation | None:
+    """Other effects and laws in place of its own; None where no machine can have them."""
+    best: Explanation | None = None
+    for start in starts(effects, now.effects, now.bodies[0].machine.platform):
+        with suppress(TwinError):
+            found = now.instead(start, laws)
+            best = found if best is None or found.cost < best.cost - ELSEWHERE else best
+        # wherever one of a crowd points, it stands in for something else
+        if best is not None and len(effects) > CROWD:
+            break
+    return best
+
+
+def followed(
+    now: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
+) -> Explanation | None:
+    """Likewise; None too where the fit loses the motion."""
+    found = fitted(now, effects, laws)
+    return None if found is None or astray(now, found) else found
+
+
+def astray(now: Explanation, tried: Explanation) -> bool:
+    """Whether a fit has lost the motion that it should follow."""
+    return now.follows and not tried.cost < now.cost + ASTRAY * now.samples

@@ -4,14 +4,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from twin.compare.explanation import FreeRun
+from twin.compare.explanation import HORIZONS, FreeRun
 from twin.diagnose import Diagnosis
 from twin.diagnose.cause import Cause, Equation
-from twin.diagnose.diagnosis import crowded, foretells_nothing, strays
+from twin.diagnose.diagnosis import crowded, foretells_nothing, ordinary, strays
 from twin.diagnose.extension import Validation
 from twin.diagnose.laws import TORQUE
 from twin.diagnose.pushes import Push
-from twin.diagnose.reasoning import ordinary
 from twin.diagnose.remainder import Remainder
 from twin.identify.excitation import not_excited
 from twin.identify.prediction_error import NORMAL
@@ -95,9 +94,22 @@ def verdict_sentence(found: Diagnosis) -> str:
         )
     rest = " and ".join(wanders(found))
     if found.verdict == "explained in part":
+        carry = f"{names} {'carries' if len(found.causes) == 1 else 'carry'}"
+        share = f"{100.0 * found.carried:.0f} %"
+        if found.explained.follows:
+            return (
+                f"Explained in part: {carry} {share} of what the model misses; the rest is {rest}, "
+                "more than rooms and sensors have."
+            )
+        length = max(body.grid.length for body in found.explained.bodies)
+        size = np.sqrt(found.remainder.chi2)
+        left = "leave no more than the noise"
+        if not found.intervals_hold:
+            left = f"still miss by {size:.2g} times the noise"
         return (
-            f"Explained in part: {names} carries {100.0 * found.carried:.0f} % of what the model "
-            f"misses; the rest is {rest}, more than rooms and sensors have."
+            f"Explained in part: {carry} {share} of the error of a free run of {HORIZONS[0]:g} s; "
+            "no cause makes the motion follow the model for longer, and segments of "
+            f"{length:.2g} s {left}."
         )
     if not ordinary(found.wander):
         best = f", beside {names}," if names else ""

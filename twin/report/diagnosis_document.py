@@ -88,11 +88,12 @@ def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[
 def _wander(found: Diagnosis) -> dict[str, Any]:
     noise = found.wander
     torque = noise.torque
+    shared = bool(found.causes) and (noise.wanders or not found.explained.follows)
     return {
         "torque": None if torque is None else {"rms": torque.rms, "time": torque.time},
         "errors": {stream: {"rms": one.rms, "time": one.time} for stream, one in noise.errors},
         "white_noise": dict(noise.scales),
-        "carried_by_causes": found.carried if noise.wanders and found.causes else None,
+        "carried_by_causes": found.carried if shared else None,
     }
 
 
