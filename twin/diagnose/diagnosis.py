@@ -20,7 +20,7 @@ from twin.diagnose.cause import (
 )
 from twin.diagnose.engine import Engine, Line, likeliest
 from twin.diagnose.experiment import Experiment, next_experiment
-from twin.diagnose.explanation import Explanation
+from twin.diagnose.explanation import CROWD, Explanation
 from twin.diagnose.plain import check_logs, check_seen, plain_of, read_rightly
 from twin.diagnose.pushes import Push, but_for, pushed, pushed_look, pushes_of
 from twin.diagnose.remainder import HeldOut, Remainder, held_out, remainder
@@ -50,9 +50,6 @@ a degree, a gyro bias of 200 deg/h, an accelerometer bias of 5 mg."""
 Say = Callable[[str], None]
 UNEXPLAINED = 1e-4
 """Chance below which what is left is no noise."""
-CROWD = 3
-"""Kinds of causes at once. What the catalogue lacks looks like more of them, each small beside it:
-six explained an inclinometer's misalignment that had been left out."""
 IN_PART = 0.5
 """Share of what a model misses that causes must carry, where what wanders beside them is more than
 rooms and sensors have."""
@@ -81,8 +78,8 @@ def carried(plain: Explanation, now: Explanation) -> float:
         run = free_run(HORIZONS[0], plain.account, now.account)
         if run is None:
             return 0.0
-        before, after, least = run.errors
-        return float(np.clip(1.0 - (after - least) / max(before - least, 1e-9), 0.0, 1.0))
+        before, after, perfect = run.errors
+        return float(np.clip(1.0 - (after - perfect) / max(before - perfect, 1e-9), 0.0, 1.0))
     with_causes = now.problem.whiten(now.at, now.now.exact, EXACT)
     left = with_causes.residual + with_causes.columns @ with_causes.step()
     excess = plain.now.residual @ plain.now.residual - plain.samples

@@ -7,8 +7,8 @@ The score of a state is -2 log L and the price of all that it sets (`Line.score`
 
 The screen grows as it is needed: the catalogue at its usual shapes; then the same causes beside
 noise processes (draughts, an attitude reference that strays); then frequencies that stand out of
-what the best state leaves, and laws without a name. In the end each cause of the best state is held
-against refits without it and with its rivals in its place.
+what the best state leaves, and laws without a name. In the end the best state is compared with laws
+alone, with refits without each of its causes, and with the rivals of its only cause.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -37,7 +37,7 @@ class Settings:
 
     beam: int = 2
     """States that go on."""
-    alone: int = 4
+    singles: int = 4
     """Causes that are fitted singly where a state stands, those that promise most."""
     rounds: int = 6
     """Steps of the beam."""
@@ -175,14 +175,18 @@ class Engine:
         self._begin(plain)
         self.say("causes weighed")
         lines = [self._line(now) for now in _starts(plain)]
-        beam = self._grown(lines) if plain.follows else self._alone(lines[0])
+        beam = self._grown(lines) if plain.follows else self._single_causes(lines[0])
         if not beam[0].settled:
-            more = self._beside_noise(plain) if plain.follows else self._grown([self._line(plain)])
+            more = (
+                self._with_noise_processes(plain)
+                if plain.follows
+                else self._grown([self._line(plain)])
+            )
             beam = self._best([*beam, *more])
         # what wanders passes for a law without a name, and for what rings
         if not beam[0].settled or beam[0].now.noise.any:
             beam = self._widened(plain, beam)
-        return self._finished(self._held_against_others(beam[0]))
+        return self._finished(self._verified(beam[0]))
 
     def onward(self, plain: Explanation, segments: Line) -> Line | None:
         """On from the causes that segments predicted apart have, along a motion that follows the
@@ -197,19 +201,19 @@ class Engine:
             return None
         self._begin(plain)
         line = self._line(there, segments.asked)
-        return self._finished(self._held_against_others(self._grown([line])[0]))
+        return self._finished(self._verified(self._grown([line])[0]))
 
     def _begin(self, plain: Explanation) -> None:
         self._seen.clear()
         self._likeliest.clear()
         self._named, self._plain, self._inflation = None, plain, np.inf
 
-    def _alone(self, line: Line) -> list[Line]:
+    def _single_causes(self, line: Line) -> list[Line]:
         """Over segments apart: each of the few causes that promise most, fitted singly, up to one
         that leaves no more than noise. What it is worth there says only which to try."""
         states, tried = list[Line](), dict[str, int]()
         for score in line.search.scores():
-            if len(tried) < SETTINGS.alone:
+            if len(tried) < SETTINGS.singles:
                 tried.setdefault(line.search.weighing.traces[score.index].label, score.index)
         for index in tried.values():
             there = self._moved(_Move(line, (index,)), line)
@@ -219,7 +223,7 @@ class Engine:
                     break
         return self._best(states) or [line]
 
-    def _beside_noise(self, plain: Explanation) -> list[Line]:
+    def _with_noise_processes(self, plain: Explanation) -> list[Line]:
         """The best states whose noise wanders; none where it does not."""
         self.say("noise processes")
         noisy = plain.wandering()
@@ -295,9 +299,9 @@ class Engine:
                 yield from (_Move(line, (*kept, index)) for index in self._singles(line, kept))
             return
         gain = search.weighing.weigh
-        least = SETTINGS.nearly * (gain(chosen).gain - gain(kept).gain)
+        threshold = SETTINGS.nearly * (gain(chosen).gain - gain(kept).gain)
         singles = self._singles(line, kept)
-        first = [i for i in singles if gain((*kept, i)).gain - gain(kept).gain >= least]
+        first = [i for i in singles if gain((*kept, i)).gain - gain(kept).gain >= threshold]
         yield from (_Move(line, (*kept, index)) for index in first)
         yield _Move(line, (*kept, *_strong(search, chosen, new)))
         strongest = max(
@@ -310,7 +314,7 @@ class Engine:
         """Causes that promise most beside those that are kept, one of each label."""
         found: dict[str, int] = {}
         for score in line.search.scores(kept):
-            if len(found) == SETTINGS.alone:
+            if len(found) == SETTINGS.singles:
                 break
             if line.search.pays(score):
                 found.setdefault(line.search.weighing.traces[score.index].label, score.index)
@@ -364,16 +368,16 @@ class Engine:
         own = move.line.now.account.inflation
         return move.line.score(self._inflation) - move.gain * own / self._inflation
 
-    def _held_against_others(self, line: Line) -> Line:
+    def _verified(self, line: Line) -> Line:
         """Against laws without a name in place of causes beside such laws, refits without each of
         its causes, and rivals in its only one's place."""
         while True:
             fewer = self._nameless(line) or self.without_one(line)
             if fewer is None:
-                held = self.against_rivals(line)
-                if held.now is line.now:
-                    return held
-                fewer = replace(held, rivals={})
+                best = self.against_rivals(line)
+                if best.now is line.now:
+                    return best
+                fewer = replace(best, rivals={})
             line = self._grown([fewer])[0]
 
     def _nameless(self, line: Line) -> Line | None:
@@ -400,7 +404,7 @@ class Engine:
             self.say(f"fitting without {labels}")
             bare = None if effects or laws or now.noise.any else self._plain
             fewer = bare or followed(now, effects, laws)
-            if fewer is None or fewer.follows != now.follows:
+            if fewer is None:
                 continue
             there = self._line(fewer, line.asked, line.laws)
             # what was added and is dropped again may have led the fit away
@@ -445,8 +449,8 @@ class Engine:
             if there is not None and there.now.converged and there.now.effects:
                 tried[label] = there
         best = min(tried.values(), key=self._score)
-        least = self._score(best)
-        behind = {label: self._score(one) - least for label, one in tried.items()}
+        lowest = self._score(best)
+        behind = {label: self._score(one) - lowest for label, one in tried.items()}
         return replace(best, rivals=behind)
 
     def _finished(self, line: Line) -> Line:
@@ -462,7 +466,7 @@ def likeliest(plain: Explanation, asked: Sequence[Candidate]) -> Iterator[Explan
     """The set of causes that promises most, fitted, and each of a few that promise most alone."""
     search = search_from(plain, asked)
     alone = sorted(search.asked, key=lambda index: -search.weighing.weigh((index,)).gain)[
-        : SETTINGS.alone
+        : SETTINGS.singles
     ]
     for chosen in (search.best(), *((index,) for index in alone)):
         found = fitted(plain, guesses(plain, asked, search.weighing, chosen))
@@ -493,10 +497,11 @@ def _few(line: Line, chosen: tuple[int, ...]) -> tuple[int, ...]:
     kept: set[int] = set()
     for index in sorted(chosen, key=lambda i: -worth[i]):
         part = parts[index]
-        name = part.name if isinstance(part, Effect) else ""
-        if not name or name in kinds or len(kinds) < CROWD:
-            kinds |= {name} - {""}
-            kept.add(index)
+        if isinstance(part, Effect):
+            if part.name not in kinds and len(kinds) == CROWD:
+                continue
+            kinds.add(part.name)
+        kept.add(index)
     return tuple(index for index in chosen if index in kept)
 
 

@@ -63,8 +63,8 @@ ASTRAY = 0.1
 ELSEWHERE = 1.0
 """-2 log L by which a fit from another start must be likelier to be more than the same minimum."""
 CROWD = 3
-"""Causes beyond which a set stands in for something else: neither one of them of another shape, nor
-any that points elsewhere."""
+"""Kinds of causes that an answer may have. What the catalogue lacks looks like more of them, each
+small beside it: six explained an inclinometer's misalignment that had been left out."""
 
 
 @dataclass(frozen=True)
