@@ -19,7 +19,7 @@ import numpy as np
 
 from twin.diagnose.candidates import Candidate, resonators, ringing
 from twin.diagnose.explanation import CROWD, Explanation, astray, explain, fitted, followed, guesses
-from twin.diagnose.laws import RARE, Law, laws_of, unlikely
+from twin.diagnose.laws import Law, laws_of, unlikely
 from twin.diagnose.remainder import Remainder, lines_of, remainder, slow_line_of
 from twin.diagnose.screen import TIED, Search, less
 from twin.effects import Effect, able, with_effects
@@ -56,8 +56,6 @@ class Settings:
     inexact: float = 1e-4
     """Share of the strongest cause's gain that the rest may seem to bring: a motion with a strong
     cause in it is followed no more exactly, for its base's columns lack how that answers."""
-    shadow: float = RARE + TIED
-    """Evidence that causes bring beyond laws without a name, or they stand in for one's terms."""
 
 
 SETTINGS = Settings()
@@ -106,7 +104,15 @@ class Line:
         """The set with the most evidence by the screen."""
         return self.search.best()
 
-    @property
+    @cached_property
+    def lawful(self) -> bool:
+        """Whether a law without a name would pay, which the sum of all residuals may not show."""
+        laws = laws_of(self.now.bodies)
+        own = tuple(self.now.own)
+        scores = search_from(self.now, (), laws).scores(own)
+        return bool(scores) and scores[0].evidence > 0.0
+
+    @cached_property
     def settled(self) -> bool:
         """Whether it leaves no more than noise, and the screen has nothing better.
 
@@ -114,7 +120,9 @@ class Line:
         """
         if self.left.doubtful:
             return False
-        return not self.now.follows or set(self.best) == set(self.now.own)
+        if not self.now.follows:
+            return True
+        return set(self.best) == set(self.now.own) and not self.lawful
 
 
 def search_from(now: Explanation, asked: Sequence[Candidate], laws: Sequence[Law] = ()) -> Search:
@@ -381,15 +389,19 @@ class Engine:
             line = self._grown([fewer])[0]
 
     def _nameless(self, line: Line) -> Line | None:
-        """Laws without a name alone; None where causes beside them bring more than a further term
-        would."""
+        """Laws without a name alone; None where causes beside them bring more.
+
+        A cause may stand in for the terms of a law: beside one it is no likelier beforehand than
+        another law.
+        """
         if not line.now.laws or not line.now.effects:
             return None
         first = len(line.now.own) + len(line.asked)
         laws = [*line.now.own[len(line.now.effects) :], *range(first, first + len(line.laws))]
         chosen = Search(line.search.weighing, laws, line.search.limit).best()
         there = self._moved(_Move(line, chosen), line) if chosen else None
-        if there is None or self._score(there) > self._score(line) + SETTINGS.shadow:
+        spare = TIED + unlikely(line.laws) * len(line.now.effects)
+        if there is None or self._score(there) > self._score(line) + spare:
             return None
         return there
 
