@@ -175,7 +175,7 @@ def exhaust(port):
 
 def test_an_emulation_that_is_killed_ends_the_port(tmp_path):
     line = EmulatedLine(EmulatedMti(), tmp_path / "port")
-    with line, serial.Serial(str(tmp_path / "port"), 115200, timeout=0.5) as port:
+    with line, serial.Serial(str(tmp_path / "port"), 115200, timeout=10.0) as port:
         assert port.read(10)
         line.kill()
         with pytest.raises(serial.SerialException):
