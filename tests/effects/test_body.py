@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad_vec, solve_ivp
 
 from tests.effects.motion import apart, flown, integrated
-from twin.effects import effect_named, parse_effects, with_effects
+from twin.effects import State, effect_named, parse_effects, with_effects
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.rotation import (
@@ -48,6 +48,22 @@ def test_dry_friction_lets_a_spin_fall_linearly_and_stop(balanced, agrees):
     expected = np.maximum(0.3 - 0.1 * time / about_z(balanced), 0.0)
     error = np.abs(rate[:, 2] - expected).max()
     agrees("bearing_coulomb_friction: linear decay, then rest", error, 2e-4, "rad/s")
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-9, 1e-4, 1.0])
+def test_dry_friction_over_a_step_is_the_mean_of_what_it_is_at_every_instant(balanced, length):
+    rng = np.random.default_rng(20261129)
+    law = effect_named("bearing_coulomb_friction")(torque_size=0.1, smoothing=1e-3).torque(balanced)
+    rate, change = rng.normal(0.0, 1e-3, (40, 3)), length * rng.standard_normal((40, 3))
+    rate[:4] = 0.5 * change[:4]  # from rest
+    state = State(np.zeros((40, 4)), rate, np.zeros((40, 0)), np.zeros(40))
+    found = law(replace(state, change=change))
+
+    def at(share: float) -> np.ndarray:
+        return law(replace(state, rate=rate + share * change))
+
+    whole, _ = quad_vec(at, -0.5, 0.5, epsabs=1e-12, limit=10_000)
+    np.testing.assert_allclose(found, whole, atol=1e-9)
 
 
 # the law is first carried on to a step's middle in the second step of a run

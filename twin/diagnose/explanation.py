@@ -382,8 +382,7 @@ class Explanation:
         noise = likely_noise(self.problem, self.now, self.noise)
         if noise == self.noise:
             return self
-        near = fit(self.problem, self.at, noise)
-        found = replace(self, now=near.innovations, converged=near.converged)
+        found = self._refitted(fit(self.problem, self.at, noise))
         found._formed.update(self._formed)  # along nearly the same path
         return found
 
@@ -391,8 +390,23 @@ class Explanation:
         """The same under a white torque, as large as the logs ask for, that draws the motion to
         them."""
         assert isinstance(self.now, Innovations)
-        near = fit_disturbed(self.problem, Fit(self.now, converged=False), self.at)
-        return replace(self, now=near.innovations, converged=near.converged)
+        return self._refitted(fit_disturbed(self.problem, Fit(self.now, converged=False), self.at))
+
+    def _refitted(self, there: Fit) -> "Explanation":
+        """Where a fit of the same columns under other noise ends, the effects in its sizes."""
+        layout, hidden = self.layout, unseen(self.effects, self.free, self.most)
+        change = there.at.strengths - self.at.strengths
+        moved: list[Effect] = []
+        places = zip(layout.of_hidden, layout.of_free, strict=True)
+        for effect, away, free, (beside, own) in zip(
+            self.effects, hidden, self.free, places, strict=True
+        ):
+            values = effect.values.copy()
+            values[away] += change[beside]
+            values[free] += change[own]
+            moved.append(effect.with_values(np.clip(values, *effect.bounds())))
+        now = there.innovations
+        return replace(self, effects=tuple(moved), now=now, converged=there.converged)
 
     @cached_property
     def following(self) -> tuple[Body, ...]:

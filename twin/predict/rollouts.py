@@ -1,6 +1,7 @@
 """A log's machine carried along under its drives: segments side by side, from states of choice."""
 
 from collections.abc import Iterator
+from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -8,6 +9,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from twin.effects import State
+from twin.effects.on_body import middle_of
 from twin.errors import TwinError
 from twin.model import Machine
 from twin.predict.inputs import Inputs
@@ -15,6 +17,7 @@ from twin.predict.logs import Motion
 from twin.predict.response import Passage, Response, Segment, is_gyrostat, transitions
 from twin.predict.sensors import Grid
 from twin.predict.states import STEP, Push, States, carried_states, reached, torque_of
+from twin.predict.swing import Swing, Swinging
 from twin.stop import check
 
 Array = NDArray[np.float64]
@@ -150,11 +153,9 @@ class Rollouts:
         push = push or Push(np.zeros_like(self.force))
         force, turning = self._driven(push.force)
         velocity += np.tile(turning, (variants, 1))
-        batch = Batch(model, rows)
-        batch.bind("qpos")[:] = position
-        batch.bind("qvel")[:] = velocity
         driven = np.tile(np.concatenate([self._control, force], axis=-1), (variants, 1, 1))
-        positions, velocities = self._carried(batch, driven, push, np.tile(grid.starts, variants))
+        carrier = _carrier(model, position, velocity)
+        positions, velocities = self._carried(carrier, driven, push, np.tile(grid.starts, variants))
         if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
             raise BeyondBounds("a machine with such parameters moves beyond all bounds")
 
@@ -201,49 +202,45 @@ class Rollouts:
         driven = np.concatenate([self._control, force], axis=-1)
         driven = driven.reshape(-1, model.nu + model.nv)
         place = segments[:, None] * grid.steps + np.arange(steps)
-        batch = Batch(model, len(segments))
-        batch.bind("qpos")[:] = position
-        batch.bind("qvel")[:] = velocity
         driven = driven[np.minimum(place, len(driven) - 1)]
-        positions, _ = self._carried(batch, driven, push, grid.starts[segments])
+        carrier = _carrier(model, position, velocity)
+        positions, _ = self._carried(carrier, driven, push, grid.starts[segments])
         return positions[..., machine.base_qpos]
 
     def _carried(
-        self, batch: Batch, driven: Array, push: Push, start: Array
+        self, carrier: "Carrier", driven: Array, push: Push, start: Array
     ) -> tuple[Array, Array]:
-        """Positions (r, steps + 1, nq) and velocities (r, steps + 1, nv) of a batch, first as it
-        stands at some times (r,), under controls and forces (r, steps, .) and what answers."""
-        position, velocity = batch.bind("qpos")[:, None].copy(), batch.bind("qvel")[:, None].copy()
+        """Positions (r, steps + 1, nq) and velocities (r, steps + 1, nv) of machines, first as they
+        stand at some times (r,), under controls and forces (r, steps, .) and what answers."""
+        position, velocity = carrier.position[:, None].copy(), carrier.velocity[:, None].copy()
         if push.laws:
-            pieces = list(self._answering(batch, driven, push, start))
+            pieces = list(self._answering(carrier, driven, push, start))
         else:
-            pieces = [_rolled(batch, driven)]
+            pieces = [carrier.carry(driven)]
         return (
             np.concatenate([position, *(one for one, _ in pieces)], axis=1),
             np.concatenate([velocity, *(one for _, one in pieces)], axis=1),
         )
 
     def _answering(
-        self, batch: Batch, driven: Array, push: Push, start: Array
+        self, carrier: "Carrier", driven: Array, push: Push, start: Array
     ) -> Iterator[tuple[Array, Array]]:
-        """Step by step; a torque is held at what it is in the middle of a step, by the last two
-        (Adams-Bashforth)."""
+        """Step by step; a torque is held at its mean over a step, as that would go on."""
         machine = self.machine
         base = driven.shape[2] - machine.model.nv + np.arange(machine.model.nv)[machine.base_dof]
-        last: Array | None = None
+        last: State | None = None
         for k in range(driven.shape[1]):
-            velocity = batch.bind("qvel")
-            state = State(
-                batch.bind("qpos")[:, machine.base_qpos],
-                velocity[:, machine.base_dof],
-                velocity[:, machine.wheel_dof],
+            velocity = carrier.velocity
+            now = State(
+                carrier.position[:, machine.base_qpos].copy(),
+                velocity[:, machine.base_dof].copy(),
+                velocity[:, machine.wheel_dof].copy(),
                 start + k * self.grid.step,
             )
-            now = torque_of(push.laws, state)
             held = driven[:, k : k + 1].copy()
-            held[:, 0, base] += now if last is None else 1.5 * now - 0.5 * last
+            held[:, 0, base] += torque_of(push.laws, middle_of(now, last, self.grid.step))
             last = now
-            yield _rolled(batch, held)
+            yield carrier.carry(held)
 
     @property
     def unexplained(self) -> Array:
@@ -308,9 +305,37 @@ def _leans(machine: Machine, position: Array, guard: float) -> bool:
     return float(platform.lean(position).max()) > platform.stop_angle - guard
 
 
-def _rolled(batch: Batch, driven: Array) -> tuple[Array, Array]:
-    """Positions (r, steps, nq) and velocities (r, steps, nv) of a batch after each step."""
-    run = batch.rollout(
-        driven.shape[1], driven, control_spec=_CONTROL | _FORCE, record=("qpos", "qvel")
-    )
-    return run["qpos"], run["qvel"]
+class Carrier(Protocol):
+    """Machines side by side, to be carried on."""
+
+    position: Array
+    """(r, nq) as they stand."""
+    velocity: Array
+    """(r, nv)."""
+
+    def carry(self, driven: Array) -> tuple[Array, Array]:
+        """Positions (r, steps, nq) and velocities (r, steps, nv) after each step, under controls
+        and forces (r, steps, .)."""
+        ...
+
+
+class _Simulated:
+    """By MuJoCo."""
+
+    def __init__(self, model: mujoco.MjModel, position: Array, velocity: Array) -> None:
+        self._batch = Batch(model, len(position))
+        self.position, self.velocity = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self.position[:], self.velocity[:] = position, velocity
+
+    def carry(self, driven: Array) -> tuple[Array, Array]:
+        run = self._batch.rollout(
+            driven.shape[1], driven, control_spec=_CONTROL | _FORCE, record=("qpos", "qvel")
+        )
+        return run["qpos"], run["qvel"]
+
+
+def _carrier(model: mujoco.MjModel, position: Array, velocity: Array) -> Carrier:
+    swing = Swing.of(model)
+    if swing is None:
+        return _Simulated(model, position, velocity)
+    return Swinging(swing, position, velocity)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.effects import State
-from twin.effects.on_body import TorqueLaw
+from twin.effects.on_body import TorqueLaw, middle_of
 from twin.errors import TwinError
 from twin.model import Machine
 
@@ -88,9 +88,14 @@ class States:
         rest = zip(self._parts[1:], other._parts[1:], strict=True)
         return np.concatenate([turn, *(mine - others for mine, others in rest)], axis=-1)
 
-    def with_time(self, time: Array) -> State:
-        """(n, .) as a torque law is told them, at some times (n,) [s]."""
-        return State(self.position, self.rate, self.wheel_speed, time)
+    def with_time(self, time: Array, change: Array | None = None) -> State:
+        """(n, .) as a torque law takes them, at some times (n,) [s].
+
+        Args:
+            time: of each.
+            change: (n, k) of the rate, over the step in whose middle each is.
+        """
+        return State(self.position, self.rate, self.wheel_speed, time, change)
 
     @staticmethod
     def joined(several: Sequence["States"]) -> "States":
@@ -135,11 +140,12 @@ class Push:
         before, after = path[:, :-1], path[:, 1:]
         middle = before.moved(0.5 * after.less(before)).flat
         k = middle.rate.shape[-1]
+        change = (after.rate - before.rate).reshape(-1, k)
         shown = 2 * k + middle.wheel_speed.shape[-1]
         nudges = STEP * np.eye(shown, middle.width)
         columns = [
-            torque_of(self.laws, middle.moved(nudge).with_time(times.ravel()))
-            - torque_of(self.laws, middle.moved(-nudge).with_time(times.ravel()))
+            torque_of(self.laws, middle.moved(nudge).with_time(times.ravel(), change))
+            - torque_of(self.laws, middle.moved(-nudge).with_time(times.ravel(), change))
             for nudge in nudges
         ]
         slopes = np.stack(columns, axis=-1) / (2.0 * STEP)
@@ -157,7 +163,8 @@ def forces_along(laws: Sequence[Factored], machine: Machine, path: States, times
     if laws:
         before, after = path[0, :, :-1], path[0, :, 1:]
         middle = before.moved(0.5 * after.less(before)).flat
-        torque = torque_of(laws, middle.with_time(times.ravel()))
+        change = (after.rate - before.rate).reshape(len(middle.rate), -1)
+        torque = torque_of(laws, middle.with_time(times.ravel(), change))
         force[..., machine.base_dof] = torque.reshape(*times.shape, -1)
     return force
 
@@ -230,14 +237,15 @@ def carried_answers(
         begins: (S, steps) at which the steps begin [s].
     """
     segments, steps, x, _ = carried.shape
-    half = 0.5 * float(begins[0, 1] - begins[0, 0]) * answer[..., machine.base_dof]
+    step = float(begins[0, 1] - begins[0, 0])
+    half = 0.5 * step * answer[..., machine.base_dof]
     change = np.zeros((segments, steps + 1, x))
-    last: Array | None = None
+    last: State | None = None
     for k in range(steps):
-        now = torque_of(push.laws, path[0, :, k].moved(change[:, k]).with_time(begins[:, k]))
-        middle = now if last is None else 1.5 * now - 0.5 * last
+        now = path[0, :, k].moved(change[:, k]).with_time(begins[:, k])
+        torque = torque_of(push.laws, middle_of(now, last, step))
         last = now
-        pushed = np.einsum("sxb,sb->sx", half[:, min(k, half.shape[1] - 1)], middle)
+        pushed = np.einsum("sxb,sb->sx", half[:, min(k, half.shape[1] - 1)], torque)
         before = change[:, k] + pushed
         change[:, k + 1] = np.einsum("sxy,sy->sx", carried[:, k], before) + pushed
     return change
