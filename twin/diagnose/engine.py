@@ -282,7 +282,8 @@ class Engine:
         best = min(map(self._score, states))
         for line in states:
             for move in self._moves(line):
-                if move.key in self._seen or not self._promised(move) < best:
+                crowd = len(_kinds(line, move.chosen)) > CROWD
+                if crowd or move.key in self._seen or not self._promised(move) < best:
                     continue
                 self._seen.add(move.key)
                 there = self._moved(move, states[0])
@@ -503,18 +504,19 @@ def _labels(now: Explanation) -> frozenset[str]:
 def _few(line: Line, chosen: tuple[int, ...]) -> tuple[int, ...]:
     """Of a set the causes that bring most, as many kinds as an answer may have: a crowd takes long
     to fit, and stands in for something else."""
-    search, kinds = line.search, set[str]()
+    search = line.search
     worth = {i: search.evidence(chosen) - search.evidence(less(chosen, i)) for i in chosen}
-    parts = [*line.now.effects, *line.now.laws, *(one.effect for one in line.asked), *line.laws]
-    kept: set[int] = set()
+    kept: tuple[int, ...] = ()
     for index in sorted(chosen, key=lambda i: -worth[i]):
-        part = parts[index]
-        if isinstance(part, Effect):
-            if part.name not in kinds and len(kinds) == CROWD:
-                continue
-            kinds.add(part.name)
-        kept.add(index)
+        if len(_kinds(line, (*kept, index))) <= CROWD:
+            kept = (*kept, index)
     return tuple(index for index in chosen if index in kept)
+
+
+def _kinds(line: Line, chosen: Sequence[int]) -> set[str]:
+    """Of the causes in a set; a law without a name is of none."""
+    parts = [*line.now.effects, *line.now.laws, *(one.effect for one in line.asked), *line.laws]
+    return {part.name for part in (parts[i] for i in chosen) if isinstance(part, Effect)}
 
 
 def _strong(search: Search, chosen: tuple[int, ...], new: Sequence[int]) -> tuple[int, ...]:
