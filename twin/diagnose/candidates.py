@@ -17,7 +17,7 @@ from twin.effects import (
     with_effects,
 )
 from twin.effects.effect import targets
-from twin.errors import TwinError
+from twin.errors import PlatformError, TwinError
 from twin.identify.start import drives
 from twin.model import compile_model
 from twin.platform import Platform
@@ -219,6 +219,8 @@ def _refused(effect: Effect, platform: Platform) -> str:
         if isinstance(effect, BodyEffect):
             first = np.where(amplitudes(effect), SMALL * effect.scale(), effect.values)
             compile_model(with_effects(finer, (effect.with_values(first),)))
+    except PlatformError:
+        return f"{platform.name} is too light or too thin to hold such a part"
     except TwinError as problem:
         said = str(problem)
         return said.partition(f" cannot have {effect.label}: ")[2] or said
