@@ -18,13 +18,22 @@ from functools import cached_property
 import numpy as np
 
 from twin.diagnose.candidates import Candidate, resonators, ringing
-from twin.diagnose.explanation import CROWD, Explanation, astray, explain, fitted, followed, guesses
+from twin.diagnose.explanation import (
+    CROWD,
+    Explanation,
+    astray,
+    explain,
+    fitted,
+    followed,
+    guesses,
+    in_sigmas,
+)
 from twin.diagnose.laws import Law, laws_of, unlikely
 from twin.diagnose.remainder import Remainder, lines_of, remainder, slow_line_of
 from twin.diagnose.screen import TIED, Search, less
 from twin.effects import Effect, able, with_effects
 from twin.errors import TwinError
-from twin.identify.prediction_error import WORTHWHILE
+from twin.identify.prediction_error import NORMAL, WORTHWHILE
 from twin.model import compile_model
 from twin.predict.apart import apart
 
@@ -427,6 +436,9 @@ class Engine:
             cost = there.now.deflated(self._inflation) - now.deflated(self._inflation)
             lost = search.scored(out[0], cost)
             chance = len(out) == 1 and not search.pays(lost) and not there.left.doubtful
+            # of two sets that tie the smaller one, and none of what may be none
+            if len(out) > 1 or _may_be_none(now, out[0]):
+                spare += TIED
             if self._score(there) < self._score(line) + spare or chance:
                 return there
         return None
@@ -536,6 +548,14 @@ def _laws(line: Line, chosen: Sequence[int]) -> list[Law]:
         for i in chosen
         if count <= i < own or i >= first
     ]
+
+
+def _may_be_none(now: Explanation, index: int) -> bool:
+    """Whether the interval of a cause's amplitudes holds none of it."""
+    if index >= len(now.effects):
+        return False
+    effect, free = now.effects[index], now.free[index]
+    return in_sigmas([effect], [free], [now.covariances[index]]) < NORMAL
 
 
 def _possible(now: Explanation, effect: Effect) -> bool:
