@@ -8,6 +8,7 @@ of torque and the unit of an angle.
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -303,3 +304,8 @@ def three_digits(value: float) -> str:
     """0.0123, 12.3, 1234; never 1.23e+03."""
     text = f"{value:.3g}"
     return f"{value:.0f}" if "e+" in text else text
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as a sentence has them: "x, y and z"; nothing of none."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

@@ -7,6 +7,8 @@ from itertools import permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.units import listed
+
 Array = NDArray[np.float64]
 
 SIMPLE = 6.0
@@ -82,11 +84,6 @@ def words_for(stream: str, axes: Array, names: Sequence[str]) -> str:
 def entries(axes: Array, names: Sequence[str]) -> list[str]:
     """Which column, and with which sign, is each axis: ["y", "-x", "z"]."""
     return ["-" * int(row.min() < 0.0) + names[int(np.argmax(np.abs(row)))] for row in axes]
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names as a sentence has them: "x, y and z"."""
-    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
 
 
 def quaternion_matrices() -> Iterator[tuple[str, Array]]:

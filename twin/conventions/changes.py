@@ -12,14 +12,13 @@ from twin.conventions.axes import (
     ODD,
     SIMPLE,
     cost_of,
-    listed,
     quaternion_matrices,
     signed_permutations,
     words_for,
 )
 from twin.conventions.correction import Correction, as_tuple, stated
 from twin.recording import Recording
-from twin.units import unit_named
+from twin.units import listed, unit_named
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.conventions.axes import ODD, SIMPLE, entries, listed, signed_permutations
+from twin.conventions.axes import ODD, SIMPLE, entries, signed_permutations
 from twin.conventions.correction import (
     Correction,
     angles_of,
@@ -17,6 +17,7 @@ from twin.conventions.correction import (
 )
 from twin.recording import Recording, Series
 from twin.recording.quaternions import columns_of
+from twin.units import listed
 
 Array = NDArray[np.float64]
 

@@ -437,7 +437,7 @@ class Engine:
             lost = search.scored(out[0], cost)
             chance = len(out) == 1 and not search.pays(lost) and not there.left.doubtful
             # of two sets that tie the smaller one, and none of what may be none
-            if len(out) > 1 or _may_be_none(now, out[0]):
+            if len(out) > 1 or all(_may_be_none(now, index) for index in out):
                 spare += TIED
             if self._score(there) < self._score(line) + spare or chance:
                 return there

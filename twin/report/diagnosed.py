@@ -20,7 +20,7 @@ from twin.report.next_experiment import experiment_sentence
 from twin.report.one_clock import one_clock_sentences
 from twin.report.words import MEANINGFUL, NO_INTERVALS, pair, quiet_sentences
 from twin.signals import stream_named
-from twin.units import fitting, printed, three_digits
+from twin.units import fitting, listed, printed, three_digits
 
 FAR = 0.5
 """Of a mean principal moment, or of the whole mass 1 mm off: a refitted base that moved more."""
@@ -38,7 +38,7 @@ def diagnosed(found: Diagnosis) -> list[str]:
     said.append(verdict_sentence(found))
     said += [] if found.intervals_hold else [NO_INTERVALS]
     said += [push_sentence(found.pushes)] if found.pushes else []
-    said += [cause_sentence(cause) for cause in found.causes]
+    said += cause_sentences(found)
     said += one_clock_sentences(found)
     said += wander_sentences(found)
     if found.next_experiment is not None:
@@ -71,7 +71,7 @@ def push_sentence(pushes: Sequence[Push]) -> str:
 
 def verdict_sentence(found: Diagnosis) -> str:
     """The verdict, as a person says it."""
-    names = " and ".join(cause_name(cause) for cause in found.causes)
+    names = listed([cause_name(cause) for cause in found.causes])
     if found.pushes:
         times = "once" if len(found.pushes) == 1 else f"{len(found.pushes)} times"
         rest = f"the model lacks {names}, and with that" if names else "as the model is,"
@@ -79,7 +79,7 @@ def verdict_sentence(found: Diagnosis) -> str:
             f"Unexplained: {times} something happened that no cause explains; for the rest of the "
             f"time, {rest} nothing but noise is left."
         )
-    noise = " and ".join(("noise", *wanders(found)))
+    noise = listed(["noise", *wanders(found)])
     if found.verdict == "healthy":
         return (
             f"Healthy: what the model leaves is the sensors' {noise}, and none of "
@@ -92,9 +92,9 @@ def verdict_sentence(found: Diagnosis) -> str:
             f"Ambiguous: the model lacks {names}, or what these logs cannot tell from it; with it "
             f"nothing but {noise} is left."
         )
-    rest = " and ".join(wanders(found))
+    rest = listed(wanders(found))
     if found.verdict == "explained in part":
-        carry = f"{names} {'carries' if len(found.causes) == 1 else 'carry'}"
+        carry = f"{names} {_carry(found)}"
         share = f"{100.0 * found.carried:.0f} %"
         if found.explained.follows:
             return (
@@ -167,11 +167,15 @@ def wander_sentences(found: Diagnosis) -> list[str]:
     """How much of what the model misses the causes carry beside what wanders."""
     if not found.wander.wanders or not found.causes or found.verdict == "explained in part":
         return []
-    names = " and ".join(cause_name(cause) for cause in found.causes)
+    names = listed([cause_name(cause) for cause in found.causes])
     return [
-        f"{names} carries {100.0 * found.carried:.0f} % of what the model misses, what wanders "
-        "the rest; every interval allows for it."
+        f"{names} {_carry(found)} {100.0 * found.carried:.0f} % of what the model misses, what "
+        "wanders the rest; every interval allows for it."
     ]
+
+
+def _carry(found: Diagnosis) -> str:
+    return "carries" if len(found.causes) == 1 else "carry"
 
 
 def cause_name(cause: Cause) -> str:
@@ -180,8 +184,18 @@ def cause_name(cause: Cause) -> str:
     return f"{cause.effect.name}{of}"
 
 
-def cause_sentence(cause: Cause) -> str:
-    """Its numbers, how sure it is, and what could be meant instead."""
+def cause_sentences(found: Diagnosis) -> list[str]:
+    """Of each cause; no confidence where something without a name is at work."""
+    return [cause_sentence(cause, sure=found.intervals_hold) for cause in found.causes]
+
+
+def cause_sentence(cause: Cause, *, sure: bool = True) -> str:
+    """Its numbers, how sure it is, and what could be meant instead.
+
+    Args:
+        cause: of a diagnosis.
+        sure: whether its confidence is one; beside what has no name it is a count of other logs.
+    """
     leaning = cause.free & np.isnan(cause.half_widths)
     taken = ~cause.free & ~amplitudes(cause.effect) & leaning.any()
     parts = [
@@ -198,9 +212,10 @@ def cause_sentence(cause: Cause) -> str:
         parts.append(f"{how}: {beside}")
     ties = ", ".join(f"{tie.label} ({tie.behind:.1f} behind)" for tie in cause.ties)
     instead = f" These logs cannot tell it from {ties}." if ties else ""
+    confidence = f", confidence {100.0 * cause.confidence:.3g} %" if sure else ""
     return (
-        f"{cause_name(cause)}: {', '.join(parts)}; evidence {cause.evidence:.0f}, "
-        f"confidence {100.0 * cause.confidence:.3g} %.{instead}"
+        f"{cause_name(cause)}: {', '.join(parts)}; evidence {cause.evidence:.0f}"
+        f"{confidence}.{instead}"
     )
 
 

@@ -10,7 +10,7 @@ from twin.compare import log_name
 from twin.diagnose import Diagnosis, Experiment, Validation
 from twin.identify.prediction_error import NORMAL
 from twin.report.diagnosed import (
-    cause_sentence,
+    cause_sentences,
     could_show,
     diagnosed,
     equation_sentence,
@@ -39,7 +39,7 @@ def write_diagnosis(path: Path, found: Diagnosis, gain: Validation | None) -> No
 def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
     length = sum(log.stop - log.start for log in found.recordings)
     verdict = verdict_sentence(found)
-    own = [cause_sentence(cause) for cause in found.causes] + one_clock_sentences(found)
+    own = cause_sentences(found) + one_clock_sentences(found)
     if found.equation is not None:
         own.append(equation_sentence(found.equation))
     if found.pushes:

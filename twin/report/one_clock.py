@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from twin.diagnose import Cause, Diagnosis
-from twin.units import printed
+from twin.units import listed, printed
 
 LAG = "clock_lag"
 
@@ -23,8 +23,8 @@ def one_clock_sentences(found: Diagnosis) -> list[str]:
     way, other = ("late", "early") if lag > 0.0 else ("early", "late")
     size = printed(abs(lag), "s")
     return [
-        f"{_listed(streams)} are {way} by the same time, {size}: rather than {len(streams)} clocks "
-        f"it is one that is off, theirs, or that of {_listed(others)}, {other} by {size}."
+        f"{listed(streams)} are {way} by the same time, {size}: rather than {len(streams)} clocks "
+        f"it is one that is off, theirs, or that of {listed(others)}, {other} by {size}."
     ]
 
 
@@ -43,7 +43,3 @@ def _in_use(found: Diagnosis) -> set[str]:
         for name in (*body.inputs.used, *(output.stream for output in body.outputs))
         if name in body.recording and np.ptp(body.recording[name].value, axis=0).any()
     }
-
-
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
