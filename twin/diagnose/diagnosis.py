@@ -235,7 +235,7 @@ def _reasoned(plain: Explanation, logs: Sequence[Recording], say: Say) -> _Reaso
     candidates = candidates_of(plain.bodies)
     engine = Engine(candidates.asked, say)
     # along a motion that is lost columns say little
-    lost = plain.follows and (not plain.converged or remainder(plain).chi2 > LOST)
+    lost = plain.follows and remainder(plain).chi2 > LOST
     line = None if lost else engine.explained(plain)
     if line is None or line.left.chi2 > ROUGH or not ordinary(line.now.noise):
         say("the base, by segments")
