@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from twin.effects.effect import Effect
 from twin.platform import Platform, Thruster
-from twin.rotation import from_rotation_vector, multiply
 
 Array = NDArray[np.float64]
 
@@ -50,24 +49,6 @@ class State:
     change: Array | None = None
     """(n, 3) or (n, 1) by which the rate changes over the step in whose middle this is, evenly: a
     torque is asked for as its mean over that step. None: for an instant."""
-
-
-def middle_of(now: State, last: State | None, step: float) -> State:
-    """The middle of the step that begins, were it to go on as the last one went.
-
-    Args:
-        now: where the step begins.
-        last: where the last one began; None at the first.
-        step: [s].
-    """
-    change = np.zeros_like(now.rate) if last is None else now.rate - last.rate
-    wheels = now.wheel_speed if last is None else 1.5 * now.wheel_speed - 0.5 * last.wheel_speed
-    turn = 0.5 * step * (now.rate + 0.25 * change)
-    if now.position.shape[-1] == 4:
-        position = multiply(now.position, from_rotation_vector(turn))
-    else:
-        position = now.position + turn
-    return State(position, now.rate + 0.5 * change, wheels, now.time + 0.5 * step, change)
 
 
 TorqueLaw = Callable[[State], Array]

@@ -15,7 +15,6 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from twin.effects import BodyEffect, Effect, State
-from twin.effects.on_body import middle_of
 from twin.model import Machine
 
 Array = NDArray[np.float64]
@@ -63,7 +62,7 @@ class Forces:
         laws = [effect.torque(platform) for effect in effects]
         self._laws = [law for law in laws if law is not None]
         self._springs = any(effect.follows_start for effect in effects)
-        self._last: State | None = None
+        self._last: Array | None = None
 
     @property
     def changing(self) -> bool:
@@ -155,22 +154,25 @@ class Forces:
         return wrench
 
     def _torque(self, batch: Batch, runs: Index, time: Array) -> Array:
-        """(m, k) mean over the next step, were it to go on as the last one went."""
+        """(m, k) in the middle of the next step."""
         machine, rate = self._machine, batch.bind("qvel")
         times = np.zeros(self._n)
         times[runs] = time
         # of all runs: a law whose parameters differ from run to run has a row for each
-        now = State(
-            batch.bind("qpos")[:, machine.base_qpos].copy(),
-            rate[:, machine.base_dof].copy(),
-            rate[:, machine.wheel_dof].copy(),
+        state = State(
+            batch.bind("qpos")[:, machine.base_qpos],
+            rate[:, machine.base_dof],
+            rate[:, machine.wheel_dof],
             times,
         )
         with np.errstate(all="ignore" if len(runs) < self._n else None):  # some have stopped
-            middle = middle_of(now, self._last, machine.platform.step)
-            torque = np.sum([law(middle) for law in self._laws], axis=0)[runs]
-        self._last = now
-        return torque
+            now = np.sum([law(state) for law in self._laws], axis=0)[runs]
+        if self._last is None:
+            self._last = np.zeros((self._n, now.shape[1]))
+            self._last[runs] = now
+        middle = 1.5 * now - 0.5 * self._last[runs]
+        self._last[runs] = now
+        return middle
 
 
 def _failed(failures: Sequence[SimulationError]) -> Index:

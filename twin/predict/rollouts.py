@@ -9,7 +9,6 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from twin.effects import State
-from twin.effects.on_body import middle_of
 from twin.errors import TwinError
 from twin.model import Machine
 from twin.predict.inputs import Inputs
@@ -228,17 +227,18 @@ class Rollouts:
         """Step by step; a torque is held at its mean over a step, as that would go on."""
         machine = self.machine
         base = driven.shape[2] - machine.model.nv + np.arange(machine.model.nv)[machine.base_dof]
-        last: State | None = None
+        last: Array | None = None
         for k in range(driven.shape[1]):
             velocity = carrier.velocity
-            now = State(
-                carrier.position[:, machine.base_qpos].copy(),
-                velocity[:, machine.base_dof].copy(),
-                velocity[:, machine.wheel_dof].copy(),
+            state = State(
+                carrier.position[:, machine.base_qpos],
+                velocity[:, machine.base_dof],
+                velocity[:, machine.wheel_dof],
                 start + k * self.grid.step,
             )
+            now = torque_of(push.laws, state)
             held = driven[:, k : k + 1].copy()
-            held[:, 0, base] += torque_of(push.laws, middle_of(now, last, self.grid.step))
+            held[:, 0, base] += now if last is None else 1.5 * now - 0.5 * last
             last = now
             yield carrier.carry(held)
 

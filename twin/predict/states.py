@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.effects import State
-from twin.effects.on_body import TorqueLaw, middle_of
+from twin.effects.on_body import TorqueLaw
 from twin.errors import TwinError
 from twin.model import Machine
 
@@ -237,15 +237,14 @@ def carried_answers(
         begins: (S, steps) at which the steps begin [s].
     """
     segments, steps, x, _ = carried.shape
-    step = float(begins[0, 1] - begins[0, 0])
-    half = 0.5 * step * answer[..., machine.base_dof]
+    half = 0.5 * float(begins[0, 1] - begins[0, 0]) * answer[..., machine.base_dof]
     change = np.zeros((segments, steps + 1, x))
-    last: State | None = None
+    last: Array | None = None
     for k in range(steps):
-        now = path[0, :, k].moved(change[:, k]).with_time(begins[:, k])
-        torque = torque_of(push.laws, middle_of(now, last, step))
+        now = torque_of(push.laws, path[0, :, k].moved(change[:, k]).with_time(begins[:, k]))
+        middle = now if last is None else 1.5 * now - 0.5 * last
         last = now
-        pushed = np.einsum("sxb,sb->sx", half[:, min(k, half.shape[1] - 1)], torque)
+        pushed = np.einsum("sxb,sb->sx", half[:, min(k, half.shape[1] - 1)], middle)
         before = change[:, k] + pushed
         change[:, k + 1] = np.einsum("sxy,sy->sx", carried[:, k], before) + pushed
     return change

@@ -18,8 +18,9 @@ class BearingCoulombFriction(BodyEffect):
     """The bearing brakes at every rate alike: torque -c w / sqrt(w^2 + w_s^2).
 
     MuJoCo's friction loss holds every axis for itself; this one opposes the rate as a whole, so
-    Python evaluates it once a physics step, as its mean over the step: where the rate changes its
-    sign within one, the torque goes over by as much as it should.
+    Python evaluates it once a physics step. A sign change that takes less than a step is missed;
+    along a path that is known the torque is its mean over each step, which answers to a change of
+    the path as dry friction does.
     """
 
     name = "bearing_coulomb_friction"
