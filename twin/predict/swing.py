@@ -24,6 +24,7 @@ class Swing:
     """A hinge's equation of motion, as a model has it."""
 
     step: float
+    """[s]."""
     inertia: float
     """M [kg m^2]."""
     sine: float
@@ -31,7 +32,7 @@ class Swing:
     """s, c [N m]."""
     stiffness: float
     """k [N m/rad]."""
-    rest: float
+    spring_reference: float
     """q0 [rad]."""
     damping: float
     """d [N m s]."""
@@ -47,10 +48,10 @@ class Swing:
         actuators with a state, a bias or a limited force."""
         if model.nv != 1 or model.nq != 1 or model.na or model.neq or model.ntendon:
             return None
-        free = int(mujoco.mjtDisableBit.mjDSBL_CONTACT.value)
+        without_contacts = int(mujoco.mjtDisableBit.mjDSBL_CONTACT.value)
         plain = (
             model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-            and model.opt.disableflags & free
+            and model.opt.disableflags & without_contacts
             and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_HINGE
             and not model.jnt_limited[0]
             and not model.dof_frictionloss[0]
@@ -62,28 +63,28 @@ class Swing:
             return None
         data = mujoco.MjData(model)
         inertia = _torque(model, data, 0.0, 0.0, 1.0) - _torque(model, data, 0.0, 0.0, 0.0)
-        stiffness, rest = float(model.jnt_stiffness[0]), float(model.qpos_spring[0])
+        stiffness, reference = float(model.jnt_stiffness[0]), float(model.qpos_spring[0])
         at_zero, aside = (-_torque(model, data, q, 0.0, 0.0) for q in (0.0, 0.5 * np.pi))
-        found = Swing(
+        swing = Swing(
             float(model.opt.timestep),
             inertia,
-            aside + stiffness * (0.5 * np.pi - rest),
-            at_zero - stiffness * rest,
+            aside + stiffness * (0.5 * np.pi - reference),
+            at_zero - stiffness * reference,
             stiffness,
-            rest,
+            reference,
             float(model.dof_damping[0]),
             np.array([_gear(model, data, i) for i in range(model.nu)]),
             np.where(model.actuator_ctrllimited, model.actuator_ctrlrange[:, 0], -np.inf),
             np.where(model.actuator_ctrllimited, model.actuator_ctrlrange[:, 1], np.inf),
         )
-        return found if found._agrees(model, data) else None
+        return swing if swing._agrees(model, data) else None
 
     def acceleration(self, position: Array, velocity: Array, torque: Array) -> Array:
-        """(r,) under torques (r,) from outside."""
-        own = self.sine * np.sin(position) + self.cosine * np.cos(position)
+        """(r,) [rad/s^2] at angles and rates (r,), under torques (r,) from outside [N m]."""
+        passive = self.sine * np.sin(position) + self.cosine * np.cos(position)
         if self.stiffness:
-            own = own - self.stiffness * (position - self.rest)
-        return (torque + own - self.damping * velocity) / self.inertia
+            passive = passive - self.stiffness * (position - self.spring_reference)
+        return (torque + passive - self.damping * velocity) / self.inertia
 
     def _agrees(self, model: mujoco.MjModel, data: mujoco.MjData) -> bool:
         for q, w in PROBES:

@@ -67,11 +67,11 @@ def _mean_direction(rate: Array, change: Array, smoothing: float) -> Array:
     along = change / np.where(length > 0.0, length, 1.0)
     middle = np.sum(rate * along, axis=1, keepdims=True)
     across = rate - middle * along
-    least = np.sqrt(np.sum(np.square(across), axis=1, keepdims=True) + smoothing**2)
+    closest = np.sqrt(np.sum(np.square(across), axis=1, keepdims=True) + smoothing**2)
     first, last = middle - 0.5 * length, middle + 0.5 * length
-    roots = np.hypot(least, first) + np.hypot(least, last)
+    roots = np.hypot(closest, first) + np.hypot(closest, last)
     # as the change goes to zero, the integrand in the middle
     short = length < SHORT * roots
-    swept = np.arcsinh(last / least) - np.arcsinh(first / least)
+    swept = np.arcsinh(last / closest) - np.arcsinh(first / closest)
     weight = np.where(short, 2.0 / roots, swept / np.where(short, 1.0, length))
     return along * (2.0 * middle / roots) + across * weight
