@@ -8,6 +8,7 @@ import pytest
 from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.diagnose import diagnose
+from twin.diagnose.plain import plain_of
 from twin.diagnose.pushes import Push, but_for, pushes_of
 from twin.effects import BodyEffect, Domain, Effect, effect_named, parameter, with_effects
 from twin.effects.on_body import State, TorqueLaw
@@ -17,6 +18,7 @@ from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.predict.response import LONGEST
 from twin.recording import Recording
+from twin.recording.pauses import part_of
 from twin.reference import Multisine
 from twin.report.diagnosed import diagnosed
 from twin.stream.recorder import MemoryRecorder
@@ -103,6 +105,16 @@ def test_the_moment_of_a_push_is_found(sads, draw, length, middle):
     assert push.start < shove.start + shove.lasts
     assert shove.start < push.stop
     assert push.stop - push.start < 5.0
+
+
+def test_segments_apart_are_fitted_on_where_the_undamped_step_leads_nowhere(sads):
+    """Of this flight the parts beside a push: their fit once stopped at 1.7, and so a second push
+    seemed to be in the first part."""
+    draw = np.random.default_rng(313377158040094721088050582100102598602)
+    log = flown(sads, draw, a_shove(draw, 1.3 * LONGEST), length=2.4 * LONGEST)
+    parts = [part_of(log, 5.0, 12.75), part_of(log, 18.0, 24.0)]
+    scatter = 1.0 / plain_of(parts, sads, follows=False).now.weights
+    assert scatter.max() < 1.2
 
 
 def test_what_is_at_work_all_the_time_is_no_push(sads, draw):

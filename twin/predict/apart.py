@@ -22,6 +22,8 @@ ITERATIONS = 15
 HALVINGS = 6
 CONVERGED = 0.1
 """Fall of the cost at which the iteration ends: a third of a standard deviation."""
+DAMPINGS = (1e-3, 1e-2, 1e-1)
+"""Tried one after the other where no part of a step is better, though one was foretold to be."""
 SHOWN = 1e-9
 """Directions of the unknowns that show less than this share of the best one stay."""
 
@@ -67,7 +69,7 @@ class Apart:
     """(segments,) numbers predicted in each, all logs."""
 
     def best(
-        self, free: NDArray[np.intp], shift: Array | None = None
+        self, free: NDArray[np.intp], shift: Array | None = None, *, damping: float = 0.0
     ) -> tuple[Array, float, Array]:
         """The change of some unknowns that is best for the linearised cost.
 
@@ -77,6 +79,7 @@ class Apart:
         Args:
             free: indices of those unknowns.
             shift: a change of all unknowns that comes first.
+            damping: Levenberg and Marquardt's, in parts of what each column says by itself.
 
         Returns:
             The change of all unknowns, the cost after it, and the weights (segments,) there.
@@ -88,7 +91,7 @@ class Apart:
         for _ in range(REWEIGHTINGS if len(free) else 0):
             root = np.sqrt(self._of_rows(weights))
             step = np.zeros_like(change)
-            step[free] = _solved(self.columns[:, free] * root[:, None], -first * root)
+            step[free] = _solved(self.columns[:, free] * root[:, None], -first * root, damping)
             settled = np.allclose(step, change, rtol=1e-3, atol=0.0)
             change, ahead = step, first + self.columns @ step
             weights = self._weights(ahead)
@@ -177,8 +180,11 @@ def fit_apart(problem: Problem, start: Unknowns) -> Apart:
     now = apart(problem, start, problem.exact(start))
     free = np.arange(now.columns.shape[1])
     for _ in range(ITERATIONS):
-        step, _, _ = now.best(free)
+        step, foretold, _ = now.best(free)
         tried = _moved(problem, now, step)
+        if tried is None and now.cost - foretold > CONVERGED:
+            tries = (_moved(problem, now, now.best(free, damping=one)[0]) for one in DAMPINGS)
+            tried = next((one for one in tries if one is not None), None)
         if tried is None:
             break
         fall, now = now.cost - tried.cost, tried
@@ -202,7 +208,11 @@ def _moved(problem: Problem, now: Apart, step: Array) -> Apart | None:
     return None
 
 
-def _solved(columns: Array, right: Array) -> Array:
-    """Least squares in units of each column's size."""
+def _solved(columns: Array, right: Array, damping: float = 0.0) -> Array:
+    """Least squares in units of each column's size; damped, if asked, likewise."""
     size = 1.0 / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    return np.linalg.lstsq(columns * size, right, rcond=SHOWN)[0] * size
+    columns = columns * size
+    if damping:
+        columns = np.concatenate([columns, np.sqrt(damping) * np.eye(len(size))])
+        right = np.concatenate([right, np.zeros(len(size))])
+    return np.linalg.lstsq(columns, right, rcond=SHOWN)[0] * size
