@@ -102,7 +102,8 @@ def _scales(problem: Problem, now: Innovations, noise: Noise) -> tuple[tuple[str
     there = problem.whiten(now.at, now.exact, noise)
     known = dict(noise.scales)
     squares: dict[str, list[float]] = {}
-    for one, rows in zip(there.exact, there.left(), strict=True):
+    # what was fitted under other noise moves with it
+    for one, rows in zip(there.exact, there.left(there.step()), strict=True):
         for stream, seen in one.local.errors.items():
             own = rows[np.any(seen != 0.0, axis=-1)]
             squares.setdefault(stream, []).extend([float(own @ own), float(own.size)])

@@ -169,13 +169,23 @@ class Innovations:
         """The unknowns after a change of them, the states at their best for it."""
         return self.at.moved(change, self.chains)
 
-    def left(self) -> list[Array]:
-        """(S, N) what is left of each log's rows when its states are at their best."""
-        return [
-            line.residual
-            + np.einsum("snx,sx->sn", line.state, link.states(np.zeros(line.shared.shape[-1])))
-            for line, link in zip(self.linear, self.chains, strict=True)
-        ]
+    def left(self, step: Array | None = None) -> list[Array]:
+        """(S, N) what is left of each log's rows when its states are at their best.
+
+        Args:
+            step: a change of theta, biases and strengths that comes first; None: none.
+        """
+        step = np.zeros(self.columns.shape[1]) if step is None else step
+        p, a = len(self.at.theta), len(self.at.strengths)
+        edges = p + np.cumsum([0, *map(len, self.at.biases)])
+        found: list[Array] = []
+        ends = zip(edges, edges[1:], strict=False)
+        for line, link, (i, j) in zip(self.linear, self.chains, ends, strict=True):
+            own = np.concatenate([step[:p], step[i:j], step[edges[-1] : edges[-1] + a]])
+            own = np.pad(own, (0, line.shared.shape[-1] - len(own)))
+            states = np.einsum("snx,sx->sn", line.state, link.states(own))
+            found.append(line.residual + states + line.shared @ own)
+        return found
 
 
 class Problem:
