@@ -425,7 +425,15 @@ class Explanation:
         """-2 log L where samples say so many times less than white noise does; of what is known
         beforehand, nothing is inflated."""
         known = float(np.sum(np.square(self.now.residual[self.now.cluster < 0])))
-        return (self.now.cost - known) / inflation + known
+        return (self._reached - known) / inflation + known
+
+    @property
+    def _reached(self) -> float:
+        """-2 log L of where it stands: of a fit that has not settled the next step may foretell
+        what no step reaches."""
+        if self.converged or not isinstance(self.now, Innovations):
+            return self.now.cost
+        return self.now.chi2 + self.now.logarithm
 
     @property
     def samples(self) -> int:
