@@ -1,7 +1,10 @@
 """Effects on a hinge and its motor against closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from twin.contrast import undisturbed
 from twin.effects import parse_effects, with_effects
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
@@ -28,3 +31,33 @@ def test_energy_of_a_pendulum_grows_by_the_part_of_the_work_that_arrives(agrees)
     work = 0.8 * torque * (angle - angle[0])
     error = np.abs(gained - work).max() / np.abs(work).max()
     agrees("joint_torque_gain: energy of a pendulum beside the motor's work", error, 7e-10)
+
+
+def test_an_encoder_shows_waves_around_the_turn_and_its_rate_is_that_of_what_it_shows(agrees):
+    platform = undisturbed(load_platform("dfki_pendulum"))
+    sensors = {name: replace(sensor, rate=400.0) for name, sensor in platform.sensors.items()}
+    platform = replace(platform, sensors=sensors)
+    sine, cosine, waves = 2e-3, -1e-3, 12.0
+    text = f"encoder_error={sine}/{cosine}/{waves}"
+    sound, faulty = (
+        swing(machine) for machine in (platform, with_effects(platform, parse_effects(text)))
+    )
+    turns = waves * sound["joint_angle"]
+    slope = waves * (sine * np.cos(turns) - cosine * np.sin(turns))
+    error = sine * np.sin(turns) + cosine * np.cos(turns)
+    off = faulty["joint_angle"] - sound["joint_angle"] - error
+    agrees("encoder_error: reading, by its formula", np.abs(off).max() / 1e-3, 1e-10)
+    off = faulty["joint_rate"] - sound["joint_rate"] * (1.0 + slope)
+    agrees("encoder_error: rate, by its formula", np.abs(off).max() / 1e-3, 1e-10)
+
+
+def swing(machine):
+    """Angle and rate (n,) that are shown."""
+    plant = SimulatedPlant(machine, initial=InitialState(joint_angle=2.0))
+    shown = {"joint_angle": [], "joint_rate": []}
+    for k in range(400):
+        reading = plant.read(k * machine.tick)
+        for name, parts in shown.items():
+            if name in reading.streams:
+                parts.append(reading.streams[name].value[0, :, 0])
+    return {name: np.concatenate(parts) for name, parts in shown.items()}

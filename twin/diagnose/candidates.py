@@ -33,6 +33,8 @@ APART = 0.16
 """Between such frequencies, in parts of them: with a damping of 0.05 it rings to a tenth on either
 side."""
 
+WAVES = 60
+"""Up to so many in a turn of a hinge are sought: ten in a turn of a motor behind a gear of 6:1."""
 _CLOCKS = ("clock_drift", "clock_lag")
 _FILTERED = ("sensor_lag",)
 """Asked for only of sensors that have a filter: on slow signals one is as good as a late clock."""
@@ -133,6 +135,24 @@ def resonators(asked: Sequence[Candidate], bodies: Sequence[Body]) -> tuple[Cand
         for hertz in every
         for one in _shaped(known.effect.resonating, hertz, platform)
     )
+
+
+def winding(asked: Sequence[Candidate], bodies: Sequence[Body]) -> tuple[Candidate, ...]:
+    """Those that make waves around the turn of a hinge, any number of them."""
+    platform = bodies[0].machine.platform
+    return tuple(
+        replace(candidate(shape, platform), looked=looked_for(shape, bodies))
+        for known in asked
+        for waves in range(1, WAVES + 1)
+        for shape in known.effect.with_waves(float(waves))
+    )
+
+
+def looked_for(effect: Effect, bodies: Sequence[Body]) -> float:
+    """Logarithm of how many shapes an effect is looked for in."""
+    if effect.winds:
+        return float(np.log(WAVES))
+    return looked_among(bodies) if effect.rings else 0.0
 
 
 def looked_among(bodies: Sequence[Body]) -> float:

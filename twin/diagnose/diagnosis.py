@@ -48,6 +48,7 @@ STRAYING = {
 """Errors that sensors have however well they are calibrated, rms (SI): a vertical reference of half
 a degree, a gyro bias of 200 deg/h, an accelerometer bias of 5 mg."""
 Say = Callable[[str], None]
+_WINDS = "nothing is left that repeats with the angle"
 UNEXPLAINED = 1e-4
 """Chance below which what is left is no noise."""
 IN_PART = 0.5
@@ -344,5 +345,7 @@ def _silent(
         False: "not observable: what it acts on does not move in these logs",
         None: "not possible in the size that these logs ask for",
     }
-    labels = dict.fromkeys(one.label for one in candidates.asked)
-    return {label: why[felt.get(label)] for label in labels if label not in told}
+    silent = {one.label: one.effect for one in candidates.asked if one.label not in told}
+    return {
+        label: _WINDS if effect.winds else why[felt.get(label)] for label, effect in silent.items()
+    }

@@ -14,10 +14,11 @@ alone, with refits without each of its causes, and with the rivals of its only c
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 
-from twin.diagnose.candidates import Candidate, resonators, ringing
+from twin.diagnose.candidates import Candidate, resonators, ringing, winding
 from twin.diagnose.explanation import (
     CROWD,
     Explanation,
@@ -178,7 +179,9 @@ class Engine:
             asked: all that the logs can be asked for, at their usual shapes.
             say: takes a sentence of what is being done.
         """
-        self.asked = tuple(asked)
+        self.asked = tuple(one for one in asked if not one.effect.winds)
+        self.winding = tuple(one for one in asked if one.effect.winds)
+        """Of which no number of waves is usual: asked for where something is left."""
         self.say = say
         self._barred: set[str] = set()
         self._seen: set[frozenset[object]] = set()
@@ -257,7 +260,8 @@ class Engine:
         wide: list[Line] = []
         for line in starts:
             hertz = lines_of(line.now) or slow_line_of(line.now)
-            asked = (*self.asked, *ringing(self.asked, hertz, plain.bodies), *anywhere)
+            lines = ringing(self.asked, hertz, plain.bodies)
+            asked = (*self.asked, *lines, *anywhere, *self._winding(line.now))
             laws = tuple(laws_of(plain.bodies)) if line.now.follows else ()
             wide.append(self._line(line.now, asked, laws))
         return self._grown([*wide, *self._stepped(wide)])
@@ -273,6 +277,16 @@ class Engine:
             if search.pays(score):
                 best.setdefault(scan[score.index].label, scan[score.index])
         return tuple(best.values())
+
+    def _winding(self, now: Explanation) -> tuple[Candidate, ...]:
+        """Of what makes waves around the turn of a hinge, the numbers of them that promise most."""
+        # a few waves that a segment apart sees no whole one of stand in for a torque
+        scan = winding(self.winding, now.bodies) if now.follows else ()
+        if not scan:
+            return ()
+        search, first = search_from(now, scan), len(now.own)
+        scores = (score for score in search.scores(now.own) if search.pays(score))
+        return tuple(scan[score.index - first] for score in islice(scores, SETTINGS.singles))
 
     def _grown(self, beam: Sequence[Line]) -> list[Line]:
         """Step by step, until the best settles or no set promises more."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compare.account import Account, misfits, misfits_of
-from twin.diagnose.candidates import Candidate, looked_among
+from twin.diagnose.candidates import Candidate, looked_for
 from twin.diagnose.laws import Law, laws_of, unlikely
 from twin.diagnose.screen import KNOWN, SLIGHT, Trace, Weighing
 from twin.effects import Effect
@@ -552,7 +552,7 @@ class Explanation:
         # a shape's strength counts from where the columns were formed
         origin = np.where(amplitudes(effect), 0.0, effect.values - strengths)
         low, high = effect.bounds()
-        looked = looked_among(self.bodies) if effect.rings else 0.0
+        looked = looked_for(effect, self.bodies)
         low, high = (low - origin)[free], (high - origin)[free]
         exact = effect.exact
         return Trace(effect.label, low, high, looked=looked, exact=exact, fitted=True)

@@ -16,6 +16,7 @@ from twin.effects.on_body import State as State
 from twin.effects.on_sensor import SensorLaw as SensorLaw
 from twin.effects.on_series import BiasEffect as BiasEffect
 from twin.effects.on_series import Order as Order
+from twin.effects.on_series import ReadingEffect as ReadingEffect
 from twin.effects.on_series import ScatterEffect as ScatterEffect
 from twin.effects.on_series import SeriesEffect as SeriesEffect
 from twin.effects.on_series import series_effects as series_effects

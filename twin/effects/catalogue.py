@@ -102,7 +102,7 @@ def _only_effect(path: Path) -> type[Effect]:
         names = ", ".join(effect.__name__ for effect in effects) or "none"
         raise EffectError(
             f"{path}: defines {len(effects)} effects ({names}); an effect is a file with exactly "
-            "one subclass of BodyEffect, SeriesEffect or ScatterEffect"
+            "one subclass of BodyEffect, SeriesEffect, ReadingEffect or ScatterEffect"
         )
     _check(path, effects[0])
     return effects[0]

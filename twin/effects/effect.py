@@ -101,7 +101,8 @@ def parameter(
 
 @dataclass(frozen=True)
 class Effect(abc.ABC):
-    """One cause. Subclasses are final: `BodyEffect`, `SeriesEffect` or `ScatterEffect` above them.
+    """One cause. Subclasses are final: `BodyEffect`, `SeriesEffect`,
+    `ReadingEffect` or `ScatterEffect` above them.
 
     Raises:
         EffectError: a parameter with the wrong number of components, not finite, or out of bounds.
@@ -258,6 +259,17 @@ class Effect(abc.ABC):
             EffectError: a frequency beyond the effect's bounds.
         """
         del hertz, gravity
+        return ()
+
+    @property
+    def winds(self) -> bool:
+        """Whether it makes waves around the turn of a hinge."""
+        return type(self).with_waves is not Effect.with_waves
+
+    def with_waves(self, waves: float) -> tuple[Self, ...]:
+        """Shapes in which it would make so many waves in a turn of the hinge; none of an effect
+        that makes none."""
+        del waves
         return ()
 
     def words(self) -> str:

@@ -125,6 +125,38 @@ class ScatterEffect(Effect, abc.ABC):
         return f"the platform has no {self.acts_on}"
 
 
+@dataclass(frozen=True)
+class ReadingEffect(Effect, abc.ABC):
+    """Makes sensors of a hinge show other than the truth by where it stands and how fast it turns:
+    one fault behind several streams."""
+
+    reads: ClassVar[tuple[str, ...]]
+    """The sensors."""
+
+    @abc.abstractmethod
+    def error(self, stream: str, angle: Array, rate: Array) -> Array:
+        """What one of them shows too much.
+
+        Args:
+            stream: which of `reads`.
+            angle: (n, m, 1) of the hinge [rad].
+            rate: likewise [rad/s].
+
+        Returns:
+            (n, m, 1) in the stream's unit.
+        """
+
+    def unfit(self, platform: Platform) -> str:
+        """A machine without a hinge, or without the sensors, cannot have it."""
+        missing = super().unfit(platform)
+        if missing:
+            return missing
+        if platform.base.kind != "hinge":
+            return "it needs a hinge"
+        own = any(stream in platform.sensors for stream in self.reads)
+        return "" if own else f"the platform has no {' and no '.join(self.reads)}"
+
+
 class Recursion:
     """Follows a stream from sample to sample; remembers its last input and output."""
 

@@ -15,7 +15,16 @@ import numpy as np
 from mujoco.batch import MODEL_FIELDS, Batch
 from numpy.typing import NDArray
 
-from twin.effects import BodyEffect, Effect, EffectError, Order, ScatterEffect, SeriesEffect, State
+from twin.effects import (
+    BodyEffect,
+    Effect,
+    EffectError,
+    Order,
+    ReadingEffect,
+    ScatterEffect,
+    SeriesEffect,
+    State,
+)
 from twin.effects.stated import stated
 from twin.model import Machine, compile_model
 from twin.plant.offsets import set_offsets
@@ -173,6 +182,10 @@ def _outcome(effect: Effect, platform: Platform, rows: NDArray[np.intp]) -> Arra
             value = normalized(value) if effect.stream == "attitude" else value
             stamp = time[:, part].copy()
             shown.append(act(Samples(value, stamp, np.ones(stamp.shape, dtype=np.bool_))).value)
+        return np.concatenate(shown, axis=1)
+    if isinstance(effect, ReadingEffect):
+        angle, rate = random(_SAMPLES, 1), random(_SAMPLES, 1)
+        shown = [effect.error(stream, angle, rate) for stream in effect.reads]
         return np.concatenate(shown, axis=1)
     if isinstance(effect, ScatterEffect):
         cause = random(_SAMPLES, len(platform.stages) or 3)

@@ -12,7 +12,7 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from twin.effects import Effect, ScatterEffect, series_effects
+from twin.effects import Effect, ReadingEffect, ScatterEffect, series_effects
 from twin.errors import UsageError
 from twin.model import compile_model, untouched
 from twin.plant.derived import window_steps
@@ -138,6 +138,7 @@ class SimulatedPlant(Plant):
             )
             for stream, sensor in platform.sensors.items()
         ]
+        self._misread = [effect for effect in shared if isinstance(effect, ReadingEffect)]
         self._acts = {
             command: [effect.live(platform) for effect in series_effects(shared, command)]
             for command in platform.commands
@@ -356,6 +357,13 @@ class SimulatedPlant(Plant):
                 seen = np.repeat(self._tanks.pressure[:, None, None], steps, axis=1)
             else:
                 seen = self._truth.measured(sensor.sensor, states, self._before)
+            for effect in self._misread:
+                if sensor.sensor.stream in effect.reads:
+                    seen = seen + effect.error(
+                        sensor.sensor.stream,
+                        self._truth.true("joint_angle", states),
+                        self._truth.true("joint_rate", states),
+                    )
             if sensor.filtered:
                 seen = sensor.low_passed(seen)
             causes = [self._truth.true(e.cause, states)[:, picks] for e in sensor.scatter]

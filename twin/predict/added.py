@@ -93,6 +93,8 @@ class Added:
             for i, one in self._of(output):
                 if one.shown is not None and strengths[i] != 0.0:
                     shown = shown + strengths[i] * one.shown(output, truth)
+                if one.misread is not None and strengths[i] != 0.0:
+                    shown = shown + strengths[i] * one.misread(output, path, step)
             parts.append(output.residual(path, step, late) - shown / output.sigma)
         return self.body.cells.scatter(parts)[0]
 
@@ -100,7 +102,7 @@ class Added:
         """(S, N) d residual / d strength of each sensor's fault, by its place."""
         body, step, strengths = self.body, self.body.grid.step, self._all(strengths)
         own = range(self.count)
-        faults = [i for i in own if self.perturbations[i].stream]
+        faults = [i for i in own if self.perturbations[i].of_sensors]
         parts = [np.zeros((len(faults), *o.slot.shape)) for o in body.outputs]
         for output, part in zip(body.outputs, parts, strict=True):
             late = self._late(output, strengths)
@@ -111,6 +113,8 @@ class Added:
                 if one.shown is not None:
                     shown = one.shown(output, output.predicted(path, step, late))[0]
                     column[:] = -shown / output.sigma
+                if one.misread is not None:
+                    column[:] = -one.misread(output, path, step)[0] / output.sigma
                 if one.late is not None:
                     # Into the past only: what a law commands at an instant answers to the noise of
                     # the sample that it read there, and would seem to explain it.
@@ -160,7 +164,8 @@ class Added:
 
     def _of(self, output: Output) -> list[tuple[int, Perturbation]]:
         """What is wrong with a stream."""
-        return [(i, p) for i, p in enumerate(self.perturbations) if p.stream == output.stream]
+        every = enumerate(self.perturbations)
+        return [(i, p) for i, p in every if p.misread or p.stream == output.stream]
 
     def _late(self, output: Output, strengths: Array) -> Array:
         late = np.zeros(len(output.time))

@@ -26,7 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.effects import BodyEffect, CoupleEffect, Effect, Order, SeriesEffect
+from twin.effects import (
+    BodyEffect,
+    CoupleEffect,
+    Effect,
+    Order,
+    ReadingEffect,
+    SeriesEffect,
+)
 from twin.platform import Platform
 from twin.predict.body import Body
 from twin.predict.forces import (
@@ -41,6 +48,7 @@ from twin.predict.forces import (
 )
 from twin.predict.inputs import Inputs
 from twin.predict.sensors import Output
+from twin.predict.states import States
 from twin.signals import Samples
 
 Array = NDArray[np.float64]
@@ -111,7 +119,9 @@ def perturbations_of(effect: Effect, platform: Platform) -> tuple[Perturbation, 
     Returns:
         One a component, in their order; none for an effect that changes no expected value.
     """
-    if effect.name in BLIND or not isinstance(effect, BodyEffect | SeriesEffect):
+    if effect.name in BLIND or not isinstance(
+        effect, BodyEffect | SeriesEffect | ReadingEffect
+    ):
         return ()
     units = [known.unit for known in effect.parameters() for _ in range(known.size)]
     return tuple(
@@ -219,6 +229,15 @@ def _perturbation(name: str, unit: str, change: Change, platform: Platform) -> P
             if isinstance(effect, BodyEffect) and (law := effect.torque(platform)) is not None
         )
         return Perturbation(name, unit, force=_summed(change, _body_force), laws=laws)
+    if isinstance(first, ReadingEffect):
+
+        def misread(output: Output, path: States, step: float) -> Array:
+            return sum(
+                (factor * _misread(effect, output, path, step) for effect, factor in change),
+                start=np.zeros((1, *output.slot.shape)),
+            )
+
+        return Perturbation(name, unit, misread=misread)
     assert isinstance(first, SeriesEffect)
     stream = first.stream
     if stream == "command_stage_position":
@@ -339,6 +358,17 @@ def _shown(effect: Effect, output: Output, truth: Array, platform: Platform) -> 
     if output.stream == "attitude":
         return rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(truth), shown))
     return shown - truth
+
+
+def _misread(effect: Effect, output: Output, path: States, step: float) -> Array:
+    """(1, m, k) what a sensor shows beyond the truth along a path."""
+    assert isinstance(effect, ReadingEffect)
+    if output.stream not in effect.reads:
+        return np.zeros((1, *output.slot.shape))
+    angle, rate = (
+        replace(output, stream=stream).predicted(path, step) for stream in ("joint_angle", "joint_rate")
+    )
+    return effect.error(output.stream, angle, rate)
 
 
 def stated_of(body: Body) -> Stated:

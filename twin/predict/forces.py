@@ -78,6 +78,14 @@ class Perturbation:
     """(m,) by how much each of its samples was true before its stamp [s], at strength 1."""
     shown: Callable[[Output, Array], Array] | None = None
     """What it shows beyond the truth (1, m, k) or (1, m, 4), at strength 1: (1, m, k)."""
+    misread: Callable[[Output, States, float], Array] | None = None
+    """What any stream shows beyond the truth along a path (1, S, ...) of a step [s], at strength 1:
+    (1, m, k)."""
+
+    @property
+    def of_sensors(self) -> bool:
+        """Whether a sensor has the fault."""
+        return bool(self.stream) or self.misread is not None
 
 
 def predicted_machine(platform: Platform) -> Machine:

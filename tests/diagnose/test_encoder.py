@@ -1,0 +1,36 @@
+"""An encoder that is uneven around the turn is named, with the number of its waves."""
+
+import numpy as np
+import pytest
+
+from twin.contrast import moved
+from twin.diagnose import diagnose
+from twin.effects import effect_named
+from twin.platform import load_platform
+
+LENGTH = 20.0
+
+
+@pytest.mark.slow(60)
+def test_waves_of_an_encoder_are_named_counted_and_sized(drawn_seed):
+    pendulum = load_platform("dfki_pendulum")
+    rng = np.random.default_rng(drawn_seed)
+    size, phase = np.exp(rng.uniform(np.log(4e-4), np.log(5e-3))), rng.uniform(0.0, 2.0 * np.pi)
+    waves = int(rng.integers(8, 31))  # of two, as wide a swing as this shows less than one
+    values = np.array([size * np.cos(phase), size * np.sin(phase), waves])
+    hidden = effect_named("encoder_error").typical().with_values(values)
+    print(hidden.words())
+    found = diagnose([moved(pendulum, (hidden,), LENGTH, seed=drawn_seed)], pendulum)
+    (cause,) = found.causes
+    assert cause.effect.name == "encoder_error"
+    assert found.verdict == "explained"
+    off = np.abs(cause.effect.values - values)
+    assert np.all(off < 2.5 * cause.half_widths), (off, cause.half_widths)
+    assert cause.half_widths[2] < 1.0
+
+
+def test_without_waves_none_are_named(drawn_seed):
+    pendulum = load_platform("dfki_pendulum")
+    found = diagnose([moved(pendulum, (), LENGTH, seed=drawn_seed)], pendulum)
+    assert found.verdict == "healthy"
+    assert "repeats with the angle" in found.not_asked["encoder_error"]
