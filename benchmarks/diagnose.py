@@ -8,10 +8,10 @@ from pathlib import Path
 
 from benchmarks.machines import LAWS
 from benchmarks.measure import in_turn, table, twin
+from twin.diagnose.baseline import baseline_of
 from twin.diagnose.candidates import Candidate, candidates_of
 from twin.diagnose.engine import search_from
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.plain import plain_of
 from twin.identify.calibrate import calibrated
 from twin.platform import load_platform
 from twin.recording import open_log
@@ -68,7 +68,7 @@ def _flown(folder: str, platform: str, duration: float, hidden: str = "nothing")
 def _catalogue(path: Path) -> None:
     """How long it takes to weigh causes once, by their number."""
     platform = load_platform("sads")
-    plain = plain_of([calibrated(open_log(path).without_truth(), platform)], platform)
+    plain = baseline_of([calibrated(open_log(path).without_truth(), platform)], platform)
     asked = candidates_of(plain.bodies).asked
     parts = [asked[::share] for share in SHARES]
     rows = in_turn(

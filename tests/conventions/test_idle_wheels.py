@@ -6,7 +6,7 @@ import numpy as np
 
 from twin.controller import load_controller
 from twin.conventions import check_conventions
-from twin.diagnose.plain import plain_of
+from twin.diagnose.baseline import baseline_of
 from twin.plant.initial import InitialState
 from twin.platform import load_platform
 from twin.reproduce.flown import flown
@@ -34,4 +34,4 @@ def test_idle_wheels_are_not_accused_of_their_unit_where_inertia_is_off():
     print(f"seed {SEED}: inertia believed {off:.3f} times as large as it is")
     believed = replace(hanging, inertia=off * hanging.inertia)
     assert check_conventions(log.without_truth(), believed) == []
-    assert plain_of([log.without_truth()], believed).converged
+    assert baseline_of([log.without_truth()], believed).converged

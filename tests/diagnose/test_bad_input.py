@@ -269,7 +269,7 @@ def test_a_prediction_that_runs_away_asks_for_signs_and_units(log, said, monkeyp
     def away(*_: object, **__: object) -> None:
         raise BeyondBounds("a machine with such parameters moves beyond all bounds")
 
-    monkeypatch.setattr(diagnosis, "plain_of", away)
+    monkeypatch.setattr(diagnosis, "baseline_of", away)
     code, told = said(log)
     assert code == 2
     assert "beyond all bounds, whatever its base is: look at the signs and units" in told

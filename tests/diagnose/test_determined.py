@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.predict.flights import flown
+from twin.diagnose.baseline import baseline_of
 from twin.diagnose.explanation import determined
-from twin.diagnose.plain import plain_of
 from twin.effects.thrusters.thruster_misalignment import ThrusterMisalignment
 from twin.effects.wheels.wheel_misalignment import WheelMisalignment
 from twin.platform import load_platform
@@ -19,7 +19,7 @@ SEED = 20261123
 )
 def test_a_part_turns_across_its_own_axis_however_it_is_turned_already(kind: type, law: str):
     whorl1, rng = load_platform("whorl1"), np.random.default_rng(SEED)
-    plain = plain_of([flown("whorl1", SEED, 20.0, law)], whorl1)
+    plain = baseline_of([flown("whorl1", SEED, 20.0, law)], whorl1)
     thrusters = kind is ThrusterMisalignment
     for part in whorl1.thrusters if thrusters else whorl1.wheels:
         axis = np.abs(part.direction if thrusters else part.axis)

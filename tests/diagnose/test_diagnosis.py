@@ -43,7 +43,7 @@ def test_the_cause_is_named_and_sized(found):
     (cause,) = found.causes
     assert abs(cause.effect.values[0] - STIFFNESS) < 1.5 * cause.half_widths[0]
     assert cause.evidence > 500.0
-    assert found.remainder.chance > 1e-4
+    assert found.residual_test.chance > 1e-4
 
 
 def test_a_cause_that_nothing_else_looks_like_explains_the_log(found):
@@ -84,8 +84,8 @@ def test_a_fit_that_has_lost_the_motion_names_nothing(found, monkeypatch):
     asked = [one for one in found.asked if one.label in FEW]
     assert len(asked) == len(FEW)
     line = Engine(asked, lambda _: None).explained(found.plain)
-    assert line.now.effects == ()
-    assert line.left.chance < 1e-4 or line.now.noise.wanders
+    assert line.explanation.effects == ()
+    assert line.residual_test.chance < 1e-4 or line.explanation.noise.wanders
 
 
 class Lost(Explanation):

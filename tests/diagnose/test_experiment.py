@@ -85,7 +85,7 @@ def tied(platform):
     effects = parse_effects(HIDDEN)
     usual = Excitation(platform, "quaternion_pd", 40.0, "multisine")
     log = usual.flown(with_effects(platform, effects))
-    return diagnosis.plain_of([log], platform).instead(effects)
+    return diagnosis.baseline_of([log], platform).instead(effects)
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +104,7 @@ def found(platform, tied, rival):
 
 
 def test_the_log_is_tied(tied, rival):
-    search = Search(tied.weighing([rival]), range(2))
+    search = Search(tied.screen([rival]), range(2))
     ((_, evidence),) = search.instead((0,), 0)
     assert evidence < TIED
 
@@ -128,8 +128,8 @@ def test_the_tie_falls_behind_as_far_as_was_foretold(found, platform, tied, riva
     (best,) = [one for one in excitations(platform, 40.0) if one.command == found.command]
     log = best.flown(with_effects(platform, parse_effects(HIDDEN)), seed=2)
     logs = [tied.bodies[0].recording, log]
-    both = diagnosis.plain_of(logs, platform).instead(tied.effects)
-    ((_, realised),) = Search(both.weighing([rival]), range(2)).instead((0,), 0)
+    both = diagnosis.baseline_of(logs, platform).instead(tied.effects)
+    ((_, realised),) = Search(both.screen([rival]), range(2)).instead((0,), 0)
     # the size was found with noise, and so is what follows from it: evidence goes with its square
     assert found.splits[RIVAL] / 4.0 < realised < 4.0 * found.splits[RIVAL]
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twin.cli.main import main
-from twin.diagnose.plain import plain_of
-from twin.diagnose.remainder import held_out
+from twin.diagnose.baseline import baseline_of
+from twin.diagnose.residual_test import held_out
 from twin.platform import load_platform
 from twin.recording import Recording, open_log
 
@@ -17,7 +17,7 @@ def test_of_one_segment_nothing_is_held_out(seconds: int, segments: int, tmp_pat
     run = tmp_path / "run.rrd"
     fly = ["run", "sads", "--controller", "quaternion_pd", "--duration", str(seconds)]
     assert main([*fly, "--rrd", str(run)]) == 0
-    plain = plain_of([open_log(run).without_truth()], load_platform("sads"))
+    plain = baseline_of([open_log(run).without_truth()], load_platform("sads"))
     assert plain.bodies[0].grid.segments == segments
     assert np.isfinite(held_out(plain).after) == (segments > 1)
 
@@ -30,7 +30,7 @@ def test_a_short_log_beside_a_long_one_keeps_biases_of_its_own(tmp_path: Path):
         more = ["--duration", str(seconds), "--seed", str(seed), "--rrd", str(run)]
         assert main([*fly, *more]) == 0
         logs.append(open_log(run).without_truth())
-    gain = held_out(plain_of(logs, load_platform("sads")))
+    gain = held_out(baseline_of(logs, load_platform("sads")))
     assert gain.after < 1.0 + 2.0 * (gain.high - 1.0), "a true model strays"
 
 
@@ -43,7 +43,7 @@ def test_a_short_log_beside_a_long_one_keeps_biases_of_its_own(tmp_path: Path):
     ],
 )
 def test_a_short_log_of_a_true_model_is_not_missed(flight_of, drawn_seed, platform, law, reference):
-    plain = plain_of(
+    plain = baseline_of(
         [flight_of(platform, law, reference, 20.0, drawn_seed)], load_platform(platform)
     )
     assert plain.bodies[0].grid.segments == 2

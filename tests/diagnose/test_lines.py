@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 
 from twin.clock import SimulatedClock
+from twin.diagnose.baseline import baseline_of
 from twin.diagnose.candidates import candidate, ringing
 from twin.diagnose.engine import search_from
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.plain import plain_of
-from twin.diagnose.remainder import slow_line_of
+from twin.diagnose.residual_test import slow_line_of
 from twin.effects import catalogue
 from twin.flight import prepare
 from twin.platform import load_platform
@@ -43,7 +43,7 @@ def flown(frequency: float | None) -> Recording:
 @cache
 def plain_at(frequency: float | None) -> Explanation:
     """The machine without causes, of a log in which something pushes at a frequency."""
-    return plain_of([flown(frequency)], load_platform("sads"))
+    return baseline_of([flown(frequency)], load_platform("sads"))
 
 
 def test_a_push_slower_than_a_stretch_is_found_at_its_frequency():
@@ -63,7 +63,7 @@ def test_of_where_a_push_acts_only_what_the_log_tells_is_fitted():
     asked = ringing([candidate(kind.typical().absent(), platform)], [0.05], plain.bodies)
     search = search_from(plain, asked)
     (index,) = search.best()
-    (force,) = search.weighing.weigh((index,)).strengths
+    (force,) = search.screen.weigh((index,)).strengths
     found = plain.instead([replace(asked[index].effect, force=tuple(force.tolist()))])
     (free,), (effect,) = found.free, found.effects
     assert not free[:3].all(), "a longer arm with less force does the same"

@@ -8,7 +8,7 @@ import pytest
 from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.diagnose import diagnose
-from twin.diagnose.plain import plain_of
+from twin.diagnose.baseline import baseline_of
 from twin.diagnose.pushes import Push, but_for, pushes_of
 from twin.effects import BodyEffect, Domain, Effect, effect_named, parameter, with_effects
 from twin.effects.on_body import State, TorqueLaw
@@ -113,7 +113,7 @@ def test_segments_apart_are_fitted_on_where_the_undamped_step_leads_nowhere(sads
     draw = np.random.default_rng(313377158040094721088050582100102598602)
     log = flown(sads, draw, a_shove(draw, 1.3 * LONGEST), length=2.4 * LONGEST)
     parts = [part_of(log, 5.0, 12.75), part_of(log, 18.0, 24.0)]
-    scatter = 1.0 / plain_of(parts, sads, follows=False).now.weights
+    scatter = 1.0 / baseline_of(parts, sads, follows=False).prediction.weights
     assert scatter.max() < 1.2
 
 

@@ -8,8 +8,8 @@ import pytest
 from tests.effects.motion import Kicks
 from twin.contrast import moved
 from twin.diagnose import diagnose
+from twin.diagnose.baseline import baseline_of
 from twin.diagnose.candidates import candidates_of, resonators
-from twin.diagnose.plain import plain_of
 from twin.effects import Effect, able, effect_named
 from twin.platform import Platform, load_platform
 
@@ -54,7 +54,7 @@ def test_a_panel_is_named_alone_at_whatever_frequency(hanging, drawn_seed):
 
 def test_what_may_ring_is_asked_for_all_over_the_spectrum_and_nothing_else_is(hanging):
     log = moved(hanging, (), 10.0, seed=1, law=Kicks())
-    bodies = plain_of([log], hanging).bodies
+    bodies = baseline_of([log], hanging).bodies
     found = resonators(candidates_of(bodies).asked, bodies)
     assert {one.label for one in found} == {"flexible_appendage", "liquid_slosh"}
     panels = sorted({one.effect.values[0] for one in found if one.label == "flexible_appendage"})

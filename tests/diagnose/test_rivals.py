@@ -5,10 +5,10 @@ import pytest
 
 from twin.clock import SimulatedClock
 from twin.controller import load_controller
+from twin.diagnose.baseline import baseline_of
 from twin.diagnose.candidates import candidates_of
-from twin.diagnose.engine import Engine, Line
+from twin.diagnose.engine import Engine, SearchState
 from twin.diagnose.explanation import guesses
-from twin.diagnose.plain import plain_of
 from twin.effects import effect_named, with_effects
 from twin.estimators import load_estimator
 from twin.loop import fly
@@ -19,7 +19,7 @@ from twin.stream.recorder import MemoryRecorder
 
 
 @pytest.fixture(scope="module")
-def line() -> Line:
+def state() -> SearchState:
     """Of slow slews that rub a little; drag does nearly the same."""
     seed = int(np.random.SeedSequence().generate_state(1)[0])
     print("seed", seed)
@@ -35,25 +35,25 @@ def line() -> Line:
         duration=60.0,
         observers=[memory],
     )
-    plain = plain_of([memory.recording().without_truth()], platform)
+    plain = baseline_of([memory.recording().without_truth()], platform)
     asked = candidates_of(plain.bodies).asked
     now = plain.instead((rubbing,))
-    return Line(now, asked)
+    return SearchState(now, asked)
 
 
 @pytest.mark.slow
-def test_whichever_of_two_rivals_the_search_ended_at_the_answer_is_the_same(line: Line):
-    engine = Engine(line.asked, lambda _: None)
-    best = engine.against_rivals(line)
-    (own,) = best.now.effects
+def test_whichever_of_two_rivals_the_search_ended_at_the_answer_is_the_same(state: SearchState):
+    engine = Engine(state.candidates, lambda _: None)
+    best = engine.against_rivals(state)
+    (own,) = best.explanation.effects
     assert best.rivals[own.label] == 0.0
     others = {label: behind for label, behind in best.rivals.items() if label != own.label}
     assert others, "drag and viscous friction are rivals in a slew"
     label = min(others, key=lambda one: others[one])
-    weighing = best.search.weighing
-    place = next(i for i, _ in best.search.instead((0,), 0) if weighing.traces[i].label == label)
-    there = best.now.instead(guesses(best.now, best.asked, weighing, (place,)))
-    again = engine.against_rivals(Line(there, best.asked))
-    (found,) = again.now.effects
+    screen = best.search.screen
+    place = next(i for i, _ in best.search.instead((0,), 0) if screen.traces[i].label == label)
+    there = best.explanation.instead(guesses(best.explanation, best.candidates, screen, (place,)))
+    again = engine.against_rivals(SearchState(there, best.candidates))
+    (found,) = again.explanation.effects
     assert found.label == own.label
     assert again.rivals[label] == pytest.approx(others[label], abs=1.0)

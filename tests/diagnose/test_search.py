@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from twin.diagnose.screen import Search, Trace, Weighing, price
+from twin.diagnose.screen import LinearScreen, Search, Trace, price
 
 FREE = np.full(1, np.inf)
 SEED = 20261121
 
 
-def weighing(rng: np.random.Generator, truth: np.ndarray, traces: list[Trace], columns: np.ndarray):
+def screen(rng: np.random.Generator, truth: np.ndarray, traces: list[Trace], columns: np.ndarray):
     base = rng.normal(size=(len(columns), 4))
     noise = rng.normal(size=len(columns))
-    return Weighing(noise + base @ rng.normal(size=4) - columns @ truth, base, columns, traces)
+    return LinearScreen(noise + base @ rng.normal(size=4) - columns @ truth, base, columns, traces)
 
 
 def trace(name: str, numbers: int = 1, low: float = -np.inf) -> Trace:
@@ -31,7 +31,7 @@ def rng() -> np.random.Generator:
 def test_a_hidden_cause_is_named_alone_and_sized(rng):
     columns = rng.normal(size=(500, 6))
     truth = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    found = weighing(rng, truth, [trace(n) for n in "abcdef"], columns)
+    found = screen(rng, truth, [trace(n) for n in "abcdef"], columns)
     search = Search(found, range(6))
     assert search.best() == (1,)
     (strength,) = found.weigh((1,)).strengths
@@ -41,7 +41,7 @@ def test_a_hidden_cause_is_named_alone_and_sized(rng):
 def test_two_hidden_causes_are_both_named(rng):
     columns = rng.normal(size=(500, 6))
     truth = np.array([0.0, 1.0, 0.0, 0.0, -0.6, 0.0])
-    search = Search(weighing(rng, truth, [trace(n) for n in "abcdef"], columns), range(6))
+    search = Search(screen(rng, truth, [trace(n) for n in "abcdef"], columns), range(6))
     assert sorted(search.best()) == [1, 4]
 
 
@@ -52,7 +52,9 @@ def test_nothing_is_named_in_noise_more_often_than_is_allowed():
         base, columns = rng.normal(size=(60, 4)), rng.normal(size=(60, 8))
         traces, limit = [trace(n) for n in "abcdefgh"], None
         for _ in range(logs // 10):
-            search = Search(Weighing(rng.normal(size=60), base, columns, traces), range(8), limit)
+            search = Search(
+                LinearScreen(rng.normal(size=60), base, columns, traces), range(8), limit
+            )
             limit = search.limit
             named += bool(search.best())
     print(f"named in {named} of {logs}")
@@ -68,10 +70,10 @@ def test_the_best_of_many_frequencies_is_weighed_as_that():
         best = int(np.argmax(np.abs(noise @ columns) / np.linalg.norm(columns, axis=0)))
         one = Trace("line", -FREE, FREE)
         # what noise reaches with one column does not depend on which it is
-        alone = Search(Weighing(noise, base, columns[:, [best]], [one]), range(1), limit)
+        alone = Search(LinearScreen(noise, base, columns[:, [best]], [one]), range(1), limit)
         limit = alone.limit
         looked = [replace(one, looked=np.log(many))]
-        found = Search(Weighing(noise, base, columns[:, [best]], looked), range(1), limit)
+        found = Search(LinearScreen(noise, base, columns[:, [best]], looked), range(1), limit)
         untold += bool(alone.best())
         told += bool(found.best())
     print(f"named in {told} of {logs}, and in {untold} where nobody tells how many there were")
@@ -82,7 +84,7 @@ def test_the_best_of_many_frequencies_is_weighed_as_that():
 def test_what_the_base_does_as_well_is_not_asked(rng):
     base = rng.normal(size=(200, 2))
     columns = np.column_stack([base[:, 0] + base[:, 1], rng.normal(size=200)])
-    found = Weighing(rng.normal(size=200), base, columns, [trace("base's"), trace("own")])
+    found = LinearScreen(rng.normal(size=200), base, columns, [trace("base's"), trace("own")])
     assert Search(found, range(2)).asked == (1,)
 
 
@@ -93,7 +95,7 @@ def test_what_a_fit_has_settled_stays_though_a_little_less_of_it_shows_beside_th
     column += 160.0 * rng.normal(size=(400, 1)) / np.sqrt(400)
     noise = rng.normal(size=400)
     asked, settled = (
-        Weighing(noise - column[:, 0], base, column, [replace(trace("a"), fitted=fitted)])
+        LinearScreen(noise - column[:, 0], base, column, [replace(trace("a"), fitted=fitted)])
         for fitted in (False, True)
     )
     assert not asked.shown(0), "it may be no more than the error of a linearised base"
@@ -108,7 +110,7 @@ def test_a_constant_error_beyond_what_is_stated_of_it_is_named(rng, constant):
     # the base has the same constant, and knows how large it should be
     base = np.append(np.ones((samples, 1)), [[1.0 / stated]], axis=0)
     residual = rng.normal(size=samples + 1) - true * shown[:, 0]
-    found = Weighing(residual, base, shown, [replace(trace("bias"), exact=constant)])
+    found = LinearScreen(residual, base, shown, [replace(trace("bias"), exact=constant)])
     assert Search(found, [0]).best() == ((0,) if constant else ())
     if constant:
         (strength,) = found.weigh((0,)).strengths
@@ -117,7 +119,7 @@ def test_a_constant_error_beyond_what_is_stated_of_it_is_named(rng, constant):
 
 def test_a_friction_that_drives_is_no_friction(rng):
     columns = rng.normal(size=(300, 1))
-    found = weighing(rng, np.array([-1.0]), [trace("friction", low=0.0)], columns)
+    found = screen(rng, np.array([-1.0]), [trace("friction", low=0.0)], columns)
     assert Search(found, range(1)).best() == ()
     (strength,) = found.weigh((0,)).strengths
     assert strength == 0.0
@@ -126,7 +128,7 @@ def test_a_friction_that_drives_is_no_friction(rng):
 def test_of_two_that_look_alike_both_are_told(rng):
     one = rng.normal(size=400)
     columns = np.column_stack([one, one + 0.02 * rng.normal(size=400), rng.normal(size=400)])
-    found = weighing(rng, np.array([1.0, 0.0, 0.0]), [trace(n) for n in "abc"], columns)
+    found = screen(rng, np.array([1.0, 0.0, 0.0]), [trace(n) for n in "abc"], columns)
     search = Search(found, range(3))
     (chosen,) = search.best()
     other, behind = search.instead((chosen,), chosen)[0]
@@ -138,7 +140,7 @@ def test_several_that_can_each_be_done_without_do_not_have_together_for_nothing_
     space = rng.normal(size=(500, 5))
     columns = np.column_stack([space @ rng.normal(size=(5, 9)), space[:, 0]])
     traces = [trace("a", 3), trace("b", 3), trace("c", 3), trace("d")]
-    found = weighing(rng, np.append(np.zeros(9), 2.0), traces, columns)
+    found = screen(rng, np.append(np.zeros(9), 2.0), traces, columns)
     search = Search(found, range(4))
     gain = [found.weigh(some).gain for some in ((0, 1), (0, 2), (1, 2), (0, 1, 2))]
     assert gain == pytest.approx(gain[:1] * 4), "any two of the three do as well as all of them"
@@ -157,7 +159,7 @@ def test_what_noise_gains_beyond_a_set_is_chi_square_however_like_the_base_the_o
     like = base @ rng.normal(size=(4, 20)) + 0.05 * rng.normal(size=(300, 20))
     chances = []
     for _ in range(400):
-        found = Weighing(rng.normal(size=300), base, like, [trace(str(i)) for i in range(20)])
+        found = LinearScreen(rng.normal(size=300), base, like, [trace(str(i)) for i in range(20)])
         gain, freedom = found.beyond((0,), range(1, 20))
         chances.append(chi2.sf(gain, freedom))
     assert np.mean(np.array(chances) < 0.05) == pytest.approx(0.05, abs=0.04)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from twin.diagnose import diagnose, extend
-from twin.diagnose.engine import Engine, Line
+from twin.diagnose.baseline import baseline_of
+from twin.diagnose.engine import Engine, SearchState
 from twin.diagnose.explanation import explain
-from twin.diagnose.plain import plain_of
 from twin.effects import parse_effects
 from twin.library import library
 from twin.platform import load_platform
@@ -31,7 +31,9 @@ def test_what_is_left_of_each_stream_is_its_own_in_any_order_of_the_logs(
     fly = "sads", "quaternion_pd", "multisine:8", 12.0
     one, other = (flight_of(*fly, drawn_seed + i) for i in (0, 1))
     logs = [without(one, "wheel_speed"), without(other, "gyro")]
-    left = [plain_of(order, load_platform("sads")).account.misfits for order in (logs, logs[::-1])]
+    left = [
+        baseline_of(order, load_platform("sads")).account.misfits for order in (logs, logs[::-1])
+    ]
     forth, back = ({(m.stream, m.column): m.chi2 for m in one} for one in left)
     assert set(forth) == set(back)
     assert {stream for stream, _ in forth} >= {"gyro", "attitude", "wheel_speed"}
@@ -104,12 +106,12 @@ def test_a_second_cause_that_another_base_makes_good_is_dropped_whatever_its_col
 ):
     # fitted together they lead to another base, from where no column leads back
     _, logs = with_a_dipole(1821617198)
-    plain = plain_of(logs, load_platform("sads"))
+    plain = baseline_of(logs, load_platform("sads"))
     both = parse_effects("residual_dipole=-36.2/-32.9/31.2,wheel_misalignment:w3=-0.05/0.05/0")
     there = explain(plain.bodies, plain.base, both, plain.at)
-    line = Line(there)
-    assert len(line.search.best()) == 2
-    fewer = Engine((), lambda _: None).without_one(line)
+    state = SearchState(there)
+    assert len(state.search.best()) == 2
+    fewer = Engine((), lambda _: None).without_one(state)
     assert fewer is not None
-    (left,) = fewer.now.effects
+    (left,) = fewer.explanation.effects
     assert left.label == "residual_dipole"

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from twin.controller import AnyController, Controller, load_controller
+from twin.diagnose.baseline import baseline_of
 from twin.diagnose.candidates import candidate
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.plain import plain_of
 from twin.effects import with_effects
 from twin.effects.clocks.clock_drift import ClockDrift
 from twin.effects.stages.stage_backlash import StageBacklash
@@ -70,7 +70,7 @@ def log(platform: Platform, play: StageBacklash) -> Recording:
 
 @pytest.fixture(scope="module")
 def plain(platform: Platform, log: Recording) -> Explanation:
-    return plain_of([log], platform)
+    return baseline_of([log], platform)
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,7 @@ def test_it_is_missed_by_all_of_its_evidence(plain, fitted):
 
 def test_unfitted_it_promises_what_its_fit_brings(platform, plain, fitted, play):
     usual = candidate(play.typical("s2").absent(), platform)
-    promised = plain.weighing([usual]).weigh((0,)).gain
+    promised = plain.screen([usual]).weigh((0,)).gain
     assert promised == pytest.approx(plain.cost - fitted.cost, rel=0.2)
 
 
@@ -107,7 +107,7 @@ def test_counters_whose_clock_drifts_leave_nothing_of_what_the_masses_do(platfor
     law = Swaying(load_controller("quaternion_pd"))
     both = ([], [drift])
     runs = [flown(with_effects(platform, some), law, 40.0, record=True) for some in both]
-    right, wrong = (plain_of([run.recordings[0].without_truth()], platform) for run in runs)
+    right, wrong = (baseline_of([run.recordings[0].without_truth()], platform) for run in runs)
     found = wrong.instead([replace(drift, drift=1e-3)])
     (effect,), sigma = found.effects, float(np.sqrt(found.covariances[0][0, 0]))
     print(f"{effect.values[0]:.3g} +- {sigma:.2g}, cost {found.cost - right.cost:.1f} more")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.diagnose.cause import ties_of
-from twin.diagnose.screen import Search, Trace, Weighing
+from twin.diagnose.screen import LinearScreen, Search, Trace
 
 SIZE = 8.0
 """Standard deviations that the cause is worth."""
@@ -20,8 +20,8 @@ def ties(apart: float, behind: float) -> tuple[str, ...]:
     shown = np.array([SIZE, pushed, 0.0])
     traces = [Trace(name, np.array([-np.inf]), np.array([np.inf])) for name in ("cause", "rival")]
     base = np.array([[0.0], [0.0], [1.0]])
-    weighing = Weighing(-shown, base, 3.0 * np.column_stack([cause, rival]), traces)
-    search = Search(weighing, range(2))
+    screen = LinearScreen(-shown, base, 3.0 * np.column_stack([cause, rival]), traces)
+    search = Search(screen, range(2))
     ties = ties_of(search, search.instead((0,), 0), search.apart((0,), 0))
     return tuple(tie.label for tie in ties)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.controller import load_controller
-from twin.diagnose.plain import plain_of
+from twin.diagnose.baseline import baseline_of
 from twin.effects import effect_named, with_effects
 from twin.plant.gas import STANDARD_GRAVITY
 from twin.platform import load_platform
@@ -36,7 +36,7 @@ def test_what_leaks_is_told_from_what_the_thrusters_take():
     run = flown(leaking, law, 20.0, reference=reference, seed=SEED, record=True)
     log = run.recordings[0].without_truth()
     assert np.sum(log["command_thruster"].value) > 0.0
-    plain = plain_of([log], platform)
+    plain = baseline_of([log], platform)
     found = plain.instead([replace(leak, rate=1e-5)])
     (effect,), sigma = found.effects, float(np.sqrt(found.covariances[0][0, 0]))
     print(f"seed {SEED}: {effect.values[0]:.3g} +- {sigma:.2g} kg/s")

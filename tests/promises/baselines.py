@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from twin.diagnose import Diagnosis
-from twin.diagnose.remainder import held_out
+from twin.diagnose.residual_test import held_out
 from twin.diagnose.screen import TIED, price
 from twin.effects import Effect
 from twin.errors import TwinError
@@ -23,21 +23,21 @@ def named_by_others(found: Diagnosis, truth: str, alike: Sequence[str]) -> dict[
       from 0.
     """
     asked = found.asked
-    weighing = found.plain.weighing(asked)
-    shown = [index for index in range(len(asked)) if weighing.shown(index)]
+    screen = found.baseline.screen(asked)
+    shown = [index for index in range(len(asked)) if screen.shown(index)]
     evidence: dict[str, float] = {}
     for index in shown:
-        gain = max(weighing.weigh((index,)).gain, 0.0)
-        worth = gain - price(gain, weighing.information(index))
-        label = weighing.traces[index].label
+        gain = max(screen.weigh((index,)).gain, 0.0)
+        worth = gain - price(gain, screen.information(index))
+        label = screen.traces[index].label
         evidence[label] = max(worth, evidence.get(label, -np.inf))
     known = {label: evidence[label] for label in (truth, *alike) if label in evidence}
     best = max(known.values(), default=0.0)
-    residual = weighing.left(())
+    residual = screen.left(())
     columns, owners = [], []
     for index in shown:
         for unit in np.eye(len(asked[index].perturbations)):
-            column = weighing.signature(index, unit)
+            column = screen.signature(index, unit)
             size = float(np.linalg.norm(column))
             if size > 0.0:
                 columns.append(column / size)
@@ -56,6 +56,6 @@ def named_by_others(found: Diagnosis, truth: str, alike: Sequence[str]) -> dict[
 def oracle_gain(found: Diagnosis, effects: Sequence[Effect]) -> float | None:
     """Held-out gain of the hidden effects themselves, fitted; None where that fails."""
     try:
-        return held_out(found.plain.instead(effects)).log_likelihood
+        return held_out(found.baseline.instead(effects)).log_likelihood
     except TwinError:
         return None

@@ -14,7 +14,7 @@ from twin.diagnose import diagnosis
 from twin.diagnose.candidates import Candidate, candidate, candidates_of
 from twin.diagnose.experiment import Angles, Excitation
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.screen import Weighing
+from twin.diagnose.screen import LinearScreen
 from twin.effects import Effect, Order, SeriesEffect, able, catalogue, with_effects
 from twin.errors import PlatformError, UsageError
 from twin.model import compile_model
@@ -159,7 +159,7 @@ class Yardstick:
     bench: Bench
     effects: tuple[Effect, ...]
     """Those that the bench shows, each without size and of its typical shape."""
-    weighing: Weighing
+    screen: LinearScreen
     """Of them, in their order; the base is projected out."""
 
     @property
@@ -167,12 +167,12 @@ class Yardstick:
         """Of all that the bench shows."""
         return [effect.label for effect in self.effects]
 
-    def beside(self, *others: Effect) -> tuple[Weighing, tuple[Candidate, ...]]:
+    def beside(self, *others: Effect) -> tuple[LinearScreen, tuple[Candidate, ...]]:
         """All of them, then others at the shapes that they have, those without a trace left out."""
         platform = machine(self.bench)
         every = [candidate(effect.absent(), platform) for effect in (*self.effects, *others)]
         every = [one for one in every if one.perturbations]
-        return _plain(self.bench).weighing(every), tuple(every)
+        return _plain(self.bench).screen(every), tuple(every)
 
     def evidence(self, effect: Effect) -> float:
         """That an effect of this size has, in a run with it: a law answers to what rings.
@@ -184,12 +184,12 @@ class Yardstick:
         log = flown(self.bench, (effect,), seed=0)
         if log is None:
             raise UsageError(f"{self.bench.words} ends at a stop or a limit with {effect.words()}")
-        found = diagnosis.plain_of([log], platform)
+        found = diagnosis.baseline_of([log], platform)
         if isinstance(effect, SeriesEffect) and effect.order is Order.delay:
             # what it gains as it is: along a slope it would do more than it can
             return found.cost - found.instead((effect,)).cost
-        weighing = found.weighing([candidate(effect, platform)])
-        signature = weighing.signature(0, effect.values[size])
+        screen = found.screen([candidate(effect, platform)])
+        signature = screen.signature(0, effect.values[size])
         return float(signature @ signature)
 
 
@@ -203,11 +203,11 @@ def yardstick(bench: Bench) -> Yardstick:
     path = KEPT / f"{bench.file}-{tree()}.npz"
     if not path.exists():
         asked = candidates_of(_plain(bench).bodies).asked
-        weighing = _plain(bench).weighing(asked)
-        shown = [i for i in range(len(asked)) if weighing.shown(i)]
+        screen = _plain(bench).screen(asked)
+        shown = [i for i in range(len(asked)) if screen.shown(i)]
         columns = {
             asked[i].label: np.column_stack(
-                [weighing.signature(i, unit) for unit in np.eye(len(asked[i].low))]
+                [screen.signature(i, unit) for unit in np.eye(len(asked[i].low))]
             )
             for i in shown
         }
@@ -226,7 +226,7 @@ def yardstick(bench: Bench) -> Yardstick:
     traces = [candidate(effect, platform).trace for effect in effects]
     every = np.column_stack(list(columns.values()))
     silent, no_base = np.zeros(len(every)), np.zeros((len(every), 0))
-    return Yardstick(bench, tuple(effects), Weighing(silent, no_base, every, traces))
+    return Yardstick(bench, tuple(effects), LinearScreen(silent, no_base, every, traces))
 
 
 @cache
@@ -235,7 +235,7 @@ def _plain(bench: Bench) -> Explanation:
     log = flown(bench, (), seed=0)
     if log is None:
         raise UsageError(f"{bench.words} ends at a stop or a limit")
-    return diagnosis.plain_of([log], machine(bench))
+    return diagnosis.baseline_of([log], machine(bench))
 
 
 @cache

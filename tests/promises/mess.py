@@ -26,7 +26,7 @@ from hidden import Hidden, OutOfReach, any_of, hide, labels_of  # noqa: E402
 
 from twin import rotation  # noqa: E402
 from twin.diagnose import Diagnosis, diagnose  # noqa: E402
-from twin.diagnose.plain import plain_of  # noqa: E402
+from twin.diagnose.baseline import baseline_of  # noqa: E402
 from twin.effects import BodyEffect, Effect  # noqa: E402
 from twin.effects.effect import Domain, parameter  # noqa: E402
 from twin.effects.on_body import TorqueLaw  # noqa: E402
@@ -143,9 +143,9 @@ def own_torque(bench: Bench, effect: Effect) -> float:
     law = effect.torque(platform)
     if law is None:
         return 0.0
-    plain = plain_of([quiet.log], platform)
+    plain = baseline_of([quiet.log], platform)
     (body,) = plain.bodies
-    path = plain.now.exact[0].path
+    path = plain.prediction.exact[0].path
     middle = path[0, :, :-1].flat.with_time(body.begins.ravel())
     return float(np.sqrt(np.mean(np.square(law(middle)))))
 

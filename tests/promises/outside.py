@@ -136,10 +136,10 @@ def _explained(measure: Yardstick, law: Effect) -> tuple[float, float, str]:
         for hertz in LINES
         for shape in shapes_at(effect, hertz, platform)
     ]
-    weighing, every = measure.beside(*shapes, law)
+    screen, every = measure.beside(*shapes, law)
     last = len(every) - 1
-    silent = weighing.showing(weighing.signature(last, law.values))
-    gains = [silent.weigh((i,)).gain if weighing.shown(i) else 0.0 for i in range(last)]
+    silent = screen.showing(screen.signature(last, law.values))
+    gains = [silent.weigh((i,)).gain if screen.shown(i) else 0.0 for i in range(last)]
     whole, worst = silent.weigh((last,)).gain, int(np.argmax(gains))
     return whole, gains[worst] / whole if whole else 0.0, every[worst].label
 

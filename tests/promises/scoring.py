@@ -7,7 +7,7 @@ import numpy as np
 from benches import Yardstick, machine
 
 from twin.diagnose import Diagnosis
-from twin.diagnose.screen import TIED, Search, Weighing, price
+from twin.diagnose.screen import TIED, LinearScreen, Search, price
 from twin.effects import Effect
 from twin.effects.body.liquid_slosh import LiquidSlosh
 from twin.effects.errors import EffectError
@@ -29,12 +29,12 @@ def behind(measure: Yardstick, truth: Effect) -> dict[str, float]:
     frequency = _frequency(truth, platform.gravity)
     if frequency is None:
         own = measure.labels.index(truth.label)
-        return _behind(measure.weighing, own, truth)
+        return _behind(measure.screen, own, truth)
     shapes = [
         shape for effect in measure.effects for shape in shapes_at(effect, frequency, platform)
     ]
-    weighing, every = measure.beside(*shapes, truth)
-    return _behind(weighing, len(every) - 1, truth)
+    screen, every = measure.beside(*shapes, truth)
+    return _behind(screen, len(every) - 1, truth)
 
 
 def shapes_at(effect: Effect, hertz: float, platform: Platform) -> tuple[Effect, ...]:
@@ -53,22 +53,22 @@ def _frequency(effect: Effect, gravity: float) -> float | None:
     return getattr(effect, "frequency", None)
 
 
-def _behind(weighing: Weighing, own: int, truth: Effect) -> dict[str, float]:
+def _behind(screen: LinearScreen, own: int, truth: Effect) -> dict[str, float]:
     values = truth.values[amplitudes(truth)]
-    traces = weighing.traces
-    silent = weighing.showing(weighing.signature(own, values))
+    traces = screen.traces
+    silent = screen.showing(screen.signature(own, values))
     best: dict[str, float] = {}
     top, most = _evidence(silent, own), silent.weigh((own,)).gain
     for index, trace in enumerate(traces):
-        if weighing.shown(index) and trace.label != truth.label:
+        if screen.shown(index) and trace.label != truth.label:
             far = min(top - _evidence(silent, index), most - silent.weigh((index,)).gain)
             best[trace.label] = min(far, best.get(trace.label, np.inf))
     return best
 
 
-def _evidence(weighing: Weighing, index: int) -> float:
-    gain = max(weighing.weigh((index,)).gain, 0.0)
-    return gain - price(gain, weighing.information(index))
+def _evidence(screen: LinearScreen, index: int) -> float:
+    gain = max(screen.weigh((index,)).gain, 0.0)
+    return gain - price(gain, screen.information(index))
 
 
 def siblings(behind: dict[str, float]) -> list[str]:
@@ -81,10 +81,10 @@ def stand_ins(measure: Yardstick, truths: Sequence[Effect]) -> list[str]:
     there no noise at all. What has a frequency is taken at its usual one."""
     own = tuple(measure.labels.index(truth.label) for truth in truths)
     does = [
-        measure.weighing.signature(index, truth.values[amplitudes(truth)])
+        measure.screen.signature(index, truth.values[amplitudes(truth)])
         for index, truth in zip(own, truths, strict=True)
     ]
-    search = Search(measure.weighing.showing(np.sum(does, axis=0)), ())
+    search = Search(measure.screen.showing(np.sum(does, axis=0)), ())
     whole = search.evidence(own)
     return [
         label
@@ -130,7 +130,7 @@ def facts(found: Diagnosis) -> dict[str, Any]:
             law.label: v
             for law, v in zip(found.equation.laws, found.equation.coefficients, strict=True)
         },
-        "remainder": [found.remainder.torque_chance, found.remainder.noise_chance],
+        "remainder": [found.residual_test.torque_chance, found.residual_test.noise_chance],
         "follows": found.explained.follows,
         "conventions": [str(finding.kind) for finding in found.conventions],
         "gain": found.held_out.log_likelihood,

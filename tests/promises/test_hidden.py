@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin.diagnose.plain import plain_of
-from twin.diagnose.remainder import remainder
+from twin.diagnose.baseline import baseline_of
+from twin.diagnose.residual_test import residual_test
 from twin.effects import effect_named
 
 SEED = 20261121
@@ -53,7 +53,7 @@ def is_named_and_sized(effect, seed: int) -> None:
         sure = np.isfinite(cause.half_widths)
         error = np.abs(cause.effect.values - effect.values)[sure]
         assert np.all(error < 2.0 * cause.half_widths[sure]), "four standard deviations off"
-    assert found.remainder.chance > 1e-4
+    assert found.residual_test.chance > 1e-4
     assert found.held_out.log_likelihood > 0.5 * 0.8 * 6000.0 * 0.5
 
 
@@ -106,10 +106,10 @@ def test_a_vector_of_which_a_log_shows_one_component_leaves_nothing_in_any_direc
     effect = hidden.drawn(bench, "residual_dipole", 6000.0, np.random.default_rng(SEED))
     print(effect.words())
     secret = hidden.hide(bench, (effect,), SEED)
-    found = plain_of([secret.log], secret.believed).disturbed().instead([effect])
+    found = baseline_of([secret.log], secret.believed).disturbed().instead([effect])
     print(found.effects[0].words(), found.free)
     assert found.converged
-    assert remainder(found).chance > 1e-3
+    assert residual_test(found).chance > 1e-3
 
 
 def test_friction_of_a_wheel_that_stands_still_anyway_is_not_hidden():

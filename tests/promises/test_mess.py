@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from twin.diagnose import diagnose
-from twin.diagnose.plain import plain_of
+from twin.diagnose.baseline import baseline_of
 from twin.identify.noise_processes import likely_noise
 
 SEED = 20261128
@@ -36,8 +36,8 @@ def messy(bench: Bench, label: str, rms: float, seed: int):
 
 def test_noise_that_wanders_is_sized():
     _, secret = messy(BENCH, "", 3e-4, SEED)
-    plain = plain_of([secret.log], secret.believed)
-    noise = likely_noise(plain.problem, plain.now)
+    plain = baseline_of([secret.log], secret.believed)
+    noise = likely_noise(plain.problem, plain.prediction)
     print(noise)
     assert noise.torque is not None
     assert 0.6 < noise.torque.rms / 3e-4 < 1.7
@@ -48,8 +48,8 @@ def test_noise_that_wanders_is_sized():
 
 def test_white_noise_does_not_wander():
     secret = hide(BENCH, (), SEED + 1)
-    plain = plain_of([secret.log], secret.believed)
-    assert not likely_noise(plain.problem, plain.now).any
+    plain = baseline_of([secret.log], secret.believed)
+    assert not likely_noise(plain.problem, plain.prediction).any
 
 
 @pytest.mark.slow(80)

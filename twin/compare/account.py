@@ -13,8 +13,12 @@ from scipy.stats import t as student
 from twin.compare.symptoms import Symptom
 from twin.identify.prediction_error import NORMAL, fit
 from twin.noise.quantisation import resolution_of
-from twin.predict.apart import Apart, apart, fit_apart
 from twin.predict.body import Exact
+from twin.predict.independent_segments import (
+    IndependentSegments,
+    fit_independent_segments,
+    independent_segments,
+)
 from twin.predict.innovations import Eliminated, Innovations, Problem, Unknowns
 from twin.predict.response import Segment
 from twin.predict.sensors import Output
@@ -242,7 +246,7 @@ class Account:
     problem: Problem
     chosen: tuple[Symptom, ...]
     """Fitted, in the order of the strengths."""
-    now: Innovations | Apart
+    prediction: Innovations | IndependentSegments
     misfits: tuple[Misfit, ...]
     """Stream by stream and column by column."""
     follows: bool
@@ -251,7 +255,7 @@ class Account:
     @property
     def at(self) -> Unknowns:
         """The unknowns."""
-        return self.now.at
+        return self.prediction.at
 
     @property
     def theta(self) -> Array:
@@ -266,13 +270,17 @@ class Account:
     @property
     def links(self) -> tuple[Eliminated, ...]:
         """The logs, their states gone."""
-        return self.now.chains if isinstance(self.now, Innovations) else self.now.links
+        return (
+            self.prediction.chains
+            if isinstance(self.prediction, Innovations)
+            else self.prediction.links
+        )
 
     @cached_property
     def left(self) -> list[list[Array]]:
         """Of each log and output (m, k): what is left, in units of the noise."""
-        if isinstance(self.now, Innovations) and self.now.noise.any:
-            rows = self.now.left()
+        if isinstance(self.prediction, Innovations) and self.prediction.noise.any:
+            rows = self.prediction.left()
         else:
             rows = [
                 exact.linear.residual
@@ -281,7 +289,7 @@ class Account:
                     exact.linear.state,
                     link.states(np.zeros(exact.linear.shared.shape[-1])),
                 )
-                for exact, link in zip(self.now.exact, self.links, strict=True)
+                for exact, link in zip(self.prediction.exact, self.links, strict=True)
             ]
         pairs = zip(self.problem.bodies, rows, strict=True)
         return [body.cells.gather(own) for body, own in pairs]
@@ -292,7 +300,7 @@ class Account:
         if self.follows:
             return 1.0
         excess = 1.0
-        if isinstance(self.now, Innovations):
+        if isinstance(self.prediction, Innovations):
             excess = max(float(np.mean([part.chi2 for part in self.misfits])), 1.0)
         return excess * correlation_time(self.problem, self.left)
 
@@ -304,10 +312,10 @@ class Account:
         (sandwich estimate, segments as clusters, Student's t for their number); the wider of the
         two is kept.
         """
-        if isinstance(self.now, Innovations):
-            return self.now.covariance * self.inflation, NORMAL
-        change, _, weights = self.now.best(np.arange(self.now.columns.shape[1]))
-        normal = self.now.normal(weights)
+        if isinstance(self.prediction, Innovations):
+            return self.prediction.covariance * self.inflation, NORMAL
+        change, _, weights = self.prediction.best(np.arange(self.prediction.columns.shape[1]))
+        normal = self.prediction.normal(weights)
         size = 1.0 / np.sqrt(np.diag(normal))
         inverse = np.linalg.pinv(normal * np.outer(size, size), hermitian=True)
         inverse = inverse * np.outer(size, size)
@@ -315,7 +323,7 @@ class Account:
         segments, unknowns = len(weights), len(inverse)
         if segments < ENOUGH * unknowns:
             return full, NORMAL
-        scores = self.now.scores(weights, change)
+        scores = self.prediction.scores(weights, change)
         sandwich = inverse @ (scores.T @ scores) @ inverse * segments / (segments - unknowns)
         wider = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(full), 1.0))
         quantile = float(student.ppf(0.975, segments - unknowns))
@@ -324,38 +332,38 @@ class Account:
     def linearised(self, symptoms: Sequence[Symptom]) -> Stand:
         """With columns for further symptoms, after those that it has."""
         more = [p for symptom in symptoms for p in symptom.perturbations]
-        exact = self.problem.with_perturbations(self.now.exact, more)
-        if isinstance(self.now, Innovations):
-            return White(self.problem.whiten(self.at, exact, self.now.noise))
-        return apart(self.problem, self.at, exact)
+        exact = self.problem.with_perturbations(self.prediction.exact, more)
+        if isinstance(self.prediction, Innovations):
+            return White(self.problem.whiten(self.at, exact, self.prediction.noise))
+        return independent_segments(self.problem, self.at, exact)
 
 
 @dataclass(frozen=True)
 class White:
     """Whitened innovations, asked as segments apart are."""
 
-    now: Innovations
+    prediction: Innovations
 
     @property
     def exact(self) -> tuple[Exact, ...]:
         """Of each log, its states in it."""
-        return self.now.exact
+        return self.prediction.exact
 
     @property
     def columns(self) -> Array:
         """(m, unknowns)."""
-        return self.now.columns
+        return self.prediction.columns
 
     @property
     def cluster(self) -> NDArray[np.intp]:
         """(m,) -1: a row of what was known beforehand."""
-        return self.now.cluster
+        return self.prediction.cluster
 
     def best(
         self, free: NDArray[np.intp], shift: Array | None = None
     ) -> tuple[Array, float, Array]:
         """The change of some unknowns that is best after a shift, and -2 log L there."""
-        now = self.now
+        now = self.prediction
         residual = now.residual if shift is None else now.residual + now.columns @ shift
         size = 1.0 / np.maximum(np.linalg.norm(now.columns[:, free], axis=0), 1e-300)
         step = np.zeros(now.columns.shape[1])
@@ -376,7 +384,7 @@ def follow(problem: Problem, chosen: tuple[Symptom, ...], start: Unknowns) -> Ac
 
 def loosen(problem: Problem, chosen: tuple[Symptom, ...], start: Unknowns) -> Account:
     """Fit segments apart."""
-    now = fit_apart(problem, start)
+    now = fit_independent_segments(problem, start)
     bare = Account(problem, chosen, now, (), follows=False)
     return replace(bare, misfits=misfits_of(problem, bare.left, now.columns.shape[1]))
 

@@ -78,7 +78,7 @@ class Screen:
         more = tuple(s for s in symptoms if s not in account.chosen)
         self._all = len(symptoms)
         self._stand: Stand = account.linearised(more)
-        own = account.now.columns.shape[1]
+        own = account.prediction.columns.shape[1]
         kept = own - len(account.strengths)
         self._base = np.arange(kept)
         self._columns: dict[str, NDArray[np.intp]] = {}
@@ -268,35 +268,37 @@ def _known(account: Account, time: Array) -> Array:
     if not account.follows or _torque_wanders(account):
         return body.motion.at(time).position
     segment, into = body.grid.place(time)
-    return account.now.exact[0].path.position[0, segment, np.round(into).astype(np.intp)]
+    return account.prediction.exact[0].path.position[0, segment, np.round(into).astype(np.intp)]
 
 
 def _torque_wanders(account: Account) -> bool:
-    return isinstance(account.now, Innovations) and account.now.noise.torque is not None
+    return (
+        isinstance(account.prediction, Innovations) and account.prediction.noise.torque is not None
+    )
 
 
 def _filtered(account: Account, chosen: NDArray[np.intp]) -> tuple[States, Array]:
     """States (r, .) at the starts of segments, from those before, with the covariance (r, x, x) of
     how far they are from `_known`."""
-    exact = account.now.exact[0]
+    exact = account.prediction.exact[0]
     linear = exact.linear
     before = chosen - 1
-    if isinstance(account.now, Innovations):
-        link = account.now.chains[0]
+    if isinstance(account.prediction, Innovations):
+        link = account.prediction.chains[0]
         mean = np.stack([link.seen[s][:, 0] for s in before])
         # the fitted path is known with hindsight, and shares with the start what came before it
         known = link.hindsight() if account.follows else np.stack(link.seen_spread)
         spread = known[before]
-        if account.now.noise.any:
-            x, moved = linear.transition.shape[-1], account.now.linear[0]
+        if account.prediction.noise.any:
+            x, moved = linear.transition.shape[-1], account.prediction.linear[0]
             carry = moved.transition[before]
             mean = moved.jump[before] + np.einsum("rxy,ry->rx", carry, mean)
             spread = carry @ spread @ carry.transpose(0, 2, 1) + moved.spread[before]
             return account.at.starts[0][chosen].moved(mean[:, :x]), spread[:, :x, :x]
     else:
-        link = account.now.links[0]
+        link = account.prediction.links[0]
         mean = link.states(np.zeros(linear.shared.shape[-1]))[before]
-        _, _, weights = account.now.best(np.arange(0))
+        _, _, weights = account.prediction.best(np.arange(0))
         inverse = np.linalg.pinv(link.of_state[before])
         spread = inverse @ inverse.transpose(0, 2, 1) / weights[before, None, None]
     carry = linear.transition[before]
@@ -493,5 +495,5 @@ def _strengths(now: Account, symptoms: Sequence[Symptom]) -> tuple[Strength, ...
 
 def _imitated(now: Account, first: int, last: int) -> float:
     """Share of a symptom's effect, at its strengths, that a change of the base could imitate."""
-    own = now.now.columns[:, -len(now.strengths) :][:, first:last]
-    return imitated(now.now, own @ now.strengths[first:last], len(now.theta))
+    own = now.prediction.columns[:, -len(now.strengths) :][:, first:last]
+    return imitated(now.prediction, own @ now.strengths[first:last], len(now.theta))

@@ -1,5 +1,6 @@
 """What a model gets wrong about measured logs: named causes, their evidence, size and worth."""
 
+from twin.diagnose.baseline import check_logs as check_logs
 from twin.diagnose.cause import Cause as Cause
 from twin.diagnose.diagnosis import Diagnosis as Diagnosis
 from twin.diagnose.diagnosis import diagnose as diagnose
@@ -9,4 +10,3 @@ from twin.diagnose.extension import check_new as check_new
 from twin.diagnose.extension import extend as extend
 from twin.diagnose.extension import laws_in as laws_in
 from twin.diagnose.extension import validate as validate
-from twin.diagnose.plain import check_logs as check_logs

@@ -38,7 +38,7 @@ docs/diagnosis.md counts were right, or fewer."""
 
 
 @dataclass(frozen=True)
-class Told:
+class Uncertainty:
     """Of one effect."""
 
     deviations: Array
@@ -47,22 +47,25 @@ class Told:
     """(p,) which would be others, were one that is held another."""
 
 
-def told(now: Explanation) -> tuple[Told, ...]:
+def uncertainties_of(explanation: Explanation) -> tuple[Uncertainty, ...]:
     """Of each effect of an explanation, by the logs and by what is known of sensors.
 
     A fit moves a shape no further than shapes are like, and holds what no log shows. Neither is
     knowledge: that a draft pushes at a point 0.3 m above the bearing is a place to begin from, and
     as far as the point is another, its force is.
     """
-    if not now.effects:
+    if not explanation.effects:
         return ()
-    platform = now.bodies[0].machine.platform
-    free, sizes = np.concatenate(now.free), np.concatenate([*map(amplitudes, now.effects)])
+    platform = explanation.bodies[0].machine.platform
+    free, sizes = (
+        np.concatenate(explanation.free),
+        np.concatenate([*map(amplitudes, explanation.effects)]),
+    )
     held = ~free & ~sizes
-    slopes = [part for effect in now.effects for part in slopes_of(effect, platform)]
-    rows = now.rows_with(list(compress(slopes, held)))
+    slopes = [part for effect in explanation.effects for part in slopes_of(effect, platform)]
+    rows = explanation.rows_with(list(compress(slopes, held)))
     edge = rows.columns.shape[1] - np.count_nonzero(held)
-    own = edge - len(now.laws) - np.count_nonzero(free) + np.arange(np.count_nonzero(free))
+    own = edge - len(explanation.laws) - np.count_nonzero(free) + np.arange(np.count_nonzero(free))
     # rows that hold shapes near where they began
     shapes = own[~sizes[free]]
     begun = (rows.cluster < 0) & rows.columns[:, shapes].any(axis=1)
@@ -71,21 +74,25 @@ def told(now: Explanation) -> tuple[Told, ...]:
     triangle = np.asarray(np.linalg.qr(columns * scale, mode="r"))
     inverse = scale[:edge, None] * np.linalg.pinv(triangle[:edge, :edge], rcond=1e-12)
     moves = (inverse @ triangle[:edge, edge:] / scale[edge:])[own]
-    wrong = np.concatenate([np.maximum(np.abs(e.values), e.scale()) for e in now.effects])[held]
+    wrong = np.concatenate([np.maximum(np.abs(e.values), e.scale()) for e in explanation.effects])[
+        held
+    ]
     known, moved = np.zeros((len(free), edge)), np.zeros((len(free), len(wrong)))
     known[free], moved[free] = inverse[own], moves
-    hidden = np.concatenate(unseen(now.effects, now.free, now.most))
-    known[hidden] = inverse[edge - len(now.at.strengths) + now.layout.rests :][: hidden.sum()]
-    found: list[Told] = []
+    hidden = np.concatenate(unseen(explanation.effects, explanation.free, explanation.most))
+    known[hidden] = inverse[edge - len(explanation.at.strengths) + explanation.layout.rests :][
+        : hidden.sum()
+    ]
+    found: list[Uncertainty] = []
     first = 0
-    for effect, ones in zip(now.effects, now.free, strict=True):
+    for effect, ones in zip(explanation.effects, explanation.free, strict=True):
         part = slice(first, first := first + len(ones))
         share = _least_by(effect, platform)
         deviations = np.linalg.norm(share @ known[part], axis=1)
         leaning = np.abs(share @ moved[part]) @ wrong > LEANS * deviations
         # what is held is told where it goes with what is not
         tells = (np.abs(share) @ ones) > NEARBY
-        found.append(Told(np.where(tells, deviations, np.nan), leaning & tells))
+        found.append(Uncertainty(np.where(tells, deviations, np.nan), leaning & tells))
     return tuple(found)
 
 
@@ -168,7 +175,7 @@ class Equation:
 
 
 def causes_of(
-    now: Explanation, search: Search, rivals: Mapping[str, float], *, unexplained: bool
+    explanation: Explanation, search: Search, rivals: Mapping[str, float], *, unexplained: bool
 ) -> tuple[Cause, ...]:
     """The effects of an explanation, the surest first.
 
@@ -181,18 +188,18 @@ def causes_of(
     """
     found: list[Cause] = []
     for index, (effect, free, known) in enumerate(
-        zip(now.effects, now.free, told(now), strict=True)
+        zip(explanation.effects, explanation.free, uncertainties_of(explanation), strict=True)
     ):
-        rest = tuple(other for other in now.own if other != index)
-        evidence = search.evidence(now.own) - search.evidence(rest)
-        instead = _as_fitted(search, search.instead(now.own, index), rivals)
+        rest = tuple(other for other in explanation.own if other != index)
+        evidence = search.evidence(explanation.own) - search.evidence(rest)
+        instead = _as_fitted(search, search.instead(explanation.own, index), rivals)
         behind = [far for _, far in instead] + [max(evidence, 0.0)]
         beside = NORMAL * known.deviations
         half = np.where(known.leaning, np.nan, beside)
         share = share_of(behind) * (NAMELESS if unexplained else 1.0)
         alone = search.evidence((index,))
-        ties = ties_of(search, instead, search.apart(now.own, index))
-        least = effect.least(now.bodies[0].machine.platform)
+        ties = ties_of(search, instead, search.apart(explanation.own, index))
+        least = effect.least(explanation.bodies[0].machine.platform)
         told_of = free | np.isfinite(known.deviations)
         found.append(Cause(least, told_of, half, beside, evidence, alone, share, ties))
     return tuple(sorted(found, key=lambda cause: -cause.evidence))
@@ -206,7 +213,7 @@ def _as_fitted(
     fitted, found = dict(rivals), list(instead)
     for place, (other, behind) in enumerate(instead):
         # of a cause of many shapes it was the nearest that was fitted
-        as_fitted = fitted.pop(search.weighing.traces[other].label, behind)
+        as_fitted = fitted.pop(search.screen.traces[other].label, behind)
         found[place] = (other, min(behind, as_fitted))
     return sorted(found, key=lambda one: one[1])
 
@@ -226,7 +233,7 @@ def ties_of(
     """
     found: dict[str, Tie] = {}
     for other, behind in instead:
-        label = search.weighing.traces[other].label
+        label = search.screen.traces[other].label
         if behind < (TIED if apart[label] < TIED else EVEN):
             found.setdefault(label, Tie(label, behind))
     return tuple(found.values())
@@ -248,8 +255,8 @@ def tried_of(search: Search, own: tuple[int, ...], asked: Sequence[Candidate]) -
         size = amplitudes(one.effect)
         names = [name for name, free in zip(one.effect.names, size, strict=True) if free]
         units = [k.unit for k in one.effect.parameters() for _ in range(k.size)]
-        weighing = search.weighing
-        seen = weighing.seen(score.index) * weighing.size_of(score.index)
+        screen = search.screen
+        seen = screen.seen(score.index) * screen.size_of(score.index)
         # of what rings anywhere, as many frequencies could have seemed to by chance
         needed = float(chi2.isf(np.exp(search.limit - one.looked), len(names)))
         least = (np.sqrt(needed) + MOSTLY) / np.maximum(seen, 1e-300)
@@ -266,21 +273,26 @@ def tried_of(search: Search, own: tuple[int, ...], asked: Sequence[Candidate]) -
     return tuple(best.values())
 
 
-def equation_of(now: Explanation, evidence: float) -> Equation | None:
+def equation_of(explanation: Explanation, evidence: float) -> Equation | None:
     """The laws of an explanation; None without any.
 
     Args:
         now: the explanation.
         evidence: that they brought beyond the best that the catalogue offers.
     """
-    if not now.laws:
+    if not explanation.laws:
         return None
-    spread = np.sqrt(np.diag(now.covariance))[-len(now.laws) :]
-    return Equation(now.laws, now.at.strengths[now.layout.of_laws], NORMAL * spread, evidence)
+    spread = np.sqrt(np.diag(explanation.covariance))[-len(explanation.laws) :]
+    return Equation(
+        explanation.laws,
+        explanation.at.strengths[explanation.layout.of_laws],
+        NORMAL * spread,
+        evidence,
+    )
 
 
 def scatter_causes(
-    now: Explanation, taken: Sequence[Effect] = (), *, unexplained: bool = False
+    explanation: Explanation, taken: Sequence[Effect] = (), *, unexplained: bool = False
 ) -> tuple[Cause, ...]:
     """The best one beyond chance, if any, and those beside it; none where no motion follows.
 
@@ -289,8 +301,8 @@ def scatter_causes(
         taken: those that are found already.
         unexplained: something is at work that has no name.
     """
-    platform = now.bodies[0].machine.platform
-    if not now.follows:
+    platform = explanation.bodies[0].machine.platform
+    if not explanation.follows:
         return ()
     unit = [
         kind(**kind.named([1.0]), target=target)
@@ -300,7 +312,7 @@ def scatter_causes(
     ]
     known = [one.label for one in (*effects_of(platform), *taken)]
     asked = [one for one in unit if not one.unfit(platform) and one.label not in known]
-    found = [one for effect in asked if (one := _cause(now, effect, taken)) is not None]
+    found = [one for effect in asked if (one := _cause(explanation, effect, taken)) is not None]
     found.sort(key=lambda cause: -cause.evidence)
     if not found or np.exp(-0.5 * found[0].alone) > FALSE_ALARM / len(asked):
         return ()
@@ -309,20 +321,24 @@ def scatter_causes(
     share = share_of([*behind.values(), first.evidence]) * (NAMELESS if unexplained else 1.0)
     ties = tuple(Tie(label, far) for label, far in behind.items() if far < EVEN)
     named = replace(first, confidence=share, ties=ties, alone=first.evidence)
-    rest = () if ties else scatter_causes(now, (*taken, first.effect), unexplained=unexplained)
+    rest = (
+        () if ties else scatter_causes(explanation, (*taken, first.effect), unexplained=unexplained)
+    )
     return (named, *rest)
 
 
-def _cause(now: Explanation, effect: ScatterEffect, taken: Sequence[Effect]) -> Cause | None:
+def _cause(
+    explanation: Explanation, effect: ScatterEffect, taken: Sequence[Effect]
+) -> Cause | None:
     """Alone; its gain as it is stands for its evidence alone."""
-    every = (*effects_of(now.bodies[0].machine.platform), *taken)
+    every = (*effects_of(explanation.bodies[0].machine.platform), *taken)
     others = [
         one for one in every if isinstance(one, ScatterEffect) and one.acts_on == effect.acts_on
     ]
     squares: list[Array] = []
     added: list[Array] = []
     stated: list[Array] = []
-    for body, every_left in zip(now.bodies, now.account.left, strict=True):
+    for body, every_left in zip(explanation.bodies, explanation.account.left, strict=True):
         for output, left in zip(body.outputs, every_left, strict=True):
             if output.stream != effect.acts_on:
                 continue

@@ -8,6 +8,7 @@ import numpy as np
 
 from twin.compare.explanation import HORIZONS, FreeRun, free_run
 from twin.conventions import ConventionFinding
+from twin.diagnose.baseline import baseline_of, check_logs, check_seen, read_rightly
 from twin.diagnose.candidates import Candidate, Candidates, candidates_of
 from twin.diagnose.cause import (
     Cause,
@@ -18,12 +19,11 @@ from twin.diagnose.cause import (
     scatter_causes,
     tried_of,
 )
-from twin.diagnose.engine import Engine, Line, likeliest
+from twin.diagnose.engine import Engine, SearchState, likeliest
 from twin.diagnose.experiment import Experiment, next_experiment
 from twin.diagnose.explanation import CROWD, Explanation
-from twin.diagnose.plain import check_logs, check_seen, plain_of, read_rightly
 from twin.diagnose.pushes import Push, but_for, pushed, pushed_look, pushes_of
-from twin.diagnose.remainder import HeldOut, Remainder, held_out, remainder
+from twin.diagnose.residual_test import HeldOut, ResidualTest, held_out, residual_test
 from twin.effects import Effect
 from twin.errors import UsageError
 from twin.noise import NoiseFinding, noise_findings
@@ -71,20 +71,20 @@ def ordinary(noise: Noise) -> bool:
     )
 
 
-def carried(plain: Explanation, now: Explanation) -> float:
+def carried(baseline: Explanation, explanation: Explanation) -> float:
     """Share of what a model without causes misses that the causes take: of the excess of its
     squared residual, what wanders taking the rest; of the error of a free run where segments are
     predicted apart, whose residuals are those of a few pushes."""
-    if not (plain.follows and now.follows):
-        run = free_run(HORIZONS[0], plain.account, now.account)
+    if not (baseline.follows and explanation.follows):
+        run = free_run(HORIZONS[0], baseline.account, explanation.account)
         if run is None:
             return 0.0
         before, after, perfect = run.errors
         return float(np.clip(1.0 - (after - perfect) / max(before - perfect, 1e-9), 0.0, 1.0))
-    with_causes = now.problem.whiten(now.at, now.now.exact, EXACT)
+    with_causes = explanation.problem.whiten(explanation.at, explanation.prediction.exact, EXACT)
     left = with_causes.residual + with_causes.columns @ with_causes.step()
-    excess = plain.now.residual @ plain.now.residual - plain.samples
-    return float(np.clip(1.0 - (left @ left - now.samples) / max(excess, 1.0), 0.0, 1.0))
+    excess = baseline.prediction.residual @ baseline.prediction.residual - baseline.samples
+    return float(np.clip(1.0 - (left @ left - explanation.samples) / max(excess, 1.0), 0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class Diagnosis:
     """Read rightly."""
     conventions: tuple[ConventionFinding, ...]
     noise: tuple[NoiseFinding, ...]
-    plain: Explanation
+    baseline: Explanation
     """Without any cause."""
     explained: Explanation
     """With all causes."""
@@ -108,7 +108,7 @@ class Diagnosis:
     not_asked: Mapping[str, str]
     """What had no answer, and why, by label."""
     equation: Equation | None
-    remainder: Remainder
+    residual_test: ResidualTest
     held_out: HeldOut
     free_runs: Mapping[float, FreeRun | None]
     """By horizon [s]; None where the logs are too short."""
@@ -121,7 +121,7 @@ class Diagnosis:
     def intervals_hold(self) -> bool:
         """Whether the intervals of causes and base are 95 % intervals: not where something is left
         that no cause explains."""
-        return not _unexplained(self.plain, self.explained, self.remainder, self.held_out)
+        return not _unexplained(self.baseline, self.explained, self.residual_test, self.held_out)
 
     @property
     def wander(self) -> Noise:
@@ -132,13 +132,13 @@ class Diagnosis:
     def carried(self) -> float:
         """Share of what the model without causes misses that the causes carry; what wanders has
         the rest."""
-        return carried(self.plain, self.explained)
+        return carried(self.baseline, self.explained)
 
     @property
     def verdict(self) -> str:
         """healthy, explained, explained in part, ambiguous or unexplained."""
         if not self.explained.follows:
-            in_part = _in_part(self.plain, self.explained) and self.held_out.log_likelihood > 0.0
+            in_part = _in_part(self.baseline, self.explained) and self.held_out.log_likelihood > 0.0
             return "explained in part" if in_part and not self.pushes else "unexplained"
         if self.pushes or not self.intervals_hold:
             return "unexplained"
@@ -177,8 +177,8 @@ def diagnose(
     say("the base")
     findings = tuple(finding for _, found in read for finding in found)
     try:
-        plain = plain_of(logs, platform)
-        reasoned, pushes = _explained(plain, logs, say)
+        baseline = baseline_of(logs, platform)
+        reasoned, pushes = _explained(baseline, logs, say)
     except BeyondBounds as problem:
         doubts = [finding.sentence for finding in findings if finding.ambiguous]
         sign = "look at the signs and units of its commands, or compare it: twin compare LOG"
@@ -186,35 +186,35 @@ def diagnose(
             f"{', '.join(log.source for log in logs)}: {problem}, whatever its base is: "
             f"{' '.join(doubts) or sign}"
         ) from None
-    plain, candidates, line = reasoned.plain, reasoned.candidates, reasoned.line
-    now = line.now
+    baseline, candidates, state = reasoned.baseline, reasoned.candidates, reasoned.state
+    explanation = state.explanation
     causes = (
-        *causes_of(now, line.search, line.rivals, unexplained=reasoned.unexplained),
-        *scatter_causes(now, unexplained=reasoned.unexplained),
+        *causes_of(explanation, state.search, state.rivals, unexplained=reasoned.unexplained),
+        *scatter_causes(explanation, unexplained=reasoned.unexplained),
     )
-    experiment = next_experiment(platform, now, causes, line.asked, say)
-    tried = tried_of(line.search, now.own, line.asked)
+    experiment = next_experiment(platform, explanation, causes, state.candidates, say)
+    tried = tried_of(state.search, explanation.own, state.candidates)
     say("free runs")
     found = Diagnosis(
         platform,
         tuple(logs),
         findings,
         noise,
-        plain,
-        now,
+        baseline,
+        explanation,
         causes,
         tried,
         candidates.asked,
-        {**_unasked(candidates, causes), **_silent(candidates, line, causes, tried)},
-        equation_of(now, line.nameless),
-        line.left,
+        {**_unasked(candidates, causes), **_silent(candidates, state, causes, tried)},
+        equation_of(explanation, state.nameless),
+        state.residual_test,
         reasoned.held,
-        {horizon: free_run(horizon, plain.account, now.account) for horizon in HORIZONS},
+        {horizon: free_run(horizon, baseline.account, explanation.account) for horizon in HORIZONS},
         experiment,
         pushes,
     )
     if found.verdict == "healthy":
-        check_seen(plain)
+        check_seen(baseline)
     return found
 
 
@@ -222,69 +222,73 @@ def diagnose(
 class _Reasoned:
     """What a line of reasoning over logs came to."""
 
-    plain: Explanation
+    baseline: Explanation
     candidates: Candidates
-    line: Line
+    state: SearchState
     held: HeldOut
 
     @property
     def unexplained(self) -> bool:
-        return _unexplained(self.plain, self.line.now, self.line.left, self.held)
+        return _unexplained(
+            self.baseline, self.state.explanation, self.state.residual_test, self.held
+        )
 
 
-def _reasoned(plain: Explanation, logs: Sequence[Recording], say: Say) -> _Reasoned:
-    candidates = candidates_of(plain.bodies)
+def _reasoned(baseline: Explanation, logs: Sequence[Recording], say: Say) -> _Reasoned:
+    candidates = candidates_of(baseline.bodies)
     engine = Engine(candidates.asked, say)
     # along a motion that is lost columns say little
-    lost = plain.follows and remainder(plain).chi2 > LOST
-    line = None if lost else engine.explained(plain)
-    if line is None or line.left.chi2 > ROUGH or not ordinary(line.now.noise):
+    lost = baseline.follows and residual_test(baseline).chi2 > LOST
+    state = None if lost else engine.explained(baseline)
+    if state is None or state.residual_test.chi2 > ROUGH or not ordinary(state.explanation.noise):
         say("the base, by segments")
-        apart = plain_of(logs, plain.base.machine.platform, follows=False)
-        by_segments = engine.explained(apart)
-        whole = engine.onward(plain, by_segments)
-        if whole is not None and not whole.left.doubtful:
-            line = whole
-        elif by_segments.now.effects and not by_segments.left.doubtful:
-            plain, line = apart, by_segments
+        segments = baseline_of(logs, baseline.base.machine.platform, follows=False)
+        by_segments = engine.explained(segments)
+        whole = engine.onward(baseline, by_segments)
+        if whole is not None and not whole.residual_test.doubtful:
+            state = whole
+        elif by_segments.explanation.effects and not by_segments.residual_test.doubtful:
+            baseline, state = segments, by_segments
         else:
-            line = line or engine.explained(plain)
-            lasting = not ordinary(line.now.noise) and _in_part(apart, by_segments.now)
-            if line.left.chi2 > ROUGH or lasting:
-                plain, line = apart, by_segments
-    return _Reasoned(plain, candidates, line, held_out(line.now))
+            state = state or engine.explained(baseline)
+            lasting = not ordinary(state.explanation.noise) and _in_part(
+                segments, by_segments.explanation
+            )
+            if state.residual_test.chi2 > ROUGH or lasting:
+                baseline, state = segments, by_segments
+    return _Reasoned(baseline, candidates, state, held_out(state.explanation))
 
 
 def _explained(
-    plain: Explanation, logs: Sequence[Recording], say: Say
+    baseline: Explanation, logs: Sequence[Recording], say: Say
 ) -> tuple[_Reasoned, tuple[Push, ...]]:
     """What explains logs; and the moments but for which it does, where nothing explains them whole.
 
     Where the rest is as the machine is stated, and no cause does what was seen in the moments, the
     whole need not be reasoned over, which takes longest where it comes to nothing.
     """
-    pushes = () if _is_noise(plain) else _pushes(logs, plain.base.machine.platform, say)
+    pushes = () if _is_noise(baseline) else _pushes(logs, baseline.base.machine.platform, say)
     if not pushes:
-        return _reasoned(plain, logs, say), ()
+        return _reasoned(baseline, logs, say), ()
     rest = but_for(pushes, logs)
-    bare = plain_of(rest, plain.base.machine.platform)
-    whole = None if _is_noise(bare) else _reasoned(plain, logs, say)
+    bare = baseline_of(rest, baseline.base.machine.platform)
+    whole = None if _is_noise(bare) else _reasoned(baseline, logs, say)
     if whole is not None and not whole.unexplained:
         return whole, ()
     found = _reasoned(bare, rest, say)
     if not found.unexplained:
         return found, pushes
-    return whole or _reasoned(plain, logs, say), ()
+    return whole or _reasoned(baseline, logs, say), ()
 
 
-def _in_part(plain: Explanation, now: Explanation) -> bool:
+def _in_part(baseline: Explanation, explanation: Explanation) -> bool:
     """Whether causes that are few carry most of what a model without them misses."""
-    few = bool(now.effects) and not now.laws and not crowded(now.effects)
-    return few and carried(plain, now) > IN_PART
+    few = bool(explanation.effects) and not explanation.laws and not crowded(explanation.effects)
+    return few and carried(baseline, explanation) > IN_PART
 
 
-def _is_noise(plain: Explanation) -> bool:
-    return plain.follows and remainder(plain).chance > UNEXPLAINED
+def _is_noise(baseline: Explanation) -> bool:
+    return baseline.follows and residual_test(baseline).chance > UNEXPLAINED
 
 
 def _pushes(logs: Sequence[Recording], platform: Platform, say: Say) -> tuple[Push, ...]:
@@ -293,16 +297,24 @@ def _pushes(logs: Sequence[Recording], platform: Platform, say: Say) -> tuple[Pu
     pushes = pushes_of(logs, platform)
     if not pushes or not but_for(pushes, logs):
         return ()
-    apart = pushed_look(logs, platform)
-    causes = () if apart is None else likeliest(apart, candidates_of(apart.bodies).asked)
+    segments = pushed_look(logs, platform)
+    causes = () if segments is None else likeliest(segments, candidates_of(segments.bodies).asked)
     return () if any(not pushed(one) for one in causes) else pushes
 
 
-def _unexplained(plain: Explanation, now: Explanation, left: Remainder, held: HeldOut) -> bool:
+def _unexplained(
+    baseline: Explanation, explanation: Explanation, left: ResidualTest, held: HeldOut
+) -> bool:
     """Whether there is something at work that no cause is a name for."""
-    if now.laws or left.chance < UNEXPLAINED or not (now.follows or _in_part(plain, now)):
+    if (
+        explanation.laws
+        or left.chance < UNEXPLAINED
+        or not (explanation.follows or _in_part(baseline, explanation))
+    ):
         return True
-    return crowded(now.effects) or foretells_nothing(now.effects, held) or strays(held)
+    return (
+        crowded(explanation.effects) or foretells_nothing(explanation.effects, held) or strays(held)
+    )
 
 
 def foretells_nothing(effects: Sequence[Effect], held: HeldOut) -> bool:
@@ -332,20 +344,20 @@ def _unasked(candidates: Candidates, causes: Sequence[Cause]) -> dict[str, str]:
 
 
 def _silent(
-    candidates: Candidates, line: Line, causes: Sequence[Cause], tried: Sequence[Tried]
+    candidates: Candidates, state: SearchState, causes: Sequence[Cause], tried: Sequence[Tried]
 ) -> dict[str, str]:
     """Why causes that could be asked for have no place among the answers, by label."""
-    told = {cause.effect.label for cause in causes} | {one.label for one in tried}
-    weighing = line.search.weighing
+    reported = {cause.effect.label for cause in causes} | {one.label for one in tried}
+    screen = state.search.screen
     felt: dict[str, bool] = {}
-    for index, trace in enumerate(weighing.traces):
-        felt[trace.label] = felt.get(trace.label, False) or weighing.felt(index)
+    for index, trace in enumerate(screen.traces):
+        felt[trace.label] = felt.get(trace.label, False) or screen.felt(index)
     why = {
         True: "not observable: a change of the base does the same",
         False: "not observable: what it acts on does not move in these logs",
         None: "not possible in the size that these logs ask for",
     }
-    silent = {one.label: one.effect for one in candidates.asked if one.label not in told}
+    silent = {one.label: one.effect for one in candidates.asked if one.label not in reported}
     return {
         label: _WINDS if effect.winds else why[felt.get(label)] for label, effect in silent.items()
     }

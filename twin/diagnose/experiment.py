@@ -18,7 +18,7 @@ from twin.controller import load_controller
 from twin.diagnose.candidates import Candidate, candidate
 from twin.diagnose.cause import Cause
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.screen import TIED, Search, Trace, Weighing
+from twin.diagnose.screen import TIED, LinearScreen, Search, Trace
 from twin.effects import able, with_effects
 from twin.errors import ControllerError, TwinError
 from twin.estimators import load_estimator, usual_estimator
@@ -233,7 +233,7 @@ class Sensitivity:
 
 def next_experiment(
     platform: Platform,
-    now: Explanation,
+    explanation: Explanation,
     causes: Sequence[Cause],
     asked: Sequence[Candidate],
     say: Say,
@@ -252,31 +252,31 @@ def next_experiment(
         a name take part, or nothing excites the machine.
     """
     # what only scatters has no column, and no ties
-    own = {effect.label for effect in now.effects}
+    own = {effect.label for effect in explanation.effects}
     named = [cause for cause in causes if cause.effect.label in own]
     ties = {cause.effect.label: [tie.label for tie in cause.ties] for cause in named}
     tied = {label for labels in ties.values() for label in labels}
-    if not tied or now.laws or not now.follows:
+    if not tied or explanation.laws or not explanation.follows:
         return None
     rivals = [one for one in asked if one.label in tied]
-    traces = [*now.traces, *(one.trace for one in rivals)]
-    log = sensitivity(now, rivals)
-    length = max(body.recording.stop - body.recording.start for body in now.bodies)
+    traces = [*explanation.traces, *(one.trace for one in rivals)]
+    log = sensitivity(explanation, rivals)
+    length = max(body.recording.stop - body.recording.start for body in explanation.bodies)
     best: tuple[Excitation, Mapping[str, float]] | None = None
     for excitation in excitations(platform, float(np.floor(min(length, LONGEST)))):
         say(f"the next experiment: {excitation.words}")
         try:
-            more = _foretold(excitation, now, rivals)
+            more = _foretold(excitation, explanation, rivals)
         except TwinError:
             continue
         if more is None:
             continue
-        splits = behind([log, more], now.amplitudes, traces, ties)
+        splits = behind([log, more], explanation.amplitudes, traces, ties)
         if best is None or min(splits.values()) > min(best[1].values()):
             best = excitation, splits
     if best is None:
         return None
-    repeated = behind([log, log], now.amplitudes, traces, ties)
+    repeated = behind([log, log], explanation.amplitudes, traces, ties)
     unsure = tuple(label for label, rivals in ties.items() if rivals)
     return Experiment(best[0].command, best[0].duration, unsure, best[1], repeated)
 
@@ -295,7 +295,7 @@ def behind(
     """
     causes = np.concatenate([log.causes for log in logs])
     residual = -causes[:, : len(strengths)] @ strengths
-    search = Search(Weighing(residual, _base(logs), causes, traces), range(len(traces)))
+    search = Search(LinearScreen(residual, _base(logs), causes, traces), range(len(traces)))
     labels = [trace.label for trace in traces]
     own = tuple(labels.index(label) for label in ties)
     found: dict[str, float] = {}
@@ -325,18 +325,18 @@ def _base(logs: Sequence[Sensitivity]) -> Array:
     return np.hstack(parts)
 
 
-def sensitivity(now: Explanation, rivals: Sequence[Candidate]) -> Sensitivity:
+def sensitivity(explanation: Explanation, rivals: Sequence[Candidate]) -> Sensitivity:
     """Of an explanation's logs, to its own causes and to rivals, in as few rows as tell it."""
     parts = [part for one in rivals for part in one.perturbations]
-    columns = now.rows_with(parts).columns
+    columns = explanation.rows_with(parts).columns
     small = np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
-    p, causes = len(now.at.theta), len(now.amplitudes) + len(parts)
+    p, causes = len(explanation.at.theta), len(explanation.amplitudes) + len(parts)
     edge = columns.shape[1] - causes
     return Sensitivity(small[:, :p], small[:, p:edge], small[:, edge:])
 
 
 def _foretold(
-    excitation: Excitation, now: Explanation, rivals: Sequence[Candidate]
+    excitation: Excitation, explanation: Explanation, rivals: Sequence[Candidate]
 ) -> Sensitivity | None:
     """What an experiment's log would depend on; None where the machine hits its limits in it, or
     is one that cannot have all of the causes.
@@ -345,40 +345,47 @@ def _foretold(
         TwinError: no such machine, or its log cannot be predicted.
     """
     platform = excitation.platform
-    log = excitation.flown(_as_found(platform, now))
+    log = excitation.flown(_as_found(platform, explanation))
     if log is None:
         return None
-    body_log = _as_logged(log, now.bodies)
+    body_log = _as_logged(log, explanation.bodies)
     body = body_of(predicted_machine(platform), body_log, motion_of(body_log, platform))
     parts = [
         part
-        for effect, free in zip(now.effects, now.free, strict=True)
+        for effect, free in zip(explanation.effects, explanation.free, strict=True)
         for part, one in zip(perturbations_of(effect, platform), free.tolist(), strict=True)
         if one
     ]
-    size = [strengths_of(effect)[free] for effect, free in zip(now.effects, now.free, strict=True)]
-    problem = Problem([body], now.base, parts)
-    start = problem.start(now.at.theta, [first_biases(body)], np.concatenate(size))
-    noise = now.now.noise if isinstance(now.now, Innovations) else EXACT
-    there = replace(now, bodies=(body,), problem=problem, now=problem.innovations(start, noise))
+    size = [
+        strengths_of(effect)[free]
+        for effect, free in zip(explanation.effects, explanation.free, strict=True)
+    ]
+    problem = Problem([body], explanation.base, parts)
+    start = problem.start(explanation.at.theta, [first_biases(body)], np.concatenate(size))
+    noise = (
+        explanation.prediction.noise if isinstance(explanation.prediction, Innovations) else EXACT
+    )
+    there = replace(
+        explanation, bodies=(body,), problem=problem, explanation=problem.innovations(start, noise)
+    )
     same = [candidate(one.effect, platform) for one in rivals]
     if [len(one.perturbations) for one in same] != [len(one.perturbations) for one in rivals]:
         return None
     return sensitivity(there, same)
 
 
-def _as_found(platform: Platform, now: Explanation) -> Platform:
+def _as_found(platform: Platform, explanation: Explanation) -> Platform:
     """A machine with base, causes and noise as the logs have them."""
-    xx, yy, zz, xy, xz, yz, *offset = now.base.entries(now.at.theta).tolist()
+    xx, yy, zz, xy, xz, yz, *offset = explanation.base.entries(explanation.at.theta).tolist()
     found = replace(
         platform,
         inertia=np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
         center_of_mass_offset=np.array(offset),
-        sensors={name: _as_measured(s, now.bodies) for name, s in platform.sensors.items()},
+        sensors={name: _as_measured(s, explanation.bodies) for name, s in platform.sensors.items()},
     )
-    for effect in now.effects:
+    for effect in explanation.effects:
         found = able(found, effect)
-    return with_effects(found, now.effects)
+    return with_effects(found, explanation.effects)
 
 
 def _as_measured(sensor: Sensor, bodies: Sequence[Body]) -> Sensor:

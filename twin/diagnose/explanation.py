@@ -16,18 +16,22 @@ from numpy.typing import NDArray
 from twin.compare.account import Account, misfits, misfits_of
 from twin.diagnose.candidates import Candidate, looked_for
 from twin.diagnose.laws import Law, laws_of, unlikely
-from twin.diagnose.screen import KNOWN, SLIGHT, Trace, Weighing
+from twin.diagnose.screen import KNOWN, SLIGHT, LinearScreen, Trace
 from twin.effects import Effect
 from twin.errors import TwinError
 from twin.identify.noise_processes import likely_noise
 from twin.identify.prediction_error import Fit, fit, fit_disturbed
 from twin.platform import Platform
 from twin.predict.added import Formed, formed, with_formed
-from twin.predict.apart import Apart, apart, fit_apart
 from twin.predict.base import BaseParameters
 from twin.predict.body import Body, Exact
 from twin.predict.columns import amplitudes, references_of, slopes_of, strengths_of, with_strengths
 from twin.predict.forces import Perturbation
+from twin.predict.independent_segments import (
+    IndependentSegments,
+    fit_independent_segments,
+    independent_segments,
+)
 from twin.predict.innovations import Innovations, Problem, Unknowns, retraced
 from twin.predict.kalman import EXACT, Noise
 
@@ -299,7 +303,7 @@ class Explanation:
     laws: tuple[Law, ...]
     """Without a name, fitted beside the effects."""
     problem: Problem
-    now: Innovations | Apart
+    prediction: Innovations | IndependentSegments
     """Where it was fitted: a motion that follows the model, or segments apart where none does."""
     converged: bool
     most: tuple[float, ...]
@@ -308,33 +312,33 @@ class Explanation:
     @property
     def at(self) -> Unknowns:
         """Where base, biases, states and strengths stand."""
-        return self.now.at
+        return self.prediction.at
 
     @property
     def follows(self) -> bool:
         """Whether the motion follows the model."""
-        return isinstance(self.now, Innovations)
+        return isinstance(self.prediction, Innovations)
 
     @cached_property
     def account(self) -> Account:
         """The same as a comparison has it: what each stream leaves, and how that is correlated."""
-        bare = Account(self.problem, (), self.now, (), follows=self.follows)
-        if isinstance(self.now, Innovations):
-            return replace(bare, misfits=misfits(self.problem, self.now))
-        fitted = self.now.columns.shape[1]
+        bare = Account(self.problem, (), self.prediction, (), follows=self.follows)
+        if isinstance(self.prediction, Innovations):
+            return replace(bare, misfits=misfits(self.problem, self.prediction))
+        fitted = self.prediction.columns.shape[1]
         return replace(bare, misfits=misfits_of(self.problem, bare.left, fitted))
 
     @cached_property
     def rows(self) -> Rows:
         """Whitened."""
-        return self._rows(self.now)
+        return self._rows(self.prediction)
 
     @cached_property
     def covariance(self) -> Array:
         """Of base, biases and strengths."""
         return self.rows.covariance
 
-    def _rows(self, now: Innovations | Apart) -> Rows:
+    def _rows(self, now: Innovations | IndependentSegments) -> Rows:
         if isinstance(now, Innovations):
             return Rows(now.residual, now.columns, now.cluster)
         # a segment counts as much as its own scatter lets it, and a coloured one for less
@@ -366,7 +370,9 @@ class Explanation:
         )
         if noise.any:
             found = found.wandering()
-        follow = isinstance(self.now, Innovations) and isinstance(found.now, Innovations)
+        follow = isinstance(self.prediction, Innovations) and isinstance(
+            found.prediction, Innovations
+        )
         if follow and abs(self.cost - found.cost) < NEAR * self.samples:
             found._formed.update(self._formed)
         return found
@@ -374,12 +380,12 @@ class Explanation:
     @property
     def noise(self) -> Noise:
         """What disturbs the motion and the sensors, beside their white noise."""
-        return self.now.noise if isinstance(self.now, Innovations) else EXACT
+        return self.prediction.noise if isinstance(self.prediction, Innovations) else EXACT
 
     def wandering(self) -> "Explanation":
         """The same with the noise processes that the logs ask for, base and effects fitted anew."""
-        assert isinstance(self.now, Innovations)
-        noise = likely_noise(self.problem, self.now, self.noise)
+        assert isinstance(self.prediction, Innovations)
+        noise = likely_noise(self.problem, self.prediction, self.noise)
         if noise == self.noise:
             return self
         found = self._refitted(fit(self.problem, self.at, noise))
@@ -389,8 +395,10 @@ class Explanation:
     def disturbed(self) -> "Explanation":
         """The same under a white torque, as large as the logs ask for, that draws the motion to
         them."""
-        assert isinstance(self.now, Innovations)
-        return self._refitted(fit_disturbed(self.problem, Fit(self.now, converged=False), self.at))
+        assert isinstance(self.prediction, Innovations)
+        return self._refitted(
+            fit_disturbed(self.problem, Fit(self.prediction, converged=False), self.at)
+        )
 
     def _refitted(self, there: Fit) -> "Explanation":
         """Where a fit of the same columns under other noise ends, the effects in its sizes."""
@@ -406,14 +414,14 @@ class Explanation:
             values[free] += change[own]
             moved.append(effect.with_values(np.clip(values, *effect.bounds())))
         now = there.innovations
-        return replace(self, effects=tuple(moved), now=now, converged=there.converged)
+        return replace(self, effects=tuple(moved), prediction=now, converged=there.converged)
 
     @cached_property
     def following(self) -> tuple[Body, ...]:
         """The logs, along the motion that it gives them, if that follows them."""
-        if not isinstance(self.now, Innovations):
+        if not isinstance(self.prediction, Innovations):
             return self.bodies
-        now = self.now
+        now = self.prediction
         return tuple(retraced(self.problem, now, log) for log in range(len(self.bodies)))
 
     @property
@@ -424,23 +432,23 @@ class Explanation:
     def deflated(self, inflation: float) -> float:
         """-2 log L where samples say so many times less than white noise does; of what is known
         beforehand, nothing is inflated."""
-        known = float(np.sum(np.square(self.now.residual[self.now.cluster < 0])))
+        known = float(np.sum(np.square(self.prediction.residual[self.prediction.cluster < 0])))
         return (self._reached - known) / inflation + known
 
     @property
     def _reached(self) -> float:
         """-2 log L of where it stands: of a fit that has not settled the next step may foretell
         what no step reaches."""
-        if self.converged or not isinstance(self.now, Innovations):
-            return self.now.cost
-        return self.now.chi2 + self.now.logarithm
+        if self.converged or not isinstance(self.prediction, Innovations):
+            return self.prediction.cost
+        return self.prediction.chi2 + self.prediction.logarithm
 
     @property
     def samples(self) -> int:
         """Measured numbers."""
         return sum(body.samples for body in self.bodies)
 
-    def weighing(self, candidates: Sequence[Candidate]) -> Weighing:
+    def screen(self, candidates: Sequence[Candidate]) -> LinearScreen:
         """Its own effects and laws, then candidates, weighed where it stands."""
         parts = [self.sized(one) for one in candidates]
         return self.weigh(parts, [one.trace for one in candidates])
@@ -460,10 +468,12 @@ class Explanation:
             before = size
         return parts
 
-    def weigh(self, more: Sequence[Sequence[Perturbation]], traces: Sequence[Trace]) -> Weighing:
+    def weigh(
+        self, more: Sequence[Sequence[Perturbation]], traces: Sequence[Trace]
+    ) -> LinearScreen:
         """Its own effects and laws, then others by their perturbations."""
         bare, columns = self.without([part for parts in more for part in parts])
-        return Weighing(bare.residual, bare.columns, columns, [*self.traces, *traces])
+        return LinearScreen(bare.residual, bare.columns, columns, [*self.traces, *traces])
 
     def without(self, more: Sequence[Perturbation] = ()) -> tuple[Rows, Array]:
         """The model that lacks its effects and laws, and what those add.
@@ -506,15 +516,17 @@ class Explanation:
 
     def rows_with(self, perturbations: Sequence[Perturbation]) -> Rows:
         """Whitened where it stands, with further columns."""
-        return self._rows_of(self.now.exact, perturbations)
+        return self._rows_of(self.prediction.exact, perturbations)
 
     def _rows_of(self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]) -> Rows:
         new = [one for one in perturbations if one not in self._formed]
-        self._formed.update(zip(new, formed(self.following, self.now.exact, new), strict=True))
+        self._formed.update(
+            zip(new, formed(self.following, self.prediction.exact, new), strict=True)
+        )
         exact = with_formed(exact, [self._formed[one] for one in perturbations])
-        if isinstance(self.now, Innovations):
-            return self._rows(self.problem.whiten(self.at, exact, self.now.noise))
-        return self._rows(apart(self.problem, self.at, exact))
+        if isinstance(self.prediction, Innovations):
+            return self._rows(self.problem.whiten(self.at, exact, self.prediction.noise))
+        return self._rows(independent_segments(self.problem, self.at, exact))
 
     @cached_property
     def _bare(self) -> tuple[Exact, ...]:
@@ -524,10 +536,10 @@ class Explanation:
         its size is open, which is no reason to doubt that it is there.
         """
         if not self.own:
-            return self.now.exact
+            return self.prediction.exact
         return tuple(
             body.without(self.base, one, self.problem.push(log, self.at, stated=False))
-            for log, (body, one) in enumerate(zip(self.bodies, self.now.exact, strict=True))
+            for log, (body, one) in enumerate(zip(self.bodies, self.prediction.exact, strict=True))
         )
 
     @cached_property
@@ -672,7 +684,7 @@ def _fitted(
         found = fit(problem, at, noise)
         now, converged = found.innovations, found.converged
     else:
-        now, converged = fit_apart(problem, at), True
+        now, converged = fit_independent_segments(problem, at), True
     parts = [*layout.of_hidden, *layout.of_free]
     for size, places, part in zip([*sizes, *sizes], masks, parts, strict=True):
         size[places] = now.at.strengths[part]
@@ -719,11 +731,11 @@ def _turn_of(effect: Effect) -> NDArray[np.bool_]:
 
 
 def guesses(
-    now: Explanation, asked: Sequence[Candidate], weighing: Weighing, chosen: tuple[int, ...]
+    now: Explanation, asked: Sequence[Candidate], screen: LinearScreen, chosen: tuple[int, ...]
 ) -> list[Effect]:
     """The chosen effects, new ones with their linearised strengths; no laws."""
     found: list[Effect] = []
-    for index, own in zip(chosen, weighing.weigh(chosen).strengths, strict=True):
+    for index, own in zip(chosen, screen.weigh(chosen).strengths, strict=True):
         if index < len(now.effects):
             found.append(now.effects[index])
         elif len(now.own) <= index < len(now.own) + len(asked):

@@ -20,22 +20,22 @@ from numpy.typing import NDArray
 
 from twin.compare.explanation import HORIZONS, FreeRun, free_run
 from twin.conventions import ConventionFinding
+from twin.diagnose.baseline import read_rightly
 from twin.diagnose.cause import Equation
 from twin.diagnose.diagnosis import Diagnosis
 from twin.diagnose.explanation import Explanation
 from twin.diagnose.laws import TORQUE, Law
-from twin.diagnose.plain import read_rightly
 from twin.effects import Effect
 from twin.errors import UsageError
 from twin.identify.prediction_error import NORMAL, fit
 from twin.identify.start import first_biases
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
-from twin.predict.apart import fit_apart
 from twin.predict.base import BaseParameters
 from twin.predict.body import Body, body_of
 from twin.predict.columns import perturbations_of, references_of, strengths_of
 from twin.predict.forces import Perturbation, predicted_machine
+from twin.predict.independent_segments import fit_independent_segments
 from twin.predict.innovations import Problem, retraced
 from twin.predict.logs import motion_of, usable
 from twin.recording import Recording
@@ -238,12 +238,12 @@ def validate(diagnosis: Diagnosis, recording: Recording) -> Validation:
     used = usable(recording, diagnosis.platform)
     log, conventions = read_rightly(longest_of(used), diagnosis.platform)
     before, after = (
-        _held(one, log, diagnosis.platform) for one in (diagnosis.plain, diagnosis.explained)
+        _held(one, log, diagnosis.platform) for one in (diagnosis.baseline, diagnosis.explained)
     )
     samples = before.bodies[0].samples
     return Validation(
         # by one scatter: where both models lose the motion, each has its own
-        0.5 * (before.now.cost - after.now.cost) / after.account.inflation,
+        0.5 * (before.prediction.cost - after.prediction.cost) / after.account.inflation,
         _chi2(before) / samples,
         _chi2(after) / samples,
         {horizon: free_run(horizon, before.account, after.account) for horizon in HORIZONS},
@@ -279,7 +279,7 @@ def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation
         second = fit(problem, first.at)
         now, converged = second.innovations, second.converged
     else:
-        now, converged = fit_apart(problem, start), True
+        now, converged = fit_independent_segments(problem, start), True
     return Explanation(
         (body,),
         found.base,
@@ -503,23 +503,23 @@ def state_effect(effects: Any, effect: Effect, half_widths: Array, logs: str) ->
     effect = effect.with_values(np.clip(rounded, *effect.bounds()))
     table = tomlkit.table()
     for known in effect.parameters():
-        table[known.name] = _plain(getattr(effect, known.name))
+        table[known.name] = _baseline(getattr(effect, known.name))
         half, half_widths = half_widths[: known.size], half_widths[known.size :]
         ends = ", ".join("not told" if np.isnan(one) else f"{one:.2g}" for one in half)
         unit = "" if known.unit == "1" else f"{known.unit}; "
         table[known.name].comment(f"{unit}fitted to {logs}; 95 %: +- {ends}")
     for setting in effect.settings():
         if getattr(effect, setting.name) is not None:
-            table[setting.name] = _plain(getattr(effect, setting.name))
+            table[setting.name] = _baseline(getattr(effect, setting.name))
     if effect.target:
         effects.setdefault(effect.name, tomlkit.table())[effect.target] = table
     else:
         effects[effect.name] = table
 
 
-def _plain(value: Any) -> Any:
+def _baseline(value: Any) -> Any:
     if isinstance(value, tuple | np.ndarray):
-        return [_plain(one) for one in value]
+        return [_baseline(one) for one in value]
     return float(value) if isinstance(value, float) else value
 
 

@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.diagnose.baseline import baseline_of
 from twin.diagnose.explanation import Explanation
-from twin.diagnose.plain import plain_of
 from twin.errors import TwinError
 from twin.platform import Platform
-from twin.predict.apart import Apart
+from twin.predict.independent_segments import IndependentSegments
 from twin.recording import Recording
 from twin.recording.pauses import SHORTEST, part_of
 
@@ -94,14 +94,16 @@ def _beyond(
         except TwinError:  # too little is left
             break
         # a push between two segments of a short log may spoil half of all in one look
-        if min(usual(apart) for _, apart in seen) > LOST:
+        if min(usual(segments) for _, segments in seen) > LOST:
             break
-        looks = [(_worst(apart, usual(apart)), of_logs, apart) for of_logs, apart in seen]
-        worst, of_logs, apart = max(looks, key=lambda look: look[0].excess)
+        looks = [
+            (_worst(segments, usual(segments)), of_logs, segments) for of_logs, segments in seen
+        ]
+        worst, of_logs, segments = max(looks, key=lambda look: look[0].excess)
         if worst.excess <= 1.0:
             return tuple(pushes)
         log = of_logs[worst.place]
-        start, stop = _span(apart, worst)
+        start, stop = _span(segments, worst)
         within = max(start, logs[log].start), min(stop, logs[log].stop)
         pushes = _merged([*pushes, Push(log, logs[log].source, *within)])
         left_out = sum(push.stop - push.start for push in pushes)
@@ -112,7 +114,7 @@ def _beyond(
 
 def pushed_look(logs: Sequence[Recording], platform: Platform) -> Explanation | None:
     """The look at whole logs that shows one best; None where neither does."""
-    looks = [apart for _, apart in _looks(list(enumerate(logs)), platform)]
+    looks = [segments for _, segments in _looks(list(enumerate(logs)), platform)]
     best = max(looks, key=_excess)
     return best if pushed(best) else None
 
@@ -142,27 +144,27 @@ def _looks(
 ) -> Iterator[tuple[list[int], Explanation]]:
     """Parts of logs predicted in segments apart, and which logs they are of: from their starts, and
     from the middle of their first segments on."""
-    apart = plain_of([part for _, part in parts], platform, follows=False)
-    yield [log for log, _ in parts], apart
+    segments = baseline_of([part for _, part in parts], platform, follows=False)
+    yield [log for log, _ in parts], segments
     later = [
         (log, part, part.start + 0.5 * body.grid.length)
-        for (log, part), body in zip(parts, apart.bodies, strict=True)
+        for (log, part), body in zip(parts, segments.bodies, strict=True)
     ]
     later = [one for one in later if one[1].stop - one[2] >= SHORTEST]
     if later:
         cut = [part_of(part, start, part.stop) for _, part, start in later]
         with suppress(TwinError):  # too little is left for a second look
-            yield [log for log, _, _ in later], plain_of(cut, platform, follows=False)
+            yield [log for log, _, _ in later], baseline_of(cut, platform, follows=False)
 
 
-def pushed(apart: Explanation) -> bool:
+def pushed(segments: Explanation) -> bool:
     """Whether a segment does not follow the model as the others do."""
-    return _excess(apart) > 1.0
+    return _excess(segments) > 1.0
 
 
-def _excess(apart: Explanation) -> float:
+def _excess(segments: Explanation) -> float:
     """Of the worst segment, over what is usual by either reckoning."""
-    return max(_worst(apart, usual(apart)).excess for usual in (_usual, _noise))
+    return max(_worst(segments, usual(segments)).excess for usual in (_usual, _noise))
 
 
 @dataclass(frozen=True)
@@ -176,37 +178,39 @@ class _Worst:
     """Its scatter over that which noise and the usual one allow."""
 
 
-def _worst(apart: Explanation, usual: float) -> _Worst:
-    assert isinstance(apart.now, Apart)
-    places = [(log, s) for log, body in enumerate(apart.bodies) for s in range(body.grid.segments)]
-    few = 2.0 / np.maximum(apart.now.counts, 1.0)
+def _worst(segments: Explanation, usual: float) -> _Worst:
+    assert isinstance(segments.prediction, IndependentSegments)
+    places = [
+        (log, s) for log, body in enumerate(segments.bodies) for s in range(body.grid.segments)
+    ]
+    few = 2.0 / np.maximum(segments.prediction.counts, 1.0)
     limit = usual * np.maximum(SPOILED, 1.0 + SIGMAS * np.sqrt(few))
-    excess = _scatter(apart) / limit
+    excess = _scatter(segments) / limit
     worst = int(np.argmax(excess))
     return _Worst(*places[worst], float(excess[worst]))
 
 
-def _usual(apart: Explanation) -> float:
-    return float(np.median(_scatter(apart)))
+def _usual(segments: Explanation) -> float:
+    return float(np.median(_scatter(segments)))
 
 
-def _noise(apart: Explanation) -> float:
+def _noise(segments: Explanation) -> float:
     """What is usual if nothing is wrong but a push; infinite where the others tell it better."""
-    return 1.0 if len(_scatter(apart)) <= FEW else np.inf
+    return 1.0 if len(_scatter(segments)) <= FEW else np.inf
 
 
-def _scatter(apart: Explanation) -> Array:
+def _scatter(segments: Explanation) -> Array:
     """(segments,) of all logs: mean squared residual, at least 1."""
-    assert isinstance(apart.now, Apart)
-    return 1.0 / apart.now.weights
+    assert isinstance(segments.prediction, IndependentSegments)
+    return 1.0 / segments.prediction.weights
 
 
-def _span(apart: Explanation, at: _Worst) -> tuple[float, float]:
+def _span(segments: Explanation, at: _Worst) -> tuple[float, float]:
     """Which time of a segment, left out, leaves least to a motion before and another one after."""
-    body = apart.bodies[at.place]
+    body = segments.bodies[at.place]
     begin = float(body.grid.starts[at.segment])
     end = begin + body.grid.length
-    time, rows = _rows_of(apart, at.place, at.segment)
+    time, rows = _rows_of(segments, at.place, at.segment)
     squares = np.cumsum(np.einsum("ni,nj->nij", rows, rows), axis=0)
     squares = np.concatenate([np.zeros_like(squares[:1]), squares])
     lasts, starts = np.meshgrid(LASTS, np.arange(begin - 0.5 * LASTS[-1], end, STEP))
@@ -219,15 +223,17 @@ def _span(apart: Explanation, at: _Worst) -> tuple[float, float]:
     return float(starts[best]) - MARGIN, float(stops[best]) + MARGIN
 
 
-def _rows_of(apart: Explanation, log: int, segment: int) -> tuple[Array, Array]:
+def _rows_of(segments: Explanation, log: int, segment: int) -> tuple[Array, Array]:
     """Of a segment the times (n,), and (n, x + 1): what the states that it starts from do to each
     number that was read, and what is left of that."""
-    body, state = apart.bodies[log], apart.now.exact[log].linear.state
+    body, state = segments.bodies[log], segments.prediction.exact[log].linear.state
     size = np.maximum(np.linalg.norm(state, axis=1, keepdims=True), 1e-300)
     columns = [body.cells.gather(column) for column in np.moveaxis(state / size, -1, 0)]
     times: list[Array] = []
     rows: list[Array] = []
-    for place, (output, left) in enumerate(zip(body.outputs, apart.account.left[log], strict=True)):
+    for place, (output, left) in enumerate(
+        zip(body.outputs, segments.account.left[log], strict=True)
+    ):
         own = output.segment == segment
         if output.scatters and own.any():
             parts = [*(column[place][own] for column in columns), left[own]]

@@ -85,7 +85,7 @@ class Weighed:
     """Of each, within its bounds."""
 
 
-class Weighing:
+class LinearScreen:
     """residual + columns s, for the strengths s of all causes; white, variance 1."""
 
     def __init__(
@@ -195,13 +195,13 @@ class Weighing:
             return 0.0, 1.0
         return gain * total / squares, total**2 / squares
 
-    def noiseless(self, chosen: Sequence[int]) -> "Weighing":
+    def noiseless(self, chosen: Sequence[int]) -> "LinearScreen":
         """The same causes, had the logs no noise and a set, as it is weighed, been all there is."""
         found = self.weigh(chosen)
         parts = [self.signature(i, s) for i, s in zip(chosen, found.strengths, strict=True)]
         return self.showing(sum(parts, start=np.zeros_like(self._residual)))
 
-    def showing(self, signal: Array) -> "Weighing":
+    def showing(self, signal: Array) -> "LinearScreen":
         """The same causes, were a signature (r,) all that the logs show."""
         same = copy(self)
         same._residual, same._known = -signal, {}
@@ -278,19 +278,19 @@ def price(gain: float, information: Array) -> float:
     return count + float(np.sum(np.log1p(information * width_squared)))
 
 
-def critical(weighing: Weighing, asked: Sequence[int]) -> float:
+def critical(screen: LinearScreen, asked: Sequence[int]) -> float:
     """Surprise that the most surprising cause reaches by chance with probability `FALSE_ALARM`.
 
     Parametric bootstrap in the whitened linear model, noise N(0, I), the base projected out.
     """
     rng = np.random.default_rng(SEED)
-    bases = [weighing.basis(index) for index in asked]
+    bases = [screen.basis(index) for index in asked]
     noise = rng.standard_normal((DRAWS, bases[0].shape[0] if bases else 0))
     # of causes with as many directions the one that gains most is the most surprising
     most: dict[int, Array] = {}
     for index, basis in zip(asked, bases, strict=True):
         along = noise @ basis
-        if basis.shape[1] == 1 and weighing.traces[index].low[0] == 0.0:
+        if basis.shape[1] == 1 and screen.traces[index].low[0] == 0.0:
             along = np.maximum(along, 0.0)
         gain = np.sum(np.square(along), axis=1)
         directions = max(basis.shape[1], 1)
@@ -305,24 +305,24 @@ class Search:
     """Sets of causes, weighed."""
 
     def __init__(
-        self, weighing: Weighing, asked: Sequence[int], limit: float | None = None
+        self, screen: LinearScreen, asked: Sequence[int], limit: float | None = None
     ) -> None:
         """Among some.
 
         Args:
-            weighing: of all.
+            screen: of all.
             asked: which of them.
             limit: surprise that noise reaches in a false alarm, where more were asked before; else
                 it is that of these.
         """
-        self.weighing = weighing
-        self.asked = tuple(index for index in asked if weighing.shown(index))
+        self.screen = screen
+        self.asked = tuple(index for index in asked if screen.shown(index))
         self._limit = limit
 
     @cached_property
     def limit(self) -> float:
         """Surprise that noise reaches in a false alarm."""
-        return critical(self.weighing, self.asked) if self._limit is None else self._limit
+        return critical(self.screen, self.asked) if self._limit is None else self._limit
 
     def scores(self, chosen: tuple[int, ...] = ()) -> list[Score]:
         """Of all causes beside those chosen, the best first."""
@@ -336,8 +336,8 @@ class Search:
     def scored(self, index: int, gain: float) -> Score:
         """Of one that was seen to gain so much."""
         gain = max(gain, 0.0)
-        seen = np.count_nonzero(self.weighing.seen(index))
-        surprise = float(chi2.logsf(gain, max(seen, 1))) + self.weighing.traces[index].looked
+        seen = np.count_nonzero(self.screen.seen(index))
+        surprise = float(chi2.logsf(gain, max(seen, 1))) + self.screen.traces[index].looked
         return Score(index, gain, gain - self._worth(index, gain), surprise)
 
     def pays(self, score: Score) -> bool:
@@ -385,25 +385,25 @@ class Search:
         found = [
             (other, evidence - self.evidence((*rest, other)))
             for other in self._others(rest)
-            if self.weighing.traces[other].label != self.weighing.traces[index].label
+            if self.screen.traces[other].label != self.screen.traces[index].label
         ]
         return sorted(found, key=lambda one: one[1])
 
     def apart(self, chosen: tuple[int, ...], index: int) -> dict[str, float]:
         """How far each other cause would be behind in one's place, had the logs no noise and were
         the set the truth, by label: in evidence, or in likelihood alone if that is less."""
-        silent = Search(self.weighing.noiseless(chosen), self.asked)
+        silent = Search(self.screen.noiseless(chosen), self.asked)
         rest, most = less(chosen, index), silent._gain(chosen)
         found: dict[str, float] = {}
         for other, behind in silent.instead(chosen, index):
-            label = self.weighing.traces[other].label
+            label = self.screen.traces[other].label
             far = min(behind, most - silent._gain((*rest, other)))
             found[label] = min(far, found.get(label, np.inf))
         return found
 
     def _others(self, chosen: tuple[int, ...]) -> list[int]:
-        taken = {self.weighing.traces[index].label for index in chosen}
-        return [i for i in self.asked if self.weighing.traces[i].label not in taken]
+        taken = {self.screen.traces[index].label for index in chosen}
+        return [i for i in self.asked if self.screen.traces[i].label not in taken]
 
     def _exchanged(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """After every exchange of one for another that adds evidence."""
@@ -421,7 +421,7 @@ class Search:
             chosen, now = best, there
 
     def _gain(self, chosen: tuple[int, ...]) -> float:
-        return self.weighing.weigh(chosen).gain
+        return self.screen.weigh(chosen).gain
 
     def _price(self, chosen: tuple[int, ...], index: int) -> float:
         gain = self._gain(chosen) - self._gain(less(chosen, index))
@@ -429,7 +429,7 @@ class Search:
 
     def _worth(self, index: int, gain: float) -> float:
         """What a gain must pay for."""
-        return price(gain, self.weighing.information(index)) + self.weighing.traces[index].unlikely
+        return price(gain, self.screen.information(index)) + self.screen.traces[index].unlikely
 
 
 def less(chosen: tuple[int, ...], index: int) -> tuple[int, ...]:

@@ -119,9 +119,7 @@ def perturbations_of(effect: Effect, platform: Platform) -> tuple[Perturbation, 
     Returns:
         One a component, in their order; none for an effect that changes no expected value.
     """
-    if effect.name in BLIND or not isinstance(
-        effect, BodyEffect | SeriesEffect | ReadingEffect
-    ):
+    if effect.name in BLIND or not isinstance(effect, BodyEffect | SeriesEffect | ReadingEffect):
         return ()
     units = [known.unit for known in effect.parameters() for _ in range(known.size)]
     return tuple(
@@ -366,7 +364,8 @@ def _misread(effect: Effect, output: Output, path: States, step: float) -> Array
     if output.stream not in effect.reads:
         return np.zeros((1, *output.slot.shape))
     angle, rate = (
-        replace(output, stream=stream).predicted(path, step) for stream in ("joint_angle", "joint_rate")
+        replace(output, stream=stream).predicted(path, step)
+        for stream in ("joint_angle", "joint_rate")
     )
     return effect.error(output.stream, angle, rate)
 

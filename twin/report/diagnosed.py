@@ -11,7 +11,7 @@ from twin.diagnose.diagnosis import crowded, foretells_nothing, ordinary, strays
 from twin.diagnose.extension import Validation
 from twin.diagnose.laws import TORQUE
 from twin.diagnose.pushes import Push
-from twin.diagnose.remainder import Remainder
+from twin.diagnose.residual_test import ResidualTest
 from twin.identify.excitation import not_excited
 from twin.identify.prediction_error import NORMAL
 from twin.platform import beyond_stated, taken_as_at_rest
@@ -46,7 +46,7 @@ def diagnosed(found: Diagnosis) -> list[str]:
     if found.equation is not None:
         said.append(equation_sentence(found.equation))
     if found.explained.follows:
-        said += _left(found.remainder)
+        said += _left(found.residual_test)
         said += quiet_sentences(found.explained.account.misfits)
     said.append(_gain(found))
     said += _base(found)
@@ -102,7 +102,7 @@ def verdict_sentence(found: Diagnosis) -> str:
                 "more than rooms and sensors have."
             )
         length = max(body.grid.length for body in found.explained.bodies)
-        size = np.sqrt(found.remainder.chi2)
+        size = np.sqrt(found.residual_test.chi2)
         left = "leave no more than the noise"
         if not found.intervals_hold:
             left = f"still miss by {size:.2g} times the noise"
@@ -118,7 +118,7 @@ def verdict_sentence(found: Diagnosis) -> str:
             "cause of the catalogue explains it."
         )
     if not found.explained.follows:
-        size = np.sqrt(found.remainder.chi2)
+        size = np.sqrt(found.residual_test.chi2)
         best = f"most is explained by {names}, but " if names else ""
         apart = (
             "segments predicted apart leave no more than the noise, but the logs do not go on from "
@@ -257,7 +257,7 @@ def equation_sentence(equation: Equation) -> str:
     )
 
 
-def _left(left: Remainder) -> list[str]:
+def _left(left: ResidualTest) -> list[str]:
     """What no cause takes."""
     if left.torque_chance < left.noise_chance:
         what = f"pieces of torque gain {left.torque_gain:.0f} in {left.freedom:.0f} directions"
@@ -289,7 +289,8 @@ def _gain(found: Diagnosis) -> str:
         band = f"; a true model stays within {gain.low:.3f} to {gain.high:.3f}"
         band = "" if np.isnan(gain.low) else band
         scatters = "What was named only makes a sensor scatter more. " if named else ""
-        return f"{scatters}Chi-square of the innovations {found.remainder.chi2:.4f} a sample{band}."
+        left = found.residual_test.chi2
+        return f"{scatters}Chi-square of the innovations {left:.4f} a sample{band}."
     return (
         f"On time that took no part in the fit the logs become likelier by "
         f"{gain.log_likelihood:.0f} nats; chi-square {gain.before:.4f} to {gain.after:.4f} a "

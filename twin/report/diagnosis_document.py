@@ -64,9 +64,9 @@ def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[
         if found.next_experiment is None
         else experiment_document(found.next_experiment),
         "remainder": {
-            "chance": found.remainder.chance,
-            "torque_gain": found.remainder.torque_gain,
-            "directions": found.remainder.freedom,
+            "chance": found.residual_test.chance,
+            "torque_gain": found.residual_test.torque_gain,
+            "directions": found.residual_test.freedom,
         },
         "tried": [
             {

@@ -16,7 +16,7 @@ LISTED = 18
 def before_after_figure(found: Diagnosis) -> str:
     """Chi-square a sample of each stream over time, without the causes and with them."""
     with mpl.rc_context(FIGURE):
-        before = found.plain.account.misfits
+        before = found.baseline.account.misfits
         after = found.explained.account.misfits
         streams = list(dict.fromkeys(part.stream for part in after))
         figure = Figure(figsize=(9.6, 0.8 + 1.8 * len(streams)))

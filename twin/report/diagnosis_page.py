@@ -138,7 +138,7 @@ def _base_table(found: Diagnosis) -> str:
     rows: list[Sequence[str]] = []
     sides = [
         (one.at.theta, NORMAL * np.sqrt(np.diag(one.covariance)))
-        for one in (found.plain, found.explained)
+        for one in (found.baseline, found.explained)
     ]
     for i, (name, unit) in enumerate(zip(base.names, base.units, strict=True)):
         cells = [f"{pair(float(theta[i]), float(half[i]))} {unit}" for theta, half in sides]

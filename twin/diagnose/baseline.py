@@ -66,17 +66,17 @@ def check_numbers(bodies: Sequence[Body], base: BaseParameters) -> None:
         )
 
 
-def check_seen(plain: Explanation) -> None:
+def check_seen(baseline: Explanation) -> None:
     """Whether a model that leaves only noise has shown anything.
 
     Raises:
         UsageError: the logs leave every moment of inertia open, so that any torque could hide.
     """
-    names, scale = plain.base.names, plain.base.scale
-    half = NORMAL * np.sqrt(np.diag(plain.covariance))[: len(names)]
+    names, scale = baseline.base.names, baseline.base.scale
+    half = NORMAL * np.sqrt(np.diag(baseline.covariance))[: len(names)]
     moments = [i for i, name in enumerate(names) if name in ("J", "Jxx", "Jyy", "Jzz")]
     if moments and all(half[i] > BLIND * scale[i] for i in moments):
-        platform = plain.base.machine.platform.name
+        platform = baseline.base.machine.platform.name
         raise UsageError(
             f"these logs show no more than the sensors' noise: {platform} hardly moves in them, or "
             f"not for long enough to tell {', '.join(names[i] for i in moments)} to half of what "
@@ -110,33 +110,35 @@ def read_rightly(
     return corrected(log, list(found)), found
 
 
-def plain_of(logs: Sequence[Recording], platform: Platform, *, follows: bool = True) -> Explanation:
+def baseline_of(
+    logs: Sequence[Recording], platform: Platform, *, follows: bool = True
+) -> Explanation:
     """The base fitted, and nothing else."""
     machine = predicted_machine(platform)
     bodies = [body_of(machine, log, motion_of(log, platform)) for log in logs]
-    plain, base = base_of(machine, logs)
+    baseline, base = base_of(machine, logs)
     check_numbers(bodies, base)
     pairs = [(log, body.motion) for log, body in zip(logs, bodies, strict=True)]
-    first = first_theta(plain, momentum_fit(pairs, plain))
+    first = first_theta(baseline, momentum_fit(pairs, baseline))
     theta = np.concatenate([first, base.as_stated[len(first) :]])
     problem = Problem(bodies, base)
     biases = [first_biases(body) for body in bodies]
     start = problem.start(theta, biases)
     found = explain(bodies, base, (), start, follows=follows)
-    if not isinstance(found.now, Innovations):
+    if not isinstance(found.prediction, Innovations):
         return found
     if not found.converged:
         # the momentum may be off by more than it says, and the machine as stated be nearer
         start_as_stated = problem.start(base.as_stated, biases)
         again = explain(bodies, base, (), start_as_stated, follows=follows)
         found = min(found, again, key=lambda one: one.cost)
-    if not found.converged and isinstance(found.now, Innovations):
+    if not found.converged and isinstance(found.prediction, Innovations):
         # a motion that may stray from the model leads closer, however bad the start
-        near = fit_disturbed(problem, Fit(found.now, converged=False), start)
+        near = fit_disturbed(problem, Fit(found.prediction, converged=False), start)
         again = explain(bodies, base, (), near.at, follows=follows)
         found = min(found, again, key=lambda one: one.cost)
-    if rings(machine) and isinstance(found.now, Innovations):
-        settled = Fit(found.now, converged=found.converged)
+    if rings(machine) and isinstance(found.prediction, Innovations):
+        settled = Fit(found.prediction, converged=found.converged)
         bodies = along_what_rings(found.problem, settled)[0].bodies
         found = explain(bodies, base, (), found.at, follows=follows)
     left = found.account.left

@@ -13,7 +13,7 @@ from scipy.signal import periodogram
 from scipy.stats import chi2, gamma, norm
 
 from twin.diagnose.explanation import Explanation, Rows
-from twin.diagnose.screen import Trace, Weighing
+from twin.diagnose.screen import LinearScreen, Trace
 from twin.identify.prediction_error import NORMAL
 from twin.predict.body import Body
 from twin.predict.forces import Perturbation, middles, on_grid
@@ -40,7 +40,7 @@ where it is."""
 
 
 @dataclass(frozen=True)
-class Remainder:
+class ResidualTest:
     """What is left when all causes are in."""
 
     torque_gain: float
@@ -67,16 +67,16 @@ class Remainder:
         return self.chance < DOUBTFUL
 
 
-def remainder(found: Explanation) -> Remainder:
+def residual_test(found: Explanation) -> ResidualTest:
     """Of an explanation, where its fit stands."""
     pieces = [piece for body in found.bodies for piece in torque_pieces_of(body)]
     own = len(found.own)
-    weighing = beside(found, pieces)
-    gain, freedom = weighing.beyond(found.own, range(own, own + len(pieces)))
+    screen = beside(found, pieces)
+    gain, freedom = screen.beyond(found.own, range(own, own + len(pieces)))
     parts = found.account.misfits
     worst = max(parts, key=lambda part: part.sigmas)
     single = float(norm.sf(worst.sigmas))
-    return Remainder(
+    return ResidualTest(
         gain,
         freedom,
         float(chi2.sf(gain, freedom)),
@@ -86,7 +86,7 @@ def remainder(found: Explanation) -> Remainder:
     )
 
 
-def beside(found: Explanation, pieces: Sequence[Perturbation]) -> Weighing:
+def beside(found: Explanation, pieces: Sequence[Perturbation]) -> LinearScreen:
     """An explanation's own parts, then pieces of any size."""
     free = np.full(1, np.inf)
     traces = [Trace(piece.name, -free, free) for piece in pieces]
@@ -157,15 +157,15 @@ def slow_line_of(found: Explanation) -> tuple[float, ...]:
     best, asked = (0.0, 0.0), 0
     for body in found.bodies:
         pieces, knots = torque_pieces_of(body), knots_of(body)
-        weighing, own = beside(found, pieces), len(found.own)
-        shown = np.stack([weighing.signature(own + i, np.ones(1)) for i in range(len(pieces))])
-        left, span = weighing.left(found.own), knots[-1] - knots[0]
+        screen, own = beside(found, pieces), len(found.own)
+        kept = np.stack([screen.signature(own + i, np.ones(1)) for i in range(len(pieces))])
+        left, span = screen.left(found.own), knots[-1] - knots[0]
         for hertz in np.arange(1.0, 0.5 * (len(knots) - 1), SPACING) / span:
             turns = 2.0 * np.pi * hertz * (knots - knots[0])
-            followed = np.stack([np.sin(turns), np.cos(turns)]) @ shown.reshape(
-                -1, len(knots), shown.shape[1]
+            followed = np.stack([np.sin(turns), np.cos(turns)]) @ kept.reshape(
+                -1, len(knots), kept.shape[1]
             )
-            directions = np.linalg.qr(followed.reshape(-1, shown.shape[1]).T)[0]
+            directions = np.linalg.qr(followed.reshape(-1, kept.shape[1]).T)[0]
             gain = float(np.sum(np.square(directions.T @ left)))
             best = min(best, (float(chi2.logsf(gain, directions.shape[1])), float(hertz)))
             asked += 1
@@ -199,11 +199,13 @@ class HeldOut:
 
 def held_out(found: Explanation) -> HeldOut:
     """Measure it."""
-    now, (bare, _) = found.rows, found.without()
+    explanation, (bare, _) = found.rows, found.without()
     cut = [body.grid.segments > 1 for body in found.bodies]
     bodies = list(compress(found.bodies, cut))
     block = np.concatenate([_blocks(body.grid.segments) for body in found.bodies])
-    (before, open_before), (after, open_after) = (_missed(block, one) for one in (bare, now))
+    (before, open_before), (after, open_after) = (
+        _missed(block, one) for one in (bare, explanation)
+    )
     samples = sum(body.samples for body in bodies)
     spread = sum(
         2.0
@@ -247,10 +249,10 @@ def _missed(block: NDArray[np.intp], rows: Rows) -> tuple[float, float]:
     chi2, logarithm = 0.0, 0.0
     for b in range(block.max() + 1):
         out = of_rows == b
-        u, told, v = np.linalg.svd(columns[~out], full_matrices=False)
-        shown = told > FLOOR * told[0]
-        open_by = v[shown].T / told[shown]
-        left = rows.residual[out] - columns[out] @ (open_by @ (u.T @ rows.residual[~out])[shown])
+        u, singular, v = np.linalg.svd(columns[~out], full_matrices=False)
+        kept = singular > FLOOR * singular[0]
+        open_by = v[kept].T / singular[kept]
+        left = rows.residual[out] - columns[out] @ (open_by @ (u.T @ rows.residual[~out])[kept])
         doubt = columns[out] @ open_by
         spread = np.eye(doubt.shape[1]) + doubt.T @ doubt
         among = doubt.T @ left

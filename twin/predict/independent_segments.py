@@ -53,7 +53,7 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Apart:
+class IndependentSegments:
     """Logs linearised so."""
 
     at: Unknowns
@@ -154,13 +154,15 @@ def link(exact: Exact) -> Link:
     return Link(rest.reshape(-1, rest.shape[-1]), segment, triangle[:, :x, :x], triangle[:, :x, x:])
 
 
-def apart(problem: Problem, at: Unknowns, exact: tuple[Exact, ...]) -> Apart:
+def independent_segments(
+    problem: Problem, at: Unknowns, exact: tuple[Exact, ...]
+) -> IndependentSegments:
     """What was linearised at some unknowns, its segments apart."""
     links = tuple(link(one) for one in exact)
     added = exact[0].linear.shared.shape[-1] - len(at.theta) - len(at.biases[0])
     stacked, cluster = problem.stacked(at, links, added)
     counts = np.concatenate([counts_of(body) for body in problem.bodies])
-    return Apart(at, exact, links, stacked[:, 0], stacked[:, 1:], cluster, counts)
+    return IndependentSegments(at, exact, links, stacked[:, 0], stacked[:, 1:], cluster, counts)
 
 
 def counts_of(body: Body) -> Array:
@@ -171,13 +173,13 @@ def counts_of(body: Body) -> Array:
     return counts
 
 
-def fit_apart(problem: Problem, start: Unknowns) -> Apart:
+def fit_independent_segments(problem: Problem, start: Unknowns) -> IndependentSegments:
     """Gauss-Newton; returns the prediction linearised at the unknowns that predict the logs best.
 
     Raises:
         TwinError: no rigid body has the base that the iteration starts from.
     """
-    now = apart(problem, start, problem.exact(start))
+    now = independent_segments(problem, start, problem.exact(start))
     free = np.arange(now.columns.shape[1])
     for _ in range(ITERATIONS):
         step, foretold, _ = now.best(free)
@@ -193,14 +195,14 @@ def fit_apart(problem: Problem, start: Unknowns) -> Apart:
     return now
 
 
-def _moved(problem: Problem, now: Apart, step: Array) -> Apart | None:
+def _moved(problem: Problem, now: IndependentSegments, step: Array) -> IndependentSegments | None:
     """After the largest part of a step that makes things better; None without any."""
     for halving in range(HALVINGS):
         part = 0.5**halving * step
         try:
             at = now.at.moved(part, now.links)
             with np.errstate(all="ignore"):  # of a motion on its way out of physics
-                tried = apart(problem, at, problem.exact(at))
+                tried = independent_segments(problem, at, problem.exact(at))
         except TwinError:
             continue
         if tried.cost < now.cost:

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.diagnose.cause import Cause, told
+from twin.diagnose.baseline import baseline_of
+from twin.diagnose.cause import Cause, uncertainties_of
 from twin.diagnose.experiment import Excitation
-from twin.diagnose.plain import plain_of
 from twin.effects import effect_named, with_effects
 from twin.identify.prediction_error import NORMAL
 from twin.platform import load_platform
@@ -25,7 +25,7 @@ def fitted(hidden, guess, seconds=40.0):
     excitation = Excitation(SADS, "quaternion_pd", seconds, "multisine:5")
     log = excitation.flown(with_effects(SADS, (hidden,)), seed=1)
     assert log is not None
-    return plain_of([log.without_truth()], SADS).instead([guess])
+    return baseline_of([log.without_truth()], SADS).instead([guess])
 
 
 @pytest.fixture(scope="module")
@@ -46,14 +46,14 @@ def draft(hidden):
 
 
 def test_a_force_at_an_unknown_place_is_told_only_beside_the_place(draft, hidden):
-    (known,) = told(draft)
+    (known,) = uncertainties_of(draft)
     of_force = np.array([name.startswith("force") for name in draft.effects[0].names])
     print(draft.effects[0].words(), hidden.words(), known)
     assert known.leaning[of_force].all()
 
 
 def test_what_a_log_tells_of_it_whatever_the_place_has_an_interval_that_holds(draft, hidden):
-    (known,), (effect,), (free,) = told(draft), draft.effects, draft.free
+    (known,), (effect,), (free,) = uncertainties_of(draft), draft.effects, draft.free
     sure = free & ~known.leaning
     sure[[effect.names.index(name) for name in ("frequency", "phase")]] = True
     error = np.abs(effect.values - hidden.values)[sure]
@@ -61,7 +61,7 @@ def test_what_a_log_tells_of_it_whatever_the_place_has_an_interval_that_holds(dr
 
 
 def test_a_sentence_says_what_a_force_is_told_beside(draft):
-    (known,), (effect,), (free,) = told(draft), draft.effects, draft.free
+    (known,), (effect,), (free,) = uncertainties_of(draft), draft.effects, draft.free
     beside = NORMAL * known.deviations
     half = np.where(known.leaning, np.nan, beside)
     text = cause_sentence(Cause(effect, free, half, beside, 20.0, 20.0, 0.9, ()))
@@ -81,7 +81,7 @@ def test_what_leans_on_a_shape_of_another_cause_is_told_beside_that():
 def test_what_one_size_says_whole_leans_on_nothing():
     harness = effect_named("harness_stiffness").typical().with_values(np.array([0.05]))
     now = fitted(harness, harness)
-    (known,), (spread,) = told(now), now.covariances
+    (known,), (spread,) = uncertainties_of(now), now.covariances
     assert not known.leaning.any()
     assert known.deviations == pytest.approx(np.sqrt(np.diag(spread)), rel=1e-3)
 
@@ -93,7 +93,7 @@ def test_a_wheel_askew_is_told_by_the_smallest_turn_whatever_the_guess_turned_ab
         replace(kind, target="w1", rotation=turn) for turn in (across, (0.5, *across[1:]))
     )
     found = fitted(hidden, guess, 60.0)
-    (known,), least = told(found), found.effects[0].least(SADS)
+    (known,), least = uncertainties_of(found), found.effects[0].least(SADS)
     print(least.words(), known)
     assert np.isnan(known.deviations).tolist() == [True, False, False]
     error = np.abs(least.values - across)
