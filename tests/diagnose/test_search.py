@@ -98,8 +98,8 @@ def test_what_a_fit_has_settled_stays_though_a_little_less_of_it_shows_beside_th
         LinearScreen(noise - column[:, 0], base, column, [replace(trace("a"), fitted=fitted)])
         for fitted in (False, True)
     )
-    assert not asked.shown(0), "it may be no more than the error of a linearised base"
-    assert settled.shown(0)
+    assert not asked.identifiable(0), "it may be no more than the error of a linearised base"
+    assert settled.identifiable(0)
     assert Search(settled, range(1)).best() == (0,)
 
 

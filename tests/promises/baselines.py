@@ -24,7 +24,7 @@ def named_by_others(found: Diagnosis, truth: str, alike: Sequence[str]) -> dict[
     """
     asked = found.asked
     screen = found.baseline.screen(asked)
-    shown = [index for index in range(len(asked)) if screen.shown(index)]
+    shown = [index for index in range(len(asked)) if screen.identifiable(index)]
     evidence: dict[str, float] = {}
     for index in shown:
         gain = max(screen.weigh((index,)).gain, 0.0)

@@ -204,7 +204,7 @@ def yardstick(bench: Bench) -> Yardstick:
     if not path.exists():
         asked = candidates_of(_plain(bench).bodies).asked
         screen = _plain(bench).screen(asked)
-        shown = [i for i in range(len(asked)) if screen.shown(i)]
+        shown = [i for i in range(len(asked)) if screen.identifiable(i)]
         columns = {
             asked[i].label: np.column_stack(
                 [screen.signature(i, unit) for unit in np.eye(len(asked[i].low))]

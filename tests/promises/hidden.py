@@ -146,12 +146,12 @@ def drawn(bench: Bench, label: str, evidence: float, rng: np.random.Generator) -
         two_sided = low[size] < 0.0
         direction = direction * np.where(two_sided, rng.choice([-1.0, 1.0], len(scale)), 1.0)
         # a wheel's turn about its own axis is none: what no log shows stays absent
-        direction = np.where(screen.seen(index) > 0.0, direction, 0.0)
+        direction = np.where(screen.identifiability(index) > 0.0, direction, 0.0)
         shown = float(np.linalg.norm(screen.signature(index, direction)))
         values[size] = direction * np.sqrt(evidence) / shown
         if np.all(values >= low) and np.all(values <= high):
             found = _possible(bench, effect.with_values(values))
-            share = screen.seen(index)[direction != 0.0]
+            share = screen.identifiability(index)[direction != 0.0]
             plain = isinstance(effect, BiasEffect) or float(share.min(initial=1.0)) > PLAIN
             sized = plain and _proportional(found)
             return found if sized else _resized(bench, found, evidence)

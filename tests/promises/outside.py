@@ -139,7 +139,7 @@ def _explained(measure: Yardstick, law: Effect) -> tuple[float, float, str]:
     screen, every = measure.beside(*shapes, law)
     last = len(every) - 1
     silent = screen.showing(screen.signature(last, law.values))
-    gains = [silent.weigh((i,)).gain if screen.shown(i) else 0.0 for i in range(last)]
+    gains = [silent.weigh((i,)).gain if screen.identifiable(i) else 0.0 for i in range(last)]
     whole, worst = silent.weigh((last,)).gain, int(np.argmax(gains))
     return whole, gains[worst] / whole if whole else 0.0, every[worst].label
 

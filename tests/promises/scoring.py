@@ -60,7 +60,7 @@ def _behind(screen: LinearScreen, own: int, truth: Effect) -> dict[str, float]:
     best: dict[str, float] = {}
     top, most = _evidence(silent, own), silent.weigh((own,)).gain
     for index, trace in enumerate(traces):
-        if screen.shown(index) and trace.label != truth.label:
+        if screen.identifiable(index) and trace.label != truth.label:
             far = min(top - _evidence(silent, index), most - silent.weigh((index,)).gain)
             best[trace.label] = min(far, best.get(trace.label, np.inf))
     return best

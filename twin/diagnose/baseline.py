@@ -1,6 +1,4 @@
-"""The model without any cause, which every diagnosis begins from: the logs read rightly and
-checked, and the base fitted to them.
-"""
+"""The baseline of a diagnosis: logs checked and their conventions corrected, the base fitted."""
 
 from collections.abc import Sequence
 
@@ -24,12 +22,12 @@ from twin.predict.logs import OF_PARTS, check_possible, motion_of, within_range
 from twin.recording import Recording
 
 ENOUGH = 60
-"""Numbers that logs must hold for each unknown. With fewer, the noise and the motion along which
-causes are weighed are themselves uncertain, and what is named is chance."""
+"""Measured values that logs must hold for each unknown. With fewer, noise and motion are too
+uncertain to test causes along them."""
 
 
 def check_logs(recordings: Sequence[Recording], platform: Platform) -> None:
-    """Look at logs before anything is fitted to them.
+    """Check logs before a fit.
 
     Raises:
         UsageError: a log is of a machine with other or far smaller parts, a sensor of its motion
@@ -52,10 +50,10 @@ def check_logs(recordings: Sequence[Recording], platform: Platform) -> None:
 
 
 def check_numbers(bodies: Sequence[Body], base: BaseParameters) -> None:
-    """Whether there is far more to predict than to find: noise and motion are of the same logs.
+    """Check that logs hold enough measured values for the unknowns.
 
     Raises:
-        UsageError: there is not.
+        UsageError: they hold fewer than `ENOUGH` for each.
     """
     held = sum(body.samples for body in bodies)
     sought = len(base.names) + sum(len(body.bias_scale) + body.start.width for body in bodies)
@@ -67,10 +65,10 @@ def check_numbers(bodies: Sequence[Body], base: BaseParameters) -> None:
 
 
 def check_seen(baseline: Explanation) -> None:
-    """Whether a model that leaves only noise has shown anything.
+    """Check that logs of a healthy model determine its inertia.
 
     Raises:
-        UsageError: the logs leave every moment of inertia open, so that any torque could hide.
+        UsageError: no moment of inertia is determined, so that no torque could be seen either.
     """
     names, scale = baseline.base.names, baseline.base.scale
     half = NORMAL * np.sqrt(np.diag(baseline.covariance))[: len(names)]
@@ -101,9 +99,9 @@ def _check_parts(recording: Recording, platform: Platform) -> None:
 def read_rightly(
     recording: Recording, platform: Platform
 ) -> tuple[Recording, tuple[ConventionFinding, ...]]:
-    """One of a log's parts between its pauses, and what it was misread by.
+    """A part of a log with its conventions corrected, and the findings.
 
-    A late clock is left as it is: it is a cause, and is fitted beside the others.
+    A late clock is not corrected: it is a candidate, and is fitted with the others.
     """
     log = calibrated(recording.without_truth(), platform)
     found = tuple(one for one in check_conventions(log, platform) if one.kind != "clock_lag")
@@ -113,7 +111,13 @@ def read_rightly(
 def baseline_of(
     logs: Sequence[Recording], platform: Platform, *, follows: bool = True
 ) -> Explanation:
-    """The base fitted, and nothing else."""
+    """Fit the base alone.
+
+    Args:
+        logs: checked, and their conventions corrected.
+        platform: the machine, as stated.
+        follows: whether the motion is continuous; else segments are independent.
+    """
     machine = predicted_machine(platform)
     bodies = [body_of(machine, log, motion_of(log, platform)) for log in logs]
     baseline, base = base_of(machine, logs)
@@ -128,12 +132,12 @@ def baseline_of(
     if not isinstance(found.prediction, Innovations):
         return found
     if not found.converged:
-        # the momentum may be off by more than it says, and the machine as stated be nearer
+        # the momentum fit may be further off than the machine as stated
         start_as_stated = problem.start(base.as_stated, biases)
         again = explain(bodies, base, (), start_as_stated, follows=follows)
         found = min(found, again, key=lambda one: one.cost)
     if not found.converged and isinstance(found.prediction, Innovations):
-        # a motion that may stray from the model leads closer, however bad the start
+        # a white torque lets the fit converge from a bad start
         near = fit_disturbed(problem, Fit(found.prediction, converged=False), start)
         again = explain(bodies, base, (), near.at, follows=follows)
         found = min(found, again, key=lambda one: one.cost)

@@ -1,5 +1,5 @@
-"""What a diagnosis names: causes with their sizes, intervals, rivals and confidence, what was
-tried, and equations without a name.
+"""Results of a diagnosis: causes with sizes, intervals, ties and confidence; rejected candidates;
+equations of unnamed laws.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,35 +24,35 @@ from twin.predict.columns import amplitudes, slopes_of
 
 Array = NDArray[np.float64]
 LEANS = 0.2
-"""Standard deviations by which a component moves with one that no log tells, if that is wrong by
-its own size, from where on it is told only beside that."""
+"""Standard deviations by which a component changes with one that is not identifiable, if that is
+wrong by its own size, above which its interval is stated only for a given value of the other."""
 NEARBY = 1e-4
-"""Of a component's typical size, to the other end of a finite difference; and what of a difference
-is none."""
+"""Step of a finite difference, in parts of a component's typical size; and a difference that counts
+as 0."""
 MOSTLY = 1.645
-"""Standard deviations by which what is there must exceed what is needed to be found, so that noise
-hides it in 5 of 100 logs."""
+"""Standard deviations by which an effect must exceed the detection limit to be detected in 95 of
+100 logs."""
 NAMELESS = 0.2
-"""Of its confidence what a cause keeps beside something without a name: so many of those that
-docs/diagnosis.md counts were right, or fewer."""
+"""Factor of a cause's confidence beside something unexplained: an upper bound of the share of such
+causes in docs/diagnosis.md that are right."""
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Of one effect."""
+    """Uncertainty of one effect's components."""
 
     deviations: Array
-    """(p,) standard deviations, those held being what they are; NaN of those."""
+    """(p,) standard deviations, given the components that are not fitted; NaN of those."""
     leaning: NDArray[np.bool_]
-    """(p,) which would be others, were one that is held another."""
+    """(p,) which depend on the value of a component that is not fitted."""
 
 
 def uncertainties_of(explanation: Explanation) -> tuple[Uncertainty, ...]:
-    """Of each effect of an explanation, by the logs and by what is known of sensors.
+    """Uncertainty of each effect by the logs and the priors of sensors alone.
 
-    A fit moves a shape no further than shapes are like, and holds what no log shows. Neither is
-    knowledge: that a draft pushes at a point 0.3 m above the bearing is a place to begin from, and
-    as far as the point is another, its force is.
+    The prior of a shape and the values of components that are not fitted serve the fit; they are no
+    knowledge. A draft's point of 0.3 m above the bearing is a start, and with another point its
+    force is another.
     """
     if not explanation.effects:
         return ()
@@ -66,7 +66,7 @@ def uncertainties_of(explanation: Explanation) -> tuple[Uncertainty, ...]:
     rows = explanation.rows_with(list(compress(slopes, held)))
     edge = rows.columns.shape[1] - np.count_nonzero(held)
     own = edge - len(explanation.laws) - np.count_nonzero(free) + np.arange(np.count_nonzero(free))
-    # rows that hold shapes near where they began
+    # priors of shapes
     shapes = own[~sizes[free]]
     begun = (rows.cluster < 0) & rows.columns[:, shapes].any(axis=1)
     columns = rows.columns[~begun]
@@ -90,14 +90,14 @@ def uncertainties_of(explanation: Explanation) -> tuple[Uncertainty, ...]:
         share = _least_by(effect, platform)
         deviations = np.linalg.norm(share @ known[part], axis=1)
         leaning = np.abs(share @ moved[part]) @ wrong > LEANS * deviations
-        # what is held is told where it goes with what is not
+        # a component that is not fitted has an uncertainty where it follows one that is
         tells = (np.abs(share) @ ones) > NEARBY
         found.append(Uncertainty(np.where(tells, deviations, np.nan), leaning & tells))
     return tuple(found)
 
 
 def _least_by(effect: Effect, platform: Platform) -> Array:
-    """(p, p) how the smallest effect that does the same goes with the components of one."""
+    """(p, p) derivative of the smallest equivalent effect with respect to the components."""
     if effect.least(platform) is effect:
         return np.eye(len(effect.values))
     columns: list[Array] = []
@@ -110,11 +110,11 @@ def _least_by(effect: Effect, platform: Platform) -> Array:
 
 @dataclass(frozen=True)
 class Tie:
-    """A cause that would explain the logs about as well in another's place."""
+    """A cause that explains the logs about as well in another's place."""
 
     label: str
     behind: float
-    """Evidence by which it is behind."""
+    """Evidence that it has less."""
 
 
 @dataclass(frozen=True)
@@ -124,32 +124,33 @@ class Cause:
     effect: Effect
     """As fitted."""
     free: NDArray[np.bool_]
-    """(p,) which components were fitted; the others cannot be told and keep typical values."""
+    """(p,) which components were fitted; the others are not identifiable and have typical
+    values."""
     half_widths: Array
-    """(p,) of the 95 % intervals; NaN where not fitted, and where the others are told only beside
-    one that is not: of a force at an unknown distance its torque alone."""
+    """(p,) of the 95 % intervals; NaN where not fitted, and where the component depends on one that
+    is not: of a force at an unknown distance, only the torque has an interval."""
     beside: Array
-    """(p,) likewise, those that were not fitted being what they are."""
+    """(p,) of the 95 % intervals given the components that were not fitted."""
     evidence: float
-    """Against the best model without it."""
+    """Relative to the best model without it."""
     alone: float
-    """Evidence on its own, against no cause at all."""
+    """Evidence of this cause alone, relative to the baseline."""
     confidence: float
     ties: tuple[Tie, ...]
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A cause that was asked for, beside the final ones."""
+    """A candidate that is not among the causes."""
 
     label: str
     evidence: float
-    """What it would add now; below 0: its numbers cost more than they gain."""
+    """Evidence that it would add; negative where its price exceeds its gain."""
     alone: float
-    """What it would have explained on its own."""
+    """Evidence of it alone, relative to the baseline."""
     detectable: Array
-    """(k,) size of each amplitude that would have been found, alone; infinite where no size that
-    the effect can have would have been."""
+    """(k,) smallest detectable size of each amplitude, alone; infinite where no size within the
+    effect's bounds is detectable."""
     names: tuple[str, ...]
     """(k,) of the amplitudes."""
     units: tuple[str, ...]
@@ -157,13 +158,13 @@ class Tried:
 
     @property
     def could_show(self) -> bool:
-        """Whether these logs could have shown any of it."""
+        """Whether any of its amplitudes is detectable."""
         return bool(np.isfinite(self.detectable).any())
 
 
 @dataclass(frozen=True)
 class Equation:
-    """A sum of products that explains what no cause of the catalogue does."""
+    """A sum of unnamed laws that explains what no cause of the catalogue explains."""
 
     laws: tuple[Law, ...]
     coefficients: Array
@@ -171,20 +172,19 @@ class Equation:
     half_widths: Array
     """(l,) of the 95 % intervals."""
     evidence: float
-    """Against the best that the catalogue offers."""
+    """Relative to the best set of causes."""
 
 
 def causes_of(
     explanation: Explanation, search: Search, rivals: Mapping[str, float], *, unexplained: bool
 ) -> tuple[Cause, ...]:
-    """The effects of an explanation, the surest first.
+    """The effects of an explanation as causes, by falling evidence.
 
     Args:
-        now: the explanation.
-        search: where it stands.
-        rivals: by how much those are behind that were fitted in an only cause's place, by label.
-        unexplained: something is at work that has no name; it may be all of what a cause was
-            found for.
+        explanation: the final one.
+        search: the linear screen there.
+        rivals: evidence lost by causes that were fitted in place of an only one, by label.
+        unexplained: whether something else is unexplained, which may also explain each cause.
     """
     found: list[Cause] = []
     for index, (effect, free, known) in enumerate(
@@ -208,11 +208,11 @@ def causes_of(
 def _as_fitted(
     search: Search, instead: Sequence[tuple[int, float]], rivals: Mapping[str, float]
 ) -> list[tuple[int, float]]:
-    """What could stand in a cause's place, those that were fitted there no further behind than that
-    showed."""
+    """Other causes in place of one; of those that were fitted there, no more than their fits
+    lose."""
     fitted, found = dict(rivals), list(instead)
     for place, (other, behind) in enumerate(instead):
-        # of a cause of many shapes it was the nearest that was fitted
+        # of several shapes of a cause, the nearest was fitted
         as_fitted = fitted.pop(search.screen.traces[other].label, behind)
         found[place] = (other, min(behind, as_fitted))
     return sorted(found, key=lambda one: one[1])
@@ -221,14 +221,14 @@ def _as_fitted(
 def ties_of(
     search: Search, instead: Sequence[tuple[int, float]], apart: Mapping[str, float]
 ) -> tuple[Tie, ...]:
-    """What could stand in the place of one of a set, the nearest first.
+    """Causes that tie with one of a set, the nearest first.
 
-    What these logs would tell from it, were it the truth, is only where it came out about even; its
-    confidence says how far the rest is behind.
+    A cause that these logs would separate from it, were it the truth, ties only if the evidence is
+    about even.
 
     Args:
-        search: where it stands.
-        instead: `Search.instead` of that one.
+        search: the linear screen.
+        instead: `Search.instead` of that cause.
         apart: `Search.apart` of it.
     """
     found: dict[str, Tie] = {}
@@ -240,12 +240,12 @@ def ties_of(
 
 
 def share_of(behind: Sequence[float]) -> float:
-    """Probability of an explanation beside rivals that are so much behind in evidence."""
+    """Probability of an explanation beside rivals that have so much less evidence."""
     return float(1.0 / (1.0 + np.sum(np.exp(-0.5 * np.clip(behind, -1400.0, 1400.0)))))
 
 
 def tried_of(search: Search, own: tuple[int, ...], asked: Sequence[Candidate]) -> tuple[Tried, ...]:
-    """Every cause that is not among the final ones."""
+    """All candidates that are not among the causes."""
     first = len(own)
     best: dict[str, Tried] = {}
     for score in search.scores(own):
@@ -256,8 +256,8 @@ def tried_of(search: Search, own: tuple[int, ...], asked: Sequence[Candidate]) -
         names = [name for name, free in zip(one.effect.names, size, strict=True) if free]
         units = [k.unit for k in one.effect.parameters() for _ in range(k.size)]
         screen = search.screen
-        seen = screen.seen(score.index) * screen.size_of(score.index)
-        # of what rings anywhere, as many frequencies could have seemed to by chance
+        seen = screen.identifiability(score.index) * screen.size_of(score.index)
+        # the detection limit of the best of many shapes is higher
         needed = float(chi2.isf(np.exp(search.limit - one.looked), len(names)))
         least = (np.sqrt(needed) + MOSTLY) / np.maximum(seen, 1e-300)
         most = np.maximum(np.abs(one.low), np.abs(one.high))
@@ -274,11 +274,11 @@ def tried_of(search: Search, own: tuple[int, ...], asked: Sequence[Candidate]) -
 
 
 def equation_of(explanation: Explanation, evidence: float) -> Equation | None:
-    """The laws of an explanation; None without any.
+    """The unnamed laws of an explanation; None without any.
 
     Args:
-        now: the explanation.
-        evidence: that they brought beyond the best that the catalogue offers.
+        explanation: the final one.
+        evidence: of the laws, relative to the best set of causes.
     """
     if not explanation.laws:
         return None
@@ -294,12 +294,12 @@ def equation_of(explanation: Explanation, evidence: float) -> Equation | None:
 def scatter_causes(
     explanation: Explanation, taken: Sequence[Effect] = (), *, unexplained: bool = False
 ) -> tuple[Cause, ...]:
-    """The best one beyond chance, if any, and those beside it; none where no motion follows.
+    """Causes that only make a sensor scatter more, by the residual of a continuous motion.
 
     Args:
-        now: the explanation that stands.
-        taken: those that are found already.
-        unexplained: something is at work that has no name.
+        explanation: the final one.
+        taken: such causes that are found already.
+        unexplained: whether something else is unexplained.
     """
     platform = explanation.bodies[0].machine.platform
     if not explanation.follows:
@@ -330,7 +330,7 @@ def scatter_causes(
 def _cause(
     explanation: Explanation, effect: ScatterEffect, taken: Sequence[Effect]
 ) -> Cause | None:
-    """Alone; its gain as it is stands for its evidence alone."""
+    """One such cause fitted to the squared residual; None where it has no evidence."""
     every = (*effects_of(explanation.bodies[0].machine.platform), *taken)
     others = [
         one for one in every if isinstance(one, ScatterEffect) and one.acts_on == effect.acts_on

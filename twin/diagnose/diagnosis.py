@@ -1,4 +1,4 @@
-"""Logs and a platform in; what its model gets wrong, why, how sure that is, what it is worth."""
+"""Diagnosis: what a platform's model gets wrong about logs, the causes, their evidence and gain."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ from twin.recording import Recording
 from twin.recording.pauses import pieces_of
 
 DRAUGHT = 3e-4
-"""Torque of the draughts of a room on a platform [N m], rms: 1 mN at 0.3 m."""
+"""Largest rms torque of a room's draughts on a platform [N m]: 1 mN at 0.3 m."""
 STRAYING = {
     "attitude": 0.01,
     "joint_angle": 0.01,
@@ -45,26 +45,27 @@ STRAYING = {
     "accelerometer": 0.05,
     "magnetometer": 1e-6,
 }
-"""Errors that sensors have however well they are calibrated, rms (SI): a vertical reference of half
-a degree, a gyro bias of 200 deg/h, an accelerometer bias of 5 mg."""
+"""Largest rms of the slow error of a calibrated sensor (SI): a vertical reference of half a degree,
+a gyro bias of 200 deg/h, an accelerometer bias of 5 mg."""
 Say = Callable[[str], None]
 _WINDS = "nothing is left that repeats with the angle"
 UNEXPLAINED = 1e-4
-"""Chance below which what is left is no noise."""
+"""Probability of a residual below which it is not noise."""
 IN_PART = 0.5
-"""Share of what a model misses that causes must carry, where what wanders beside them is more than
-rooms and sensors have."""
+"""Share of the baseline's misfit that causes must explain for *explained in part*, where noise
+processes are larger than rooms and sensors have."""
 ROUGH = 1.5
-"""Chi-square a sample beyond which no cause has made the motion follow the model. The logs are then
-predicted in segments apart, and what they say counts for less."""
+"""Chi-square a sample above which the logs are predicted in independent segments: no set of causes
+makes the motion follow the model."""
 LOST = 30.0
-"""Chi-square a sample of a model without causes, beyond which segments apart come first."""
+"""Chi-square a sample of the baseline above which independent segments come first."""
 STRAYS = 2.0
-"""Half widths of the band in which a true model's chi-square stays 95 times in 100."""
+"""Half widths of the 95 % band of a true model's chi-square beyond which held-out time is
+missed."""
 
 
 def ordinary(noise: Noise) -> bool:
-    """Whether all that wanders is inside what rooms and sensors of such laboratories have."""
+    """Whether all noise processes are within what such rooms and sensors have."""
     torque = 0.0 if noise.torque is None else noise.torque.rms
     return torque <= DRAUGHT and all(
         one.rms <= STRAYING.get(stream, np.inf) for stream, one in noise.errors
@@ -72,9 +73,12 @@ def ordinary(noise: Noise) -> bool:
 
 
 def carried(baseline: Explanation, explanation: Explanation) -> float:
-    """Share of what a model without causes misses that the causes take: of the excess of its
-    squared residual, what wanders taking the rest; of the error of a free run where segments are
-    predicted apart, whose residuals are those of a few pushes."""
+    """Share of the baseline's misfit that the causes explain.
+
+    Of a continuous motion, the misfit is the excess of the squared residual, of which noise
+    processes take the rest. Of independent segments it is the error of a free run: their residuals
+    are those of a few disturbed segments.
+    """
     if not (baseline.follows and explanation.follows):
         run = free_run(HORIZONS[0], baseline.account, explanation.account)
         if run is None:
@@ -89,49 +93,48 @@ def carried(baseline: Explanation, explanation: Explanation) -> float:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What logs say of a platform's model."""
+    """A platform's model held against logs."""
 
     platform: Platform
     recordings: tuple[Recording, ...]
-    """Read rightly."""
+    """With the corrections of `conventions`."""
     conventions: tuple[ConventionFinding, ...]
     noise: tuple[NoiseFinding, ...]
     baseline: Explanation
-    """Without any cause."""
+    """The model without causes."""
     explained: Explanation
-    """With all causes."""
+    """The model with all causes."""
     causes: tuple[Cause, ...]
     tried: tuple[Tried, ...]
-    """The best first."""
+    """By falling evidence."""
     asked: tuple[Candidate, ...]
-    """What the logs could be asked for, at its usual shape."""
+    """The candidates, at their usual shapes."""
     not_asked: Mapping[str, str]
-    """What had no answer, and why, by label."""
+    """Why an effect is no candidate, or has no estimate, by label."""
     equation: Equation | None
     residual_test: ResidualTest
     held_out: HeldOut
     free_runs: Mapping[float, FreeRun | None]
     """By horizon [s]; None where the logs are too short."""
     next_experiment: Experiment | None
-    """What would split the ties best, if there are any and it can be foretold."""
+    """The run that would separate tied causes best; None without ties or a prediction."""
     pushes: tuple[Push, ...] = ()
-    """From outside; all else is of the time between them."""
+    """Disturbances from outside, whose time is excluded from all else."""
 
     @property
     def intervals_hold(self) -> bool:
-        """Whether the intervals of causes and base are 95 % intervals: not where something is left
-        that no cause explains."""
+        """Whether the intervals of causes and base are 95 % intervals: not where the residual
+        contains something that no cause explains."""
         return not _unexplained(self.baseline, self.explained, self.residual_test, self.held_out)
 
     @property
     def wander(self) -> Noise:
-        """Noise processes beside the sensors' white noise, fitted with the causes."""
+        """Noise processes, fitted together with the causes."""
         return self.explained.noise
 
     @cached_property
     def carried(self) -> float:
-        """Share of what the model without causes misses that the causes carry; what wanders has
-        the rest."""
+        """Share of the baseline's misfit that the causes explain (`carried`)."""
         return carried(self.baseline, self.explained)
 
     @property
@@ -153,12 +156,12 @@ class Diagnosis:
 def diagnose(
     recordings: Sequence[Recording], platform: Platform, *, say: Say = lambda _: None
 ) -> Diagnosis:
-    """Name what a platform's model gets wrong about logs, all together.
+    """Find the causes of what a platform's model gets wrong about logs.
 
     Args:
-        recordings: at least one; a simulation's true states are not looked at.
+        recordings: at least one; the true states of a simulation are not used.
         platform: the machine, as stated.
-        say: told what is being done.
+        say: receives the name of each step.
 
     Raises:
         UsageError: no logs, one without the streams that the prediction needs, or too little in
@@ -220,7 +223,7 @@ def diagnose(
 
 @dataclass(frozen=True)
 class _Reasoned:
-    """What a line of reasoning over logs came to."""
+    """The result of a search."""
 
     baseline: Explanation
     candidates: Candidates
@@ -237,7 +240,7 @@ class _Reasoned:
 def _reasoned(baseline: Explanation, logs: Sequence[Recording], say: Say) -> _Reasoned:
     candidates = candidates_of(baseline.bodies)
     engine = Engine(candidates.asked, say)
-    # along a motion that is lost columns say little
+    # columns along a motion that is far from the logs mean little
     lost = baseline.follows and residual_test(baseline).chi2 > LOST
     state = None if lost else engine.explained(baseline)
     if state is None or state.residual_test.chi2 > ROUGH or not ordinary(state.explanation.noise):
@@ -262,10 +265,10 @@ def _reasoned(baseline: Explanation, logs: Sequence[Recording], say: Say) -> _Re
 def _explained(
     baseline: Explanation, logs: Sequence[Recording], say: Say
 ) -> tuple[_Reasoned, tuple[Push, ...]]:
-    """What explains logs; and the moments but for which it does, where nothing explains them whole.
+    """Search over whole logs, or over logs without the time of disturbances from outside.
 
-    Where the rest is as the machine is stated, and no cause does what was seen in the moments, the
-    whole need not be reasoned over, which takes longest where it comes to nothing.
+    Disturbances are excluded where nothing explains the whole logs and something explains the rest.
+    Where the rest follows the baseline, the whole logs are not searched.
     """
     pushes = () if _is_noise(baseline) else _pushes(logs, baseline.base.machine.platform, say)
     if not pushes:
@@ -282,7 +285,7 @@ def _explained(
 
 
 def _in_part(baseline: Explanation, explanation: Explanation) -> bool:
-    """Whether causes that are few carry most of what a model without them misses."""
+    """Whether a few causes explain most of the baseline's misfit."""
     few = bool(explanation.effects) and not explanation.laws and not crowded(explanation.effects)
     return few and carried(baseline, explanation) > IN_PART
 
@@ -292,7 +295,8 @@ def _is_noise(baseline: Explanation) -> bool:
 
 
 def _pushes(logs: Sequence[Recording], platform: Platform, say: Say) -> tuple[Push, ...]:
-    """Moments without which logs follow the model, and that none of the likeliest causes makes."""
+    """Disturbances without which logs follow the model, and that none of the likeliest causes
+    explains."""
     say("pushes from outside")
     pushes = pushes_of(logs, platform)
     if not pushes or not but_for(pushes, logs):
@@ -305,7 +309,7 @@ def _pushes(logs: Sequence[Recording], platform: Platform, say: Say) -> tuple[Pu
 def _unexplained(
     baseline: Explanation, explanation: Explanation, left: ResidualTest, held: HeldOut
 ) -> bool:
-    """Whether there is something at work that no cause is a name for."""
+    """Whether the logs contain something that no cause of the catalogue explains."""
     if (
         explanation.laws
         or left.chance < UNEXPLAINED
@@ -318,27 +322,27 @@ def _unexplained(
 
 
 def foretells_nothing(effects: Sequence[Effect], held: HeldOut) -> bool:
-    """Whether causes that explain the logs make time that took no part in the fit no likelier.
+    """Whether causes do not improve the prediction of held-out time.
 
-    What only the stated base distinguishes from a change of it need not: a constant error is any
-    log's own, and with another base the motion is the same.
+    Causes that only the stated base distinguishes from a change of the base need not: a constant
+    error is a log's own, and another base gives the same motion.
     """
     lasting = any(not effect.exact for effect in effects)
     return lasting and held.log_likelihood <= 0.0
 
 
 def strays(held: HeldOut) -> bool:
-    """Whether time that took no part in the fit is missed by more than a true model ever misses."""
+    """Whether the error on held-out time is larger than that of a true model."""
     return held.after > 1.0 + STRAYS * (held.high - 1.0)
 
 
 def crowded(effects: Sequence[Effect]) -> bool:
-    """Whether so many kinds of causes explain logs together that one without a name is likelier."""
+    """Whether there are so many kinds of causes that one unnamed cause is likelier."""
     return len({effect.name for effect in effects}) > CROWD
 
 
 def _unasked(candidates: Candidates, causes: Sequence[Cause]) -> dict[str, str]:
-    """Why causes were not asked for, but those that were found by their scatter, by label."""
+    """Why effects are no candidates, by label; not of those that the scatter of a sensor shows."""
     found = {cause.effect.label for cause in causes}
     return {label: why for label, why in candidates.not_asked.items() if label not in found}
 
@@ -346,12 +350,12 @@ def _unasked(candidates: Candidates, causes: Sequence[Cause]) -> dict[str, str]:
 def _silent(
     candidates: Candidates, state: SearchState, causes: Sequence[Cause], tried: Sequence[Tried]
 ) -> dict[str, str]:
-    """Why causes that could be asked for have no place among the answers, by label."""
+    """Why candidates are neither among the causes nor among those tried, by label."""
     reported = {cause.effect.label for cause in causes} | {one.label for one in tried}
     screen = state.search.screen
     felt: dict[str, bool] = {}
     for index, trace in enumerate(screen.traces):
-        felt[trace.label] = felt.get(trace.label, False) or screen.felt(index)
+        felt[trace.label] = felt.get(trace.label, False) or screen.observable(index)
     why = {
         True: "not observable: a change of the base does the same",
         False: "not observable: what it acts on does not move in these logs",

@@ -1,14 +1,14 @@
-"""Which causes, noise processes and laws explain logs: a beam search over refitted sets.
+"""Beam search over sets of causes, noise processes and unnamed laws that explain logs.
 
-A state is a set of causes, and laws without a name, fitted to the logs beside the base. Where it
-stands, the linear screen (`Search`) says which other sets promise to be likelier; those are fitted,
-the few best are screened in turn, and the search ends where no set promises more than the best has.
-The score of a state is -2 log L and the price of all that it sets (`Line.score`).
+A state of the search is a set of causes and unnamed laws, fitted to the logs together with the
+base. The linear screen (`Search`) predicts at that fit which other sets are likelier. The search
+fits those sets, keeps the best states, and ends when the screen predicts no further gain. The score
+of a state is -2 log L plus the price of all its numbers (`SearchState.score`).
 
-The screen grows as it is needed: the catalogue at its usual shapes; then the same causes beside
-noise processes (draughts, an attitude reference that strays); then frequencies that stand out of
-what the best state leaves, and laws without a name. In the end the best state is compared with laws
-alone, with refits without each of its causes, and with the rivals of its only cause.
+The search widens in three stages: the catalogue at its usual shapes; the same candidates together
+with noise processes (draughts, an attitude reference that drifts); frequencies that stand out of
+the residual, and unnamed laws. At the end, the best state is compared with unnamed laws alone, with
+refits without each of its causes, and with refits in which a rival replaces its only cause.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -31,7 +31,7 @@ from twin.diagnose.explanation import (
 )
 from twin.diagnose.laws import Law, laws_of, unlikely
 from twin.diagnose.residual_test import ResidualTest, lines_of, residual_test, slow_line_of
-from twin.diagnose.screen import TIED, Search, less
+from twin.diagnose.screen import TIED, Search, without
 from twin.effects import Effect, able, with_effects
 from twin.errors import TwinError
 from twin.identify.prediction_error import NORMAL, WORTHWHILE
@@ -46,26 +46,26 @@ class Settings:
     """All numbers of the search."""
 
     beam: int = 2
-    """States that go on."""
+    """States that a step of the search keeps."""
     singles: int = 4
-    """Causes that are fitted singly where a state stands, those that promise most."""
+    """Candidates that are fitted one at a time from a state: those with the highest evidence."""
     rounds: int = 6
-    """Steps of the beam."""
+    """Steps of the beam search, at most."""
     nearly: float = 0.7
-    """Share of what a whole set gains, from where on one cause of it is fitted by itself first: the
-    others may be what its linear column lacks."""
+    """Share of a set's gain from which on one of its causes is fitted alone first: the others may
+    only correct the error of that cause's linear column."""
     weak: float = 0.03
-    """Share of the strongest new cause's evidence below which another one waits until that is
-    fitted: as much may be the error of its column."""
+    """Share of the strongest new cause's evidence below which another one is not fitted with it:
+    the error of the strongest one's linear column may account for as much."""
     near: float = 12.0
-    """Evidence by which a rival may be behind to be fitted in a cause's place,"""
+    """Evidence by which a rival may be behind a cause and still be fitted in its place,"""
     near_share: float = 0.05
-    """or that share of the cause's own evidence, where that is more."""
+    """or this share of the cause's own evidence, whichever is larger."""
     rivals: int = 3
-    """That are fitted, the nearest."""
+    """Rivals that are fitted, at most."""
     inexact: float = 1e-4
-    """Share of the strongest cause's gain that the rest may seem to bring: a motion with a strong
-    cause in it is followed no more exactly, for its base's columns lack how that answers."""
+    """Share of the strongest cause's gain that is numerical error: the base's columns neglect how a
+    strong cause responds to a change of the base."""
 
 
 SETTINGS = Settings()
@@ -73,31 +73,32 @@ SETTINGS = Settings()
 
 @dataclass(frozen=True)
 class SearchState:
-    """A state of the search: an explanation, and the screen where it stands."""
+    """A fitted set of causes and laws, and what is screened there."""
 
     explanation: Explanation
     candidates: tuple[Candidate, ...] = ()
-    """What is screened beside the explanation's own parts."""
+    """Screened together with the explanation's own causes and laws."""
     laws: tuple[Law, ...] = ()
-    """Screened too, after the candidates."""
+    """Unnamed laws, screened after the candidates."""
     nameless: float = 0.0
-    """Evidence that laws without a name bring beyond the best set of causes; 0 without any."""
+    """Evidence of its unnamed laws against the best set of causes alone; 0 without such laws."""
     rivals: Mapping[str, float] = field(default_factory=dict[str, float])
-    """By how much causes that were fitted in an only one's place are behind, by label."""
+    """Score of each cause that was fitted in place of the only one, relative to the best, by
+    label."""
 
     @cached_property
     def search(self) -> Search:
-        """The screen; of a state that does not go on it is never formed."""
+        """The linear screen at this fit, formed when it is first used."""
         return search_from(self.explanation, self.candidates, self.laws)
 
     @cached_property
     def residual_test(self) -> ResidualTest:
-        """What it does not explain."""
+        """Whether the residual is more than noise."""
         return residual_test(self.explanation)
 
     @cached_property
     def price(self) -> float:
-        """Of all that was set to have it so."""
+        """Price of the numbers that causes, laws and noise processes set (`screen.price`)."""
         own, price = self.explanation.own, WORTHWHILE * self.explanation.noise.processes
         if not own:
             return price
@@ -105,18 +106,22 @@ class SearchState:
         return price + alone.screen.weigh(own).gain - alone.evidence(own)
 
     def score(self, inflation: float) -> float:
-        """-2 log L, where samples say so many times less than white noise does, and the price; the
-        lower the better."""
+        """-2 log L plus the price; lower is better.
+
+        Args:
+            inflation: by which the correlation of the residual reduces the information of samples.
+        """
         return self.explanation.deflated(inflation) + self.price
 
     @cached_property
     def best(self) -> tuple[int, ...]:
-        """The set with the most evidence by the screen."""
+        """The set with the highest evidence in the screen."""
         return self.search.best()
 
     @cached_property
     def lawful(self) -> bool:
-        """Whether a law without a name would pay, which the sum of all residuals may not show."""
+        """Whether an unnamed law has evidence: the residual test may not see it among many
+        samples."""
         laws = laws_of(self.explanation.bodies)
         own = tuple(self.explanation.own)
         scores = search_from(self.explanation, (), laws).scores(own)
@@ -124,9 +129,9 @@ class SearchState:
 
     @cached_property
     def settled(self) -> bool:
-        """Whether it leaves no more than noise, and the screen has nothing better.
+        """Whether the residual is noise and the screen predicts no better set.
 
-        What segments apart are screened by beside a cause is what the motion as a whole shows.
+        Independent segments are tested by their residual alone.
         """
         if self.residual_test.doubtful:
             return False
@@ -138,7 +143,7 @@ class SearchState:
 def search_from(
     explanation: Explanation, candidates: Sequence[Candidate], laws: Sequence[Law] = ()
 ) -> Search:
-    """Among an explanation's own parts and all that can be asked."""
+    """The linear screen of an explanation's own causes and laws, candidates, and further laws."""
     price = unlikely(laws) if laws else 0.0
     parts = [*map(explanation.sized, candidates), *((law.perturbation,) for law in laws)]
     screen = explanation.weigh(
@@ -149,20 +154,20 @@ def search_from(
 
 @dataclass(frozen=True)
 class _Move:
-    """A set to be fitted from where a state stands."""
+    """A set to be fitted, starting from a state."""
 
     state: SearchState
     chosen: tuple[int, ...]
 
     @property
     def gain(self) -> float:
-        """Evidence that the screen promises."""
+        """Evidence that the screen predicts."""
         search = self.state.search
         return search.evidence(self.chosen) - search.evidence(self.state.explanation.own)
 
     @property
     def key(self) -> frozenset[object]:
-        """Equal for sets that are the same but for where their fits begin."""
+        """Identifies the set, whatever state its fit starts from."""
         state, first = self.state, len(self.state.explanation.own)
         candidates = [
             state.candidates[i - first]
@@ -180,18 +185,18 @@ class _Move:
 
 
 class Engine:
-    """The search for what explains logs."""
+    """The search for the set of causes that explains logs."""
 
     def __init__(self, candidates: Sequence[Candidate], say: Say) -> None:
-        """Among candidates.
+        """Set up a search.
 
         Args:
-            asked: all that the logs can be asked for, at their usual shapes.
-            say: takes a sentence of what is being done.
+            candidates: every cause that these logs may show, at its usual shape.
+            say: receives the name of each step.
         """
         self.candidates = tuple(one for one in candidates if not one.effect.winds)
         self.winding = tuple(one for one in candidates if one.effect.winds)
-        """Of which no number of waves is usual: asked for where something is left."""
+        """Candidates without a usual number of waves a turn: screened in the last stage only."""
         self.say = say
         self._barred: set[str] = set()
         self._seen: set[frozenset[object]] = set()
@@ -201,7 +206,7 @@ class Engine:
         self._likeliest: dict[frozenset[str], SearchState] = {}
 
     def explained(self, baseline: Explanation) -> SearchState:
-        """From a model without causes to one that no other set of causes betters."""
+        """Search from the baseline model; the best state."""
         self._begin(baseline)
         self.say("causes weighed")
         lines = [self._state_of(explanation) for explanation in _starts(baseline)]
@@ -213,14 +218,14 @@ class Engine:
                 else self._grown([self._state_of(baseline)])
             )
             beam = self._best([*beam, *more])
-        # what wanders passes for a law without a name, and for what rings
+        # a noise process can absorb an unnamed law, or what rings
         if not beam[0].settled or beam[0].explanation.noise.any:
             beam = self._widened(baseline, beam)
         return self._finished(self._verified(beam[0]))
 
     def onward(self, baseline: Explanation, segments: SearchState) -> SearchState | None:
-        """On from the causes that segments predicted apart have, along a motion that follows the
-        model; None where that does not settle."""
+        """Search on from the causes of independent segments, along one continuous motion; None
+        where that fit does not converge."""
         if not segments.explanation.effects:
             return None
         try:
@@ -244,8 +249,8 @@ class Engine:
         self._named, self._baseline, self._inflation = None, baseline, np.inf
 
     def _single_causes(self, state: SearchState) -> list[SearchState]:
-        """Over segments apart: each of the few causes that promise most, fitted singly, up to one
-        that leaves no more than noise. What it is worth there says only which to try."""
+        """Of independent segments: the best candidates fitted one at a time, until one leaves noise
+        only."""
         states, tried = list[SearchState](), dict[str, int]()
         for score in state.search.scores():
             if len(tried) < SETTINGS.singles:
@@ -259,7 +264,7 @@ class Engine:
         return self._best(states) or [state]
 
     def _with_noise_processes(self, baseline: Explanation) -> list[SearchState]:
-        """The best states whose noise wanders; none where it does not."""
+        """The best states with noise processes; none where the logs have no such noise."""
         self.say("noise processes")
         noisy = baseline.wandering()
         if not noisy.noise.any:
@@ -269,8 +274,8 @@ class Engine:
         ]
 
     def _widened(self, baseline: Explanation, beam: list[SearchState]) -> list[SearchState]:
-        """On, asked also for frequencies that stand out, for what may ring anywhere, and for laws
-        without a name."""
+        """Search on with frequencies that stand out of the residual, with resonances at any
+        frequency, with waves around a turn, and with unnamed laws."""
         self.say("frequencies and laws without a name")
         starts = (
             [beam[0]] if beam[0].explanation is baseline else [beam[0], self._state_of(baseline)]
@@ -286,8 +291,8 @@ class Engine:
         return self._grown([*wide, *self._stepped(wide)])
 
     def _ringing_anywhere(self, baseline: Explanation) -> tuple[Candidate, ...]:
-        """Of each cause that rings, where beside nothing else it promises most: where commands
-        repeat, it leaves lines at their harmonics, not at its own frequency."""
+        """Each resonant cause at the frequency of the highest evidence beside the baseline:
+        periodic commands excite a resonance at their harmonics, not at its own frequency."""
         if not baseline.follows or not baseline.converged:
             return ()
         scan = resonators(self.candidates, baseline.bodies)
@@ -298,8 +303,9 @@ class Engine:
         return tuple(best.values())
 
     def _winding(self, explanation: Explanation) -> tuple[Candidate, ...]:
-        """Of what makes waves around the turn of a hinge, the numbers of them that promise most."""
-        # a few waves that a segment apart sees no whole one of stand in for a torque
+        """What makes waves around the turn of a hinge, at the numbers of waves of the highest
+        evidence."""
+        # an independent segment sees less than one of a few waves, which then replace a torque
         scan = winding(self.winding, explanation.bodies) if explanation.follows else ()
         if not scan:
             return ()
@@ -308,7 +314,7 @@ class Engine:
         return tuple(scan[score.index - first] for score in islice(scores, SETTINGS.singles))
 
     def _grown(self, beam: Sequence[SearchState]) -> list[SearchState]:
-        """Step by step, until the best settles or no set promises more."""
+        """Beam search from states, until the best one settles or the screen predicts no gain."""
         states = self._best(beam)
         for _ in range(SETTINGS.rounds):
             if states[0].settled:
@@ -320,7 +326,7 @@ class Engine:
         return states
 
     def _stepped(self, states: Sequence[SearchState]) -> Iterator[SearchState]:
-        """The sets that promise more than the best state has, fitted; up to one that settles."""
+        """Fit the sets that the screen prefers to the best state, until one settles."""
         best = min(map(self._score, states))
         for state in states:
             for move in self._moves(state):
@@ -337,8 +343,8 @@ class Engine:
                 best = min(best, self._score(there))
 
     def _moves(self, state: SearchState) -> Iterator[_Move]:
-        """Those worth a fit from where a state stands: single causes that gain nearly as much as a
-        whole set, the set, and what is strongest in it."""
+        """Sets to fit from a state: single causes with nearly the gain of the best set, the best
+        set, and its strongest cause alone."""
         search, own = state.search, set(state.explanation.own)
         chosen = _few(state, state.best)
         kept = tuple(index for index in chosen if index in own)
@@ -356,13 +362,13 @@ class Engine:
         yield from (_Move(state, (*kept, index)) for index in first)
         yield _Move(state, (*kept, *_strong(search, chosen, new)))
         strongest = max(
-            new, key=lambda i: search.evidence(chosen) - search.evidence(less(chosen, i))
+            new, key=lambda i: search.evidence(chosen) - search.evidence(without(chosen, i))
         )
         for index in dict.fromkeys([strongest, *(singles if not own else ())]):
             yield _Move(state, (*kept, index))
 
     def _singles(self, state: SearchState, kept: tuple[int, ...]) -> list[int]:
-        """Causes that promise most beside those that are kept, one of each label."""
+        """Candidates of the highest evidence beside those kept, one for each label."""
         found: dict[str, int] = {}
         for score in state.search.scores(kept):
             if len(found) == SETTINGS.singles:
@@ -372,7 +378,8 @@ class Engine:
         return list(found.values())
 
     def _moved(self, move: _Move, best: SearchState) -> SearchState | None:
-        """Fitted; None where no machine can have it, or where the fit loses the motion."""
+        """Fit a set; None where the machine cannot have it, or where the fit diverges from the
+        logs."""
         state, explanation = move.state, move.state.explanation
         effects = guesses(explanation, state.candidates, state.search.screen, move.chosen)
         laws = _laws(state, move.chosen)
@@ -381,7 +388,7 @@ class Engine:
         lead = best.explanation if best.explanation.noise.white > 0.0 else explanation
         there = fitted(lead, effects, laws)
         if there is not None and there.laws:
-            # their columns were formed along a motion that lacked them
+            # the columns of the laws were formed along a motion without them
             there = followed(there, there.effects, there.laws) or there
         meant = effects if there is None else there.effects
         known = {effect.label for effect in explanation.effects}
@@ -413,22 +420,22 @@ class Engine:
         return state
 
     def _best(self, lines: Iterable[SearchState]) -> list[SearchState]:
-        """Those that go on."""
+        """The states that the beam keeps."""
         return sorted(lines, key=self._score)[: SETTINGS.beam]
 
     def _score(self, state: SearchState) -> float:
-        """All by one inflation, that of the best: what a poor fit leaves has the longest memory. A
-        white torque only leads a motion to the logs, and scores last."""
+        """Score with the inflation of the best fit so far: the residual of a poor fit is correlated
+        for longest. A state with a white torque is only a start, and scores last."""
         return np.inf if state.explanation.noise.white > 0.0 else state.score(self._inflation)
 
     def _promised(self, move: _Move) -> float:
-        """The score that the screen promises."""
+        """The score that the screen predicts."""
         own = move.state.explanation.account.inflation
         return move.state.score(self._inflation) - move.gain * own / self._inflation
 
     def _verified(self, state: SearchState) -> SearchState:
-        """Against laws without a name in place of causes beside such laws, refits without each of
-        its causes, and rivals in its only one's place."""
+        """Compare a state with unnamed laws alone, with refits without each cause, and with rivals
+        of its only cause; the best of these."""
         while True:
             fewer = self._nameless(state) or self.without_one(state)
             if fewer is None:
@@ -439,10 +446,10 @@ class Engine:
             state = self._grown([fewer])[0]
 
     def _nameless(self, state: SearchState) -> SearchState | None:
-        """Laws without a name alone; None where causes beside them bring more.
+        """Unnamed laws alone; None where causes beside them have evidence.
 
-        A cause may stand in for the terms of a law: beside one it is no likelier beforehand than
-        another law.
+        A cause can replace terms of an unnamed law. Beside such a law its prior is that of another
+        law.
         """
         if not state.explanation.laws or not state.explanation.effects:
             return None
@@ -459,9 +466,10 @@ class Engine:
         return there
 
     def without_one(self, state: SearchState) -> SearchState | None:
-        """Without what a refit shows to be needless, the weakest first; None if all is needed."""
+        """A refit without causes that it shows to be unnecessary, the weakest first; None where all
+        are necessary."""
         explanation, search = state.explanation, state.search
-        gain = {i: search.score(less(explanation.own, i), i).gain for i in explanation.own}
+        gain = {i: search.score(without(explanation.own, i), i).gain for i in explanation.own}
         for out in self._groups(state, gain):
             effects = [effect for i, effect in enumerate(explanation.effects) if i not in out]
             laws = [
@@ -476,7 +484,7 @@ class Engine:
             if fewer is None:
                 continue
             there = self._state_of(fewer, state.candidates, state.laws)
-            # what was added and is dropped again may have led the fit away
+            # a cause that was added and dropped again may have moved the fit to another minimum
             there = min(there, self._likeliest[_labels(fewer)], key=self._score)
             rest = [gain[i] for i in explanation.own if i not in out]
             spare = SETTINGS.inexact * max(rest, default=0.0)
@@ -485,7 +493,7 @@ class Engine:
             )
             lost = search.scored(out[0], cost)
             chance = len(out) == 1 and not search.pays(lost) and not there.residual_test.doubtful
-            # of two sets that tie the smaller one, and none of what may be none
+            # of two sets that tie the smaller one; no cause whose interval contains 0
             if len(out) > 1 or all(_may_be_none(explanation, index) for index in out):
                 spare += TIED
             if self._score(there) < self._score(state) + spare or chance:
@@ -493,9 +501,8 @@ class Engine:
         return None
 
     def _groups(self, state: SearchState, gain: Mapping[int, float]) -> list[tuple[int, ...]]:
-        """What a state is held against refits without: all that its columns show to be needless,
-        then each cause and law, that of the least gain first; none of a crowd, whose every fit is
-        long."""
+        """Groups of causes and laws to refit without: all that the screen drops together, then each
+        one, that of the least gain first; not each of a large set, whose fits take long."""
         search, own = state.search, state.explanation.own
         needed = Search(search.screen, own, search.limit).best()
         needless = tuple(index for index in own if index not in needed)
@@ -504,11 +511,9 @@ class Engine:
         return [*([needless] if needless else []), *((i,) for i in weakest if (i,) != needless)]
 
     def against_rivals(self, state: SearchState) -> SearchState:
-        """The better of an only cause and its rivals, each fitted in its place: the columns of
-        those are formed along the motion that has the cause, and promise less than their fits.
-
-        What comes of it knows how far behind each of the others is.
-        """
+        """The best of an only cause and its rivals, each fitted in its place, with the scores of
+        the others: a rival's column along the motion with the cause predicts less than its fit
+        gains."""
         explanation, search = state.explanation, state.search
         if not explanation.follows or explanation.laws or len(explanation.effects) != 1:
             return state
@@ -528,7 +533,7 @@ class Engine:
         return replace(best, rivals=behind)
 
     def _finished(self, state: SearchState) -> SearchState:
-        """Screened by causes only, and with what its laws bring beyond them."""
+        """The final state: screened by causes only, with the evidence of its unnamed laws."""
         named = self._named
         beyond = 0.0
         if state.explanation.laws and named is not None:
@@ -537,7 +542,7 @@ class Engine:
 
 
 def likeliest(baseline: Explanation, candidates: Sequence[Candidate]) -> Iterator[Explanation]:
-    """The set of causes that promises most, fitted, and each of a few that promise most alone."""
+    """The set of the highest evidence, fitted, then the best candidates one at a time."""
     search = search_from(baseline, candidates)
     alone = sorted(search.asked, key=lambda index: -search.screen.weigh((index,)).gain)[
         : SETTINGS.singles
@@ -549,16 +554,16 @@ def likeliest(baseline: Explanation, candidates: Sequence[Candidate]) -> Iterato
 
 
 def _starts(baseline: Explanation) -> list[Explanation]:
-    """Where the search begins: at a model without causes; where that loses the motion, also at one
-    that a white torque leads to the logs; over segments apart with the base as stated, for one that
-    was fitted without a strong cause may be no machine's."""
+    """Starts of the search: the baseline; where its fit does not converge, also one with a white
+    torque. Independent segments start from the base as stated: a base fitted without a strong cause
+    may be far from any machine's."""
     if baseline.follows:
         return [baseline] if baseline.converged else [baseline.disturbed(), baseline]
     at = replace(baseline.at, theta=baseline.base.as_stated)
     return [
         replace(
             baseline,
-            explanation=independent_segments(baseline.problem, at, baseline.problem.exact(at)),
+            prediction=independent_segments(baseline.problem, at, baseline.problem.exact(at)),
         )
     ]
 
@@ -568,10 +573,10 @@ def _labels(explanation: Explanation) -> frozenset[str]:
 
 
 def _few(state: SearchState, chosen: tuple[int, ...]) -> tuple[int, ...]:
-    """Of a set the causes that bring most, as many kinds as an answer may have: a crowd takes long
-    to fit, and stands in for something else."""
+    """The causes of a set with the highest evidence, of at most `CROWD` kinds: larger sets take
+    long to fit, and replace a cause that the catalogue lacks."""
     search = state.search
-    worth = {i: search.evidence(chosen) - search.evidence(less(chosen, i)) for i in chosen}
+    worth = {i: search.evidence(chosen) - search.evidence(without(chosen, i)) for i in chosen}
     kept: tuple[int, ...] = ()
     for index in sorted(chosen, key=lambda i: -worth[i]):
         if len(_kinds(state, (*kept, index))) <= CROWD:
@@ -580,7 +585,7 @@ def _few(state: SearchState, chosen: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _kinds(state: SearchState, chosen: Sequence[int]) -> set[str]:
-    """Of the causes in a set; a law without a name is of none."""
+    """Kinds of causes in a set; unnamed laws do not count."""
     parts = [
         *state.explanation.effects,
         *state.explanation.laws,
@@ -591,15 +596,15 @@ def _kinds(state: SearchState, chosen: Sequence[int]) -> set[str]:
 
 
 def _strong(search: Search, chosen: tuple[int, ...], new: Sequence[int]) -> tuple[int, ...]:
-    """Of new causes those that need not wait until a far stronger one is fitted."""
+    """New causes whose evidence is not small beside that of the strongest one."""
     whole = search.evidence(chosen)
-    worth = {index: whole - search.evidence(less(chosen, index)) for index in new}
+    worth = {index: whole - search.evidence(without(chosen, index)) for index in new}
     most = max(worth.values())
     return tuple(index for index in new if worth[index] >= SETTINGS.weak * most)
 
 
 def _laws(state: SearchState, chosen: Sequence[int]) -> list[Law]:
-    """Of a set."""
+    """Unnamed laws in a set."""
     count, own = len(state.explanation.effects), len(state.explanation.own)
     first = own + len(state.candidates)
     return [
@@ -610,7 +615,7 @@ def _laws(state: SearchState, chosen: Sequence[int]) -> list[Law]:
 
 
 def _may_be_none(explanation: Explanation, index: int) -> bool:
-    """Whether the interval of a cause's amplitudes holds none of it."""
+    """Whether the interval of a cause's amplitudes contains 0."""
     if index >= len(explanation.effects):
         return False
     effect, free = explanation.effects[index], explanation.free[index]
@@ -618,7 +623,7 @@ def _may_be_none(explanation: Explanation, index: int) -> bool:
 
 
 def _possible(explanation: Explanation, effect: Effect) -> bool:
-    """Whether the machine can have it in that size."""
+    """Whether the machine can have the effect in that size."""
     platform = explanation.bodies[0].machine.platform
     try:
         compile_model(with_effects(able(platform, effect), (effect,)))

@@ -366,7 +366,7 @@ def _foretold(
         explanation.prediction.noise if isinstance(explanation.prediction, Innovations) else EXACT
     )
     there = replace(
-        explanation, bodies=(body,), problem=problem, explanation=problem.innovations(start, noise)
+        explanation, bodies=(body,), problem=problem, prediction=problem.innovations(start, noise)
     )
     same = [candidate(one.effect, platform) for one in rivals]
     if [len(one.perturbations) for one in same] != [len(one.perturbations) for one in rivals]:

@@ -1,7 +1,8 @@
-"""A model with some effects in it, fitted to the logs: base, biases, initial states and effects.
+"""Fits of a model with effects to logs: base, biases, initial states and effects together.
 
-A fit linearises what effects do where they are, moves them and forms their columns anew, until
-they stay. Which of an effect's numbers a log determines is found first; the others are held.
+A fit linearises the effects, takes a step, and forms their columns again until the effects no
+longer move. Before that it finds which numbers of each effect the logs determine; the others stay
+at their starting values.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -37,54 +38,56 @@ from twin.predict.kalman import EXACT, Noise
 
 Array = NDArray[np.float64]
 BLURRED = 1e-2
-"""A component of which less than this share is left beside base and the others stays as it is."""
+"""A component is not fitted if base and other components reproduce more than all but this share of
+its column."""
 ROUNDS = 6
-"""Times that the effects' columns are formed anew where the last fit found them."""
+"""Times that the columns of effects are formed again, at most."""
 WORSE, IN_ALL = 3.0, 1e-4
-"""Cost, and share of what effects explain, by which that may do worse than foretold."""
+"""Cost, and share of what effects explain, by which a step with new columns may raise the cost."""
 IDLE = 0.5
-"""Change of the cost that says that the columns were right."""
+"""Change of the cost below which columns need not be formed again."""
 LEAST = 0.1
-"""Share of such a move below which no more is tried."""
+"""Share of a step below which shortening ends."""
 AGAIN = 2
-"""Times that a fit begins anew where it ended, AWAY standard deviations from where columns were
-formed: a push's force and place may add up to its torque along their columns, and not in truth."""
+"""Times that a fit starts again where it ended, if that is AWAY standard deviations from where
+columns were formed: force and place of a push add up to a torque along their columns only."""
 AWAY = 3.0
 LARGE = 30.0
-"""Standard deviations of an effect's amplitudes, beyond which columns are formed anew anyway."""
+"""Standard deviations of an effect's amplitudes above which columns are always formed again."""
 SETTLED = 0.1
-"""Move of an effect, in standard deviations, at which they need not be."""
+"""Step of an effect, in standard deviations, below which they are not."""
 SIZED, ALIKE = 4, 0.1
-"""Times that the size is sought of what answers to the path that it makes, and the share of it by
-which that may still change."""
+"""Iterations for the size of an effect that depends on the path it causes, and the relative change
+at which they end."""
 NEAR = 0.1
-"""Where a fit is likelier by no more than this a sample, its path is a third of the noise away at
-most, and what else was asked does there what it did before."""
+"""Change of the cost a sample up to which columns of other candidates are kept: the path moves by
+a third of the noise at most."""
 TURNED = 0.5
-"""Turn [rad] from which on its linear column is no guess of where it leads."""
+"""Turn [rad] above which a linear column is no start for a fit, and all axes are tried."""
 ASTRAY = 0.1
-"""A fit that is less likely by more than this a sample than the one it began from has lost it."""
+"""A fit diverges if it is less likely by more than this a sample than the one it starts from."""
 ELSEWHERE = 1.0
-"""-2 log L by which a fit from another start must be likelier to be more than the same minimum."""
+"""Difference of -2 log L above which a fit from another start is another minimum."""
 CROWD = 3
-"""Kinds of causes that an answer may have. What the catalogue lacks looks like more of them, each
-small beside it: six explained an inclinometer's misalignment that had been left out."""
+"""Kinds of causes in one diagnosis, at most. A cause that the catalogue lacks is reproduced by
+more: six explained an inclinometer's misalignment that was removed from it."""
 
 
 @dataclass(frozen=True)
 class Rows:
-    """residual + columns u is white, variance 1, for changes u of base, biases and strengths."""
+    """Whitened rows: residual + columns u has variance 1 for changes u of base, biases,
+    strengths."""
 
     residual: Array
     """(m,)."""
     columns: Array
     """(m, u)."""
     cluster: NDArray[np.intp]
-    """(m,) which segment of which log each comes from; -1: what was known beforehand."""
+    """(m,) number of the segment, over all logs; -1 for a prior."""
 
     @property
     def covariance(self) -> Array:
-        """(u, u) of all that has a column."""
+        """(u, u) of all unknowns."""
         size = 1.0 / np.maximum(np.linalg.norm(self.columns, axis=0), 1e-300)
         triangle = np.asarray(np.linalg.qr(self.columns * size, mode="r"))
         inverse = np.linalg.pinv(triangle, rcond=1e-12)
@@ -93,8 +96,8 @@ class Rows:
 
 @dataclass(frozen=True)
 class Layout:
-    """First where springs rest, then what no log shows of each effect, then the components of each
-    that were fitted, then the coefficients of laws."""
+    """Order of strengths: rest angles of springs, undetermined components of each effect, fitted
+    components of each effect, coefficients of laws."""
 
     rests: int
     hidden: tuple[int, ...]
@@ -125,7 +128,7 @@ class Layout:
 
     @property
     def own(self) -> slice:
-        """By what the model differs from one without effects and laws: free components, laws."""
+        """Fitted components and coefficients of laws."""
         return slice(self.rests + sum(self.hidden), self.count)
 
 
@@ -134,7 +137,7 @@ def _slices(first: int, counts: tuple[int, ...]) -> list[slice]:
 
 
 def between(first: Sequence[Effect], last: Sequence[Effect], share: float) -> tuple[Effect, ...]:
-    """So much of the way from one to the other."""
+    """Effects at a share of the way from the first to the last."""
     # a sum may end a rounding beyond a bound
     return tuple(
         end.with_values(np.clip(begin.values + share * (end.values - begin.values), *end.bounds()))
@@ -143,10 +146,10 @@ def between(first: Sequence[Effect], last: Sequence[Effect], share: float) -> tu
 
 
 def held(effect: Effect, parts: Sequence[Perturbation]) -> tuple[Perturbation, ...]:
-    """Its perturbations, those of its shape moved by a fit no further than what shapes are like.
+    """Perturbations of an effect, with the usual width of each shape as its prior.
 
-    What a log hardly tells, a fit would follow to where the columns mean nothing any more, and an
-    amplitude with it: a draft that pushes hard near the bearing is one that pushes far from it.
+    Without it, a fit moves a weakly determined shape to where its columns are no longer valid, and
+    the amplitude with it: a strong push near the bearing equals a weak one far from it.
     """
     if not parts:
         return ()
@@ -159,13 +162,13 @@ def held(effect: Effect, parts: Sequence[Perturbation]) -> tuple[Perturbation, .
 
 
 def largest(effect: Effect, free: NDArray[np.bool_]) -> float:
-    """Of its amplitudes, in units of what each is usually like, if a log shows any."""
+    """Largest determined amplitude of an effect, in units of its usual size; 0 without one."""
     size = amplitudes(effect)
     return float(np.abs(effect.values / usual(effect))[size].max()) if (size & free).any() else 0.0
 
 
 def usual(effect: Effect) -> Array:
-    """(p,) what each component is usually like; the same for all of a vector."""
+    """(p,) usual size of each component; the same for all of a vector."""
     scale = effect.scale()
     ends = np.cumsum([0, *(known.size for known in effect.parameters())])
     return np.concatenate(
@@ -176,7 +179,7 @@ def usual(effect: Effect) -> Array:
 def unseen(
     effects: Sequence[Effect], free: Sequence[NDArray[np.bool_]], most: Sequence[float]
 ) -> list[NDArray[np.bool_]]:
-    """(p,) of each effect, amplitudes that no log shows beside the others."""
+    """(p,) of each effect, amplitudes that the logs do not determine beside the others."""
     return [
         amplitudes(effect) & ~ones & (size > 0.0)
         for effect, ones, size in zip(effects, free, most, strict=True)
@@ -190,8 +193,16 @@ def whole(
     strengths: Array,
     layout: Layout,
 ) -> Array:
-    """Columns without the first, of amplitudes of each effect that no log shows: they come and go
-    with the largest that one does. `layout` is that of the columns and their strengths."""
+    """Columns of fitted components, each vector's undetermined amplitudes added to its largest
+    determined one.
+
+    Args:
+        effects: as fitted.
+        free: (p,) of each, which components were fitted.
+        columns: (m, a) of all strengths.
+        strengths: (a,).
+        layout: of both.
+    """
     first = layout.own.start
     found = columns[:, first:].copy()
     places = zip(effects, free, layout.of_hidden, layout.of_free, strict=True)
@@ -209,8 +220,13 @@ def in_sigmas(
     free: Sequence[NDArray[np.bool_]],
     covariances: Sequence[Array],
 ) -> float:
-    """How far the largest effect's amplitudes are from none, given the covariances of what was
-    fitted of each effect; 0 without any."""
+    """Distance of the most significant effect's amplitudes from 0, in standard deviations.
+
+    Args:
+        effects: as fitted.
+        free: (p,) of each, which components were fitted.
+        covariances: of the fitted components of each.
+    """
     sizes = [0.0]
     for effect, fitted, spread in zip(effects, free, covariances, strict=True):
         own = amplitudes(effect)[fitted]
@@ -225,7 +241,7 @@ def farthest(
     free: Sequence[NDArray[np.bool_]],
     covariances: Sequence[Array],
 ) -> float:
-    """How far effects have moved at most, likewise."""
+    """Largest step of an effect, in standard deviations."""
     return max(
         distance((now.values - then.values)[fitted], spread)
         for then, now, fitted, spread in zip(before, after, free, covariances, strict=True)
@@ -233,7 +249,7 @@ def farthest(
 
 
 def distance(step: Array, spread: Array) -> float:
-    """Of a step, in standard deviations."""
+    """Length of a step, in standard deviations."""
     return float(np.sqrt(max(step @ np.linalg.pinv(spread, hermitian=True) @ step, 0.0)))
 
 
@@ -244,17 +260,17 @@ def determined(
     every: Sequence[Sequence[Perturbation]],
     start: Unknowns,
 ) -> tuple[NDArray[np.bool_], ...]:
-    """Which components logs show beside base and the components before them, amplitudes first.
+    """Which components the logs determine beside base and the components before them.
 
-    Of amplitudes those come first that do most: where a thruster is turned already, a turn about
-    its own axis does a little, and all of it the others do too.
+    Amplitudes come first, those with the largest columns before others: of a thruster that is
+    turned already, a turn about its own axis does what the other two do.
 
     Args:
         bodies: the logs.
         base: what is fitted of the machine.
         effects: at the values where their columns are formed.
         every: their perturbations, one a component.
-        start: where the base, the biases and the states stand; its strengths are not used.
+        start: base, biases and states; its strengths are not used.
 
     Returns:
         (p,) of each effect.
@@ -292,36 +308,36 @@ def determined(
 
 @dataclass(frozen=True)
 class Explanation:
-    """Effects as the logs would have them."""
+    """A fitted model."""
 
     bodies: tuple[Body, ...]
     base: BaseParameters
     effects: tuple[Effect, ...]
     """As fitted."""
     free: tuple[NDArray[np.bool_], ...]
-    """Of each effect, which components were fitted."""
+    """(p,) of each effect, which components were fitted."""
     laws: tuple[Law, ...]
-    """Without a name, fitted beside the effects."""
+    """Unnamed, fitted together with the effects."""
     problem: Problem
     prediction: Innovations | IndependentSegments
-    """Where it was fitted: a motion that follows the model, or segments apart where none does."""
+    """Of one continuous motion, or of independent segments, where no continuous one fits."""
     converged: bool
     most: tuple[float, ...]
-    """Of each effect, how large its amplitudes may be that no log shows: 1 sigma about 0."""
+    """Of each effect, 1 sigma about 0 of its undetermined amplitudes."""
 
     @property
     def at(self) -> Unknowns:
-        """Where base, biases, states and strengths stand."""
+        """Base, biases, states and strengths as fitted."""
         return self.prediction.at
 
     @property
     def follows(self) -> bool:
-        """Whether the motion follows the model."""
+        """Whether the prediction is one continuous motion."""
         return isinstance(self.prediction, Innovations)
 
     @cached_property
     def account(self) -> Account:
-        """The same as a comparison has it: what each stream leaves, and how that is correlated."""
+        """Residual of each stream, and its correlation."""
         bare = Account(self.problem, (), self.prediction, (), follows=self.follows)
         if isinstance(self.prediction, Innovations):
             return replace(bare, misfits=misfits(self.problem, self.prediction))
@@ -335,20 +351,20 @@ class Explanation:
 
     @cached_property
     def covariance(self) -> Array:
-        """Of base, biases and strengths."""
+        """(u, u) of base, biases and strengths."""
         return self.rows.covariance
 
     def _rows(self, now: Innovations | IndependentSegments) -> Rows:
         if isinstance(now, Innovations):
             return Rows(now.residual, now.columns, now.cluster)
-        # a segment counts as much as its own scatter lets it, and a coloured one for less
+        # a segment weighs by its own scatter, and less where its residual is correlated
         weights = now.weights / self.account.inflation
         root = np.sqrt(np.where(now.cluster >= 0, weights[now.cluster], 1.0))
         return Rows(now.residual * root, now.columns * root[:, None], now.cluster)
 
     @property
     def layout(self) -> Layout:
-        """Of its strengths."""
+        """Order of its strengths."""
         hidden = _counts(unseen(self.effects, self.free, self.most))
         free, laws = _counts(self.free), len(self.laws)
         taken = sum(hidden) + sum(free) + laws
@@ -362,8 +378,8 @@ class Explanation:
         return tuple(strengths[own, own] for own in layout.of_free)
 
     def instead(self, effects: Sequence[Effect], laws: Sequence[Law] = ()) -> "Explanation":
-        """Other effects and laws, fitted from where this one stands."""
-        # a white torque has only led the motion to the logs
+        """Fit other effects and laws, starting here."""
+        # a white torque only serves to start a fit
         noise = EXACT if self.noise.white > 0.0 else self.noise
         found = explain(
             self.following, self.base, effects, self.at, laws, follows=self.follows, noise=noise
@@ -379,11 +395,11 @@ class Explanation:
 
     @property
     def noise(self) -> Noise:
-        """What disturbs the motion and the sensors, beside their white noise."""
+        """Noise processes, beside the stated white noise of sensors."""
         return self.prediction.noise if isinstance(self.prediction, Innovations) else EXACT
 
     def wandering(self) -> "Explanation":
-        """The same with the noise processes that the logs ask for, base and effects fitted anew."""
+        """The same model with the likeliest noise processes, base and effects refitted."""
         assert isinstance(self.prediction, Innovations)
         noise = likely_noise(self.problem, self.prediction, self.noise)
         if noise == self.noise:
@@ -393,15 +409,15 @@ class Explanation:
         return found
 
     def disturbed(self) -> "Explanation":
-        """The same under a white torque, as large as the logs ask for, that draws the motion to
-        them."""
+        """The same model under a white torque of the likeliest intensity, which lets the motion
+        follow the logs."""
         assert isinstance(self.prediction, Innovations)
         return self._refitted(
             fit_disturbed(self.problem, Fit(self.prediction, converged=False), self.at)
         )
 
     def _refitted(self, there: Fit) -> "Explanation":
-        """Where a fit of the same columns under other noise ends, the effects in its sizes."""
+        """The result of a fit of the same columns under other noise."""
         layout, hidden = self.layout, unseen(self.effects, self.free, self.most)
         change = there.at.strengths - self.at.strengths
         moved: list[Effect] = []
@@ -418,7 +434,7 @@ class Explanation:
 
     @cached_property
     def following(self) -> tuple[Body, ...]:
-        """The logs, along the motion that it gives them, if that follows them."""
+        """The logs linearised along the fitted motion, where it is continuous."""
         if not isinstance(self.prediction, Innovations):
             return self.bodies
         now = self.prediction
@@ -430,31 +446,35 @@ class Explanation:
         return self.deflated(self.account.inflation)
 
     def deflated(self, inflation: float) -> float:
-        """-2 log L where samples say so many times less than white noise does; of what is known
-        beforehand, nothing is inflated."""
+        """-2 log L of samples divided by an inflation, plus that of the priors.
+
+        Args:
+            inflation: by which the correlation of the residual reduces the information of samples.
+        """
         known = float(np.sum(np.square(self.prediction.residual[self.prediction.cluster < 0])))
         return (self._reached - known) / inflation + known
 
     @property
     def _reached(self) -> float:
-        """-2 log L of where it stands: of a fit that has not settled the next step may foretell
-        what no step reaches."""
+        """-2 log L; of a fit that has not converged, without the gain that its next step
+        predicts."""
         if self.converged or not isinstance(self.prediction, Innovations):
             return self.prediction.cost
         return self.prediction.chi2 + self.prediction.logarithm
 
     @property
     def samples(self) -> int:
-        """Measured numbers."""
+        """Number of measured values."""
         return sum(body.samples for body in self.bodies)
 
     def screen(self, candidates: Sequence[Candidate]) -> LinearScreen:
-        """Its own effects and laws, then candidates, weighed where it stands."""
+        """Linear screen of its own effects and laws, then of candidates."""
         parts = [self.sized(one) for one in candidates]
         return self.weigh(parts, [one.trace for one in candidates])
 
     def sized(self, one: Candidate) -> tuple[Perturbation, ...]:
-        """What answers to the path that it makes, in the size that the logs ask for."""
+        """Perturbations of a candidate; of an effect that depends on the path it causes, at the
+        size of its linear estimate."""
         parts, before = one.perturbations, np.zeros(len(one.perturbations))
         if not any(part.laws for part in parts):
             return parts
@@ -471,16 +491,15 @@ class Explanation:
     def weigh(
         self, more: Sequence[Sequence[Perturbation]], traces: Sequence[Trace]
     ) -> LinearScreen:
-        """Its own effects and laws, then others by their perturbations."""
+        """Linear screen of its own effects and laws, then of others by their perturbations."""
         bare, columns = self.without([part for parts in more for part in parts])
         return LinearScreen(bare.residual, bare.columns, columns, [*self.traces, *traces])
 
     def without(self, more: Sequence[Perturbation] = ()) -> tuple[Rows, Array]:
-        """The model that lacks its effects and laws, and what those add.
+        """The same model without its effects and laws, linearised at this fit.
 
         Returns:
-            Rows of base and biases, whitened, where it stands; and columns (m, a) of its effects
-            and laws, then of more.
+            Whitened rows of base and biases; columns (m, a) of its effects and laws, then of more.
         """
         layout = self.layout
         strengths = self.at.strengths[layout.rests :]
@@ -490,7 +509,7 @@ class Explanation:
         first = now.columns.shape[1] - len(rests) - len(more) - taken
         edge, end = first + taken, first + taken + len(more)
         own = now.columns[:, first:edge].copy()
-        # without the effect its rest is not there either
+        # without an effect, its part that is not proportional to it is absent too
         for place, rest in zip(rests, now.columns[:, end:].T, strict=True):
             own[:, place] += rest / strengths[place]
         columns = np.column_stack([own, now.columns[:, edge:end]])
@@ -499,7 +518,7 @@ class Explanation:
         return left, whole(self.effects, self.free, columns, strengths, placed)
 
     def _rests(self, count: int) -> dict[int, Perturbation]:
-        """What the last so many perturbations push whatever their strengths, by place."""
+        """Of the last perturbations, forces that do not depend on the strength, by place."""
         own = self.problem.perturbations[len(self.problem.perturbations) - count :]
         return {
             place: Perturbation(f"{part.name} besides", part.unit, force=part.rest)
@@ -509,13 +528,13 @@ class Explanation:
 
     @property
     def traces(self) -> list[Trace]:
-        """Of its effects and laws."""
+        """Traces of its effects and laws."""
         mine = [self._trace(i) for i in range(len(self.effects))]
         price = unlikely(laws_of(self.bodies)) if self.laws else 0.0
         return mine + [law.trace(price) for law in self.laws]
 
     def rows_with(self, perturbations: Sequence[Perturbation]) -> Rows:
-        """Whitened where it stands, with further columns."""
+        """Whitened rows with further columns."""
         return self._rows_of(self.prediction.exact, perturbations)
 
     def _rows_of(self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]) -> Rows:
@@ -530,10 +549,10 @@ class Explanation:
 
     @cached_property
     def _bare(self) -> tuple[Exact, ...]:
-        """Where it stands, the base's columns as they are without its effects and laws.
+        """Linearised at this fit, with the base's columns of a model without effects and laws.
 
-        Where nothing but an effect turns a body, a heavier body under more of it moves the same:
-        its size is open, which is no reason to doubt that it is there.
+        Where only an effect moves a body, a heavier body under a larger effect moves the same: the
+        size of the effect is undetermined, its presence is not.
         """
         if not self.own:
             return self.prediction.exact
@@ -544,24 +563,24 @@ class Explanation:
 
     @cached_property
     def _formed(self) -> dict[Perturbation, Formed]:
-        """Columns of all that was asked here; most of it is asked again."""
+        """Cache of columns formed at this fit."""
         return {}
 
     @property
     def amplitudes(self) -> Array:
-        """(a,) strengths by which the model differs from one without effects and laws."""
+        """(a,) strengths of fitted components and laws."""
         return self.at.strengths[self.layout.own]
 
     @property
     def own(self) -> tuple[int, ...]:
-        """Its effects and laws among what it weighs."""
+        """Places of its effects and laws in its screen."""
         return tuple(range(len(self.effects) + len(self.laws)))
 
     def _trace(self, index: int) -> Trace:
         effect, free = self.effects[index], self.free[index]
         strengths = np.zeros(len(free))
         strengths[free] = self.at.strengths[self.layout.of_free[index]]
-        # a shape's strength counts from where the columns were formed
+        # the strength of a shape is its change from where the columns were formed
         origin = np.where(amplitudes(effect), 0.0, effect.values - strengths)
         low, high = effect.bounds()
         looked = looked_for(effect, self.bodies)
@@ -584,12 +603,12 @@ def explain(
 
     Args:
         bodies: the logs.
-        base: what is fitted of the machine.
-        effects: at their first guesses.
-        start: where the base, the biases and the states start; its strengths are not used.
-        laws: without a name, fitted besides.
-        follows: whether the motion is to follow the model; else segments are fitted apart.
-        noise: what disturbs a motion that follows, and the sensors.
+        base: parameters of the machine that are fitted.
+        effects: at their starting values.
+        start: base, biases and states; its strengths are not used.
+        laws: unnamed, fitted as well.
+        follows: whether the motion is continuous; else segments are independent.
+        noise: noise processes of a continuous motion and of its sensors.
 
     Raises:
         TwinError: no rigid body has the base that the iteration starts from.
@@ -600,7 +619,7 @@ def explain(
     for _ in range(AGAIN if shaped and follows else 0):
         if away < AWAY:
             break
-        # what is held is chosen anew, too
+        # which components are fitted is decided again
         there, far = _explained(now.following, base, now.effects, now.at, now.laws, True, noise)
         if far > away and not there.cost < now.cost:
             break
@@ -617,12 +636,12 @@ def _explained(
     follows: bool,
     noise: Noise,
 ) -> tuple[Explanation, float]:
-    """Such a fit, and how far its effects ended from where their columns were formed."""
+    """A fit, and the distance of its effects from where their columns were formed."""
     now = _fitted(bodies, base, effects, tuple(laws), start, follows, noise)
     formed_at, share = effects, 1.0
     sigmas = in_sigmas(now.effects, now.free, now.covariances)
     for rounds in range(ROUNDS if effects else 0):
-        # a large effect leads along another motion than that along which its columns were formed
+        # a large effect changes the motion along which its columns were formed
         as_foretold = not follows or rounds > 0 or sigmas < LARGE
         if (as_foretold and _far(formed_at, now) < SETTLED) or share < LEAST:
             break
@@ -640,7 +659,7 @@ def _explained(
 
 
 def _far(formed_at: Sequence[Effect], now: Explanation) -> float:
-    """From where their columns were formed, in standard deviations."""
+    """Distance of effects from where their columns were formed, in standard deviations."""
     return farthest(formed_at, now.effects, now.free, now.covariances)
 
 
@@ -655,13 +674,12 @@ def _fitted(
     *,
     before: Explanation | None = None,
 ) -> Explanation:
-    """With the columns of the effects as they are where they are now; `before` with them as they
-    were, where a fit of the same has ended."""
+    """A fit with columns of effects at their current values; `before` is the fit that led there."""
     platform = bodies[0].machine.platform
     every = [slopes_of(effect, platform) for effect in effects]
     free = before.free if before else determined(bodies, base, effects, every, start)
     every = [held(effect, parts) for effect, parts in zip(effects, every, strict=True)]
-    # as large as the largest; base and the others are no better known than that lets them be
+    # undetermined amplitudes have a prior of the size of the largest determined one
     most = before.most if before else tuple(map(largest, effects, free))
     hidden = unseen(effects, free, most)
     rests = [part for effect in effects for part in references_of(effect, bodies)]
@@ -675,7 +693,7 @@ def _fitted(
     sizes = [strengths_of(effect) for effect in effects]
     masks = [*hidden, *free]
     first = [size[places] for size, places in zip([*sizes, *sizes], masks, strict=True)]
-    # where columns are only formed anew, what else was fitted stays
+    # where columns are only formed again, other strengths are kept
     stays = before.at.strengths if before else np.zeros(len(problem.perturbations))
     layout = Layout(len(rests), _counts(hidden), _counts(free), len(laws))
     strengths = np.concatenate([stays[: layout.rests], *first, stays[layout.of_laws]])
@@ -699,12 +717,12 @@ def _counts(masks: Sequence[NDArray[np.bool_]]) -> tuple[int, ...]:
 def starts(
     effects: Sequence[Effect], fitted: Collection[Effect], platform: Platform
 ) -> Iterator[tuple[Effect, ...]]:
-    """A set of effects as it is, then with each large turn that is but guessed about each axis.
+    """Starts of a fit: the effects as given, then with each large turn about each axis in turn.
 
     Args:
-        effects: the set.
-        fitted: those of it that are no guesses.
-        platform: what they are effects of.
+        effects: at their starting values.
+        fitted: those of them that are fitted already.
+        platform: the machine.
     """
     yield tuple(effects)
     for index, guess in enumerate(effects):
@@ -716,14 +734,14 @@ def starts(
         for axis in np.concatenate([np.eye(3), -np.eye(3)]):
             values = guess.values.copy()
             values[turn] = np.clip(size * axis, low[turn], high[turn])
-            # about the part's own axis nothing turns
+            # a turn about the part's own axis does nothing
             other = guess.with_values(values).least(platform)
             if np.linalg.norm(other.values[turn]) > 0.5 * size:
                 yield (*effects[:index], other, *effects[index + 1 :])
 
 
 def _turn_of(effect: Effect) -> NDArray[np.bool_]:
-    """(p,) which of its components are a vector of angles; none if it has no such."""
+    """(p,) which components are a vector of angles."""
     known = effect.parameters()
     return np.concatenate(
         [np.full(one.size, one.unit == "rad" and one.size == 3 and one.amplitude) for one in known]
@@ -733,7 +751,7 @@ def _turn_of(effect: Effect) -> NDArray[np.bool_]:
 def guesses(
     now: Explanation, asked: Sequence[Candidate], screen: LinearScreen, chosen: tuple[int, ...]
 ) -> list[Effect]:
-    """The chosen effects, new ones with their linearised strengths; no laws."""
+    """The chosen effects, new ones at their linear estimates; without laws."""
     found: list[Effect] = []
     for index, own in zip(chosen, screen.weigh(chosen).strengths, strict=True):
         if index < len(now.effects):
@@ -749,13 +767,13 @@ def guesses(
 def fitted(
     now: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
 ) -> Explanation | None:
-    """Other effects and laws in place of its own; None where no machine can have them."""
+    """Fit other effects and laws from several starts; None where the machine cannot have them."""
     best: Explanation | None = None
     for start in starts(effects, now.effects, now.bodies[0].machine.platform):
         with suppress(TwinError):
             found = now.instead(start, laws)
             best = found if best is None or found.cost < best.cost - ELSEWHERE else best
-        # wherever one of a crowd points, it stands in for something else
+        # of a large set, one start is enough
         if best is not None and len(effects) > CROWD:
             break
     return best
@@ -764,11 +782,11 @@ def fitted(
 def followed(
     now: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
 ) -> Explanation | None:
-    """Likewise; None too where the fit loses the motion."""
+    """The same; None also where the fit diverges."""
     found = fitted(now, effects, laws)
     return None if found is None or astray(now, found) else found
 
 
 def astray(now: Explanation, tried: Explanation) -> bool:
-    """Whether a fit has lost the motion that it should follow."""
+    """Whether a fit diverges from the logs, compared with the one it starts from."""
     return now.follows and not tried.cost < now.cost + ASTRAY * now.samples

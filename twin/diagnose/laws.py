@@ -1,9 +1,9 @@
-"""Laws without a name: torques and errors of sensors in proportion to products of what a log shows.
+"""Unnamed laws: torques and sensor errors proportional to products of measured quantities.
 
-Each is a column of the whitened prediction, so a sparse sum of them is selected as causes are, by
-their evidence: a regression in the measurements themselves, where no acceleration is differenced
-and noise is what the sensors have (weak-form SINDy, Messenger and Bortz 2021, tests its terms
-against smooth functions for the same reason; a prediction needs no test functions).
+Each law is a column of the whitened prediction, and a sparse sum of laws is selected by evidence as
+causes are. It is a regression on the measurements themselves: no acceleration is differenced, and
+the noise is that of the sensors (weak-form SINDy, Messenger and Bortz 2021, uses test functions for
+the same purpose).
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,11 +23,11 @@ from twin.predict.sensors import Output
 from twin.signals import STREAMS
 
 TORQUE = "torque"
-"""What is not a sensor's error."""
+"""`Law.what` of a torque."""
 Array = NDArray[np.float64]
 _XYZ = ("x", "y", "z")
 RARE = 6.0
-"""-2 log of how probable a law without a name is beforehand, beside all those of the catalogue."""
+"""-2 log of the prior probability of unnamed laws relative to the catalogue."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Law:
     what: str
     """`torque`, or the sensor's stream."""
     column: str
-    """Of it."""
+    """Axis of the torque, or column of the stream."""
     factors: tuple[str, ...]
     unit: str
     """Of its coefficient."""
@@ -50,21 +50,21 @@ class Law:
         return self.perturbation.name
 
     def trace(self, unlikely: float) -> Trace:
-        """Of any size and sign."""
+        """Description for the linear screen; of any size and sign."""
         free = np.full(1, np.inf)
         return Trace(self.label, -free, free, unlikely=unlikely)
 
 
 @dataclass(frozen=True)
 class Quantities:
-    """What a law may depend on, at the middle of each step of a log, by name: (m,)."""
+    """Quantities (m,) that a law may depend on, at the middle of each step of a log, by name."""
 
     values: dict[str, Array]
     units: dict[str, str]
 
 
 def torque_laws(bodies: Sequence[Body]) -> Iterator[Law]:
-    """Those that these logs can be asked for."""
+    """Torque laws of these logs' quantities."""
     machine = bodies[0].machine
     hinge = machine.platform.base.kind == "hinge"
     axes = ("joint",) if hinge else _XYZ
@@ -106,7 +106,7 @@ def _torque_law(axis: str, index: int, factors: tuple[str, ...], units: dict[str
 
 @lru_cache(maxsize=2)
 def _quantities(body: Body) -> Quantities:
-    """Along the motion that the log follows; asked once a law."""
+    """Quantities along the log's motion."""
     machine = body.machine
     along = as_measured(body, body.inputs)
     position, rate = along.position[:, machine.base_qpos], along.velocity[:, machine.base_dof]
@@ -125,7 +125,7 @@ def _quantities(body: Body) -> Quantities:
 
 
 def sensor_laws(bodies: Sequence[Body]) -> Iterator[Law]:
-    """Of every sensor that a prediction is held against; not of what follows from commands."""
+    """Error laws of every predicted sensor, except of readings that follow from commands."""
     outputs = {output.stream: output for body in reversed(bodies) for output in body.outputs}
     for output in outputs.values():
         if output.told is not None or output.course is not None:
@@ -136,9 +136,9 @@ def sensor_laws(bodies: Sequence[Body]) -> Iterator[Law]:
 
 
 def _products(output: Output) -> Iterator[tuple[int, tuple[str, ...]]]:
-    """Column, and the factors of what it may be off by."""
+    """Columns, and the factors of their errors."""
     stream, columns = output.stream, output.columns
-    # one column a part: what one wheel does shows in no other's reading
+    # one column for each part: an error of one wheel's reading depends on no other wheel
     shared = bool(STREAMS[stream].columns)
     levels, rates = levels_of(stream, columns), rates_of(stream, columns)
     for index, (level, rate) in enumerate(zip(levels, rates, strict=True)):
@@ -164,10 +164,10 @@ def _sensor_law(output: Output, index: int, factors: tuple[str, ...], units: dic
 
 
 def laws_of(bodies: Sequence[Body]) -> tuple[Law, ...]:
-    """Of what these logs hold."""
+    """All laws of these logs' quantities."""
     return (*torque_laws(bodies), *sensor_laws(bodies))
 
 
 def unlikely(laws: Sequence[Law]) -> float:
-    """-2 log of how probable each of them is beforehand."""
+    """-2 log of the prior probability of each law."""
     return RARE + 2.0 * float(np.log(len(laws)))

@@ -1,5 +1,5 @@
-"""What an explanation leaves: torques of no law, frequencies that stand out, and how well it
-predicts time that took no part in the fit.
+"""Tests of an explanation's residual: unknown torques, spectral lines, and prediction of held-out
+time.
 """
 
 from collections.abc import Sequence
@@ -20,55 +20,55 @@ from twin.predict.forces import Perturbation, middles, on_grid
 
 Array = NDArray[np.float64]
 PIECE = 2.5
-"""Length of a piece [s]: torques that change as fast as a platform turns are seen."""
+"""Width of a basis function of the unknown torque [s]."""
 MOST = 60
-"""Pieces of a log; longer logs have longer pieces."""
+"""Basis functions of a log, at most; those of longer logs are wider."""
 DOUBTFUL = 0.01
-"""Chance of noise below which what is left is looked into."""
+"""Probability of a residual below which the search goes on."""
 LINES = 3
-"""Frequencies that are tried."""
+"""Spectral lines, at most."""
 FALSE_ALARM = 0.01
-"""Chance that noise alone has a line."""
+"""Probability of a line in noise."""
 SPACING = 0.25
-"""Of slow frequencies that are asked for, in turns over the log."""
+"""Spacing of low frequencies, in cycles over the log."""
 BROAD = 3.0
-"""Of two frequencies closer than so many bins the weaker is a flank."""
+"""Bins within which the weaker of two lines belongs to the stronger."""
 BLOCKS = 5
 FLOOR = 1e-10
-"""Share of the best known direction below which the other blocks tell nothing of one: it stays
-where it is."""
+"""Share of the largest singular value below which the other blocks do not determine a direction: it
+is not fitted."""
 
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """What is left when all causes are in."""
+    """Residual of an explanation, tested against noise."""
 
     torque_gain: float
-    """Fall of -2 log L by pieces of torque."""
+    """Fall of -2 log L by an unknown torque."""
     freedom: float
-    """Directions in which they do, as chi-square counts them."""
+    """Degrees of freedom of that gain."""
     torque_chance: float
-    """That noise gains as much."""
+    """Probability that noise gains as much."""
     noise_chance: float
-    """That noise alone leaves as much in the column that leaves most, of all columns together."""
+    """Probability that noise leaves as large a residual in any column."""
     where: str
-    """The stream and column that leave most."""
+    """Stream and column of the largest residual."""
     chi2: float
     """Mean squared residual of all columns, in units of the noise."""
 
     @property
     def chance(self) -> float:
-        """Of the rarer of both."""
+        """Probability of the rarer of both in noise."""
         return min(1.0, 2.0 * min(self.torque_chance, self.noise_chance))
 
     @property
     def doubtful(self) -> bool:
-        """Whether that is so rare that it is looked into."""
+        """Whether the residual is more than noise."""
         return self.chance < DOUBTFUL
 
 
 def residual_test(found: Explanation) -> ResidualTest:
-    """Of an explanation, where its fit stands."""
+    """Test the residual of an explanation."""
     pieces = [piece for body in found.bodies for piece in torque_pieces_of(body)]
     own = len(found.own)
     screen = beside(found, pieces)
@@ -87,21 +87,21 @@ def residual_test(found: Explanation) -> ResidualTest:
 
 
 def beside(found: Explanation, pieces: Sequence[Perturbation]) -> LinearScreen:
-    """An explanation's own parts, then pieces of any size."""
+    """Linear screen of an explanation's own causes, then of basis functions of any size."""
     free = np.full(1, np.inf)
     traces = [Trace(piece.name, -free, free) for piece in pieces]
     return found.weigh([(piece,) for piece in pieces], traces)
 
 
 def knots_of(body: Body) -> Array:
-    """Where the pieces of one log have their peaks [s]."""
+    """Peaks of a log's basis functions [s]."""
     begin, end = float(body.motion.time[0]), float(body.motion.time[-1])
     return np.linspace(begin, end, int(np.clip((end - begin) / PIECE, 2, MOST)))
 
 
 @lru_cache(maxsize=8)
 def torque_pieces_of(body: Body) -> tuple[Perturbation, ...]:
-    """Hats side by side over one log, about one axis of the base after the other."""
+    """Triangular basis functions of an unknown torque over one log, about each axis of the base."""
     knots = knots_of(body)
     dofs = range(body.machine.base_dof.start, body.machine.base_dof.stop)
     return tuple(_piece(body, knots, place, dof) for dof in dofs for place in range(len(knots)))
@@ -120,11 +120,12 @@ def _piece(own: Body, knots: Array, place: int, dof: int) -> Perturbation:
 
 
 def lines_of(found: Explanation) -> tuple[float, ...]:
-    """The strongest lines beyond chance [Hz], of all streams and columns of each log together."""
+    """The strongest significant spectral lines of the residual [Hz], over all streams of all
+    logs."""
     lines: list[tuple[float, float, Array, float]] = []
     for body, parts in zip(found.bodies, found.account.left, strict=True):
         for output, values in zip(body.outputs, parts, strict=True):
-            # what a counter leaves repeats with its command, however small it is
+            # the residual of a counter is periodic with its command
             if len(values) < 8 or not output.scatters:
                 continue
             rate = (len(output.time) - 1) / float(output.time[-1] - output.time[0])
@@ -149,10 +150,10 @@ def lines_of(found: Explanation) -> tuple[float, ...]:
 
 
 def slow_line_of(found: Explanation) -> tuple[float, ...]:
-    """The frequency at which a torque on the base gains most [Hz], if that is beyond chance.
+    """Frequency of the periodic torque of the largest gain [Hz], if it is significant.
 
-    What a segment begins with is free, so that a torque slower than a segment leaves no line in
-    what is measured. Here pieces of torque are made to follow it, and weighed as they do.
+    The state at the start of each segment is free, so that a torque slower than a segment leaves no
+    line in the residual. Its gain follows from that of the basis functions.
     """
     best, asked = (0.0, 0.0), 0
     for body in found.bodies:
@@ -175,7 +176,7 @@ def slow_line_of(found: Explanation) -> tuple[float, ...]:
 
 
 def _between_bins(values: Array, rate: float, hertz: float) -> float:
-    """Where near a bin (m, k) values are strongest: over a log, half a bin off is half a turn."""
+    """Frequency near a bin at which (m, k) values are strongest."""
     bin_width = rate / len(values)
     near = hertz + bin_width * np.linspace(-0.75, 0.75, 25)
     turns = np.exp(-2j * np.pi * np.outer(near, np.arange(len(values)) / rate))
@@ -185,20 +186,20 @@ def _between_bins(values: Array, rate: float, hertz: float) -> float:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """All blocks together; NaN where each log is one segment, of which nothing can be held out."""
+    """Prediction of held-out blocks of time; NaN where each log has one segment only."""
 
     log_likelihood: float
-    """Gained by the causes."""
+    """Gain of log-likelihood by the causes."""
     before: float
-    """Chi-square of the innovations a sample, without the causes."""
+    """Chi-square a sample without the causes."""
     after: float
     low: float
     high: float
-    """A true model stays between these 95 times in 100."""
+    """Bounds of the 95 % band of a true model."""
 
 
 def held_out(found: Explanation) -> HeldOut:
-    """Measure it."""
+    """Predict each block of segments from a fit of the others, with and without the causes."""
     explanation, (bare, _) = found.rows, found.without()
     cut = [body.grid.segments > 1 for body in found.bodies]
     bodies = list(compress(found.bodies, cut))
@@ -228,7 +229,7 @@ def held_out(found: Explanation) -> HeldOut:
 
 
 def _blocks(segments: int) -> NDArray[np.intp]:
-    """(segments,) of one log; -1 of one that cannot be cut."""
+    """(segments,) block of each segment of a log; -1 of a log of one segment."""
     if segments < 2:
         return np.full(segments, -1)
     return np.arange(segments) * min(BLOCKS, segments) // segments

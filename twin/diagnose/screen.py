@@ -23,53 +23,54 @@ from scipy.stats import chi2
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 HIDDEN = 1e-2
-"""A direction of which less than this share is left when the base is free cannot be told from it:
-what is left may be the error of a linearised base."""
+"""Share of a column below which, the base projected out, it is not identifiable: as much may be the
+error of linearising the base."""
 FITTED = 2.5e-3
-"""Less of what a fit has settled where it stands, or a share close to that would be found, fitted,
-and dropped as none."""
+"""The same share for what is fitted already: smaller, so that a cause near that limit is not found,
+fitted and dropped again."""
 KNOWN = 1e-6
-"""But of what is linear in its size, a sensor's constant error. What is left of that beside the
-base is what platform.toml says of either, and no error."""
+"""The same share for what is linear in its size, as a sensor's constant error: what distinguishes
+it from the base is a prior of platform.toml, without an error of linearising."""
 ROUNDING = 1e-9
-"""Share of the largest singular value below which a direction is none."""
+"""Share of the largest singular value below which a direction is numerical error."""
 SLIGHT = 1.0
-"""Nor is one seen whose largest strength changes the logs by no more standard deviations."""
+"""Standard deviations by which the largest strength of a cause must change the logs for it to be
+observable."""
 FALSE_ALARM = 0.003
-"""Chance of naming anything in logs that hide nothing, over all that is asked."""
+"""Probability of naming any candidate in logs with nothing hidden."""
 DRAWS = 20_000
-"""Of noise, from which that chance is found."""
+"""Draws of noise for that probability."""
 SEED = 1
 MOST = 6
-"""Causes named together."""
+"""Causes in one set, at most."""
 TIED = 6.0
-"""Evidence by which two explanations must differ for one to be preferred."""
+"""Difference of evidence below which two explanations tie."""
 EVEN = 2.0
-"""And by which those must that logs like these could have told apart."""
+"""The same for two that logs like these, without noise, would separate."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """What one cause does to the whitened innovations, the base projected out."""
+    """Description of one cause's columns in the linear screen."""
 
     label: str
     low: Array
     """(k,) bounds of the strengths."""
     high: Array
     shapes: int = 0
-    """Numbers that a fit of it would set besides."""
+    """Number of shape parameters that a fit sets as well."""
     unlikely: float = 0.0
-    """-2 log of how probable it is beforehand beside a cause of the catalogue."""
+    """-2 log of its prior probability relative to a cause of the catalogue."""
     looked: float = 0.0
-    """Logarithm of how many like it were looked among, of which it is the best."""
+    """Logarithm of the number of shapes of which it is the best."""
     exact: bool = False
     """See `Effect`."""
     fitted: bool = False
-    """Whether a fit has settled it where its columns are formed."""
+    """Whether it is fitted already, and its columns are formed at the fit."""
 
     @property
     def hidden(self) -> float:
-        """Share that must be left of a column for it to be told from the base."""
+        """Share of a column that must remain beside the base for it to be identifiable."""
         if self.exact:
             return KNOWN
         return FITTED if self.fitted else HIDDEN
@@ -77,7 +78,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The best that a set of causes can do."""
+    """The linear fit of a set of causes."""
 
     gain: float
     """Fall of -2 log L."""
@@ -86,16 +87,16 @@ class Weighed:
 
 
 class LinearScreen:
-    """residual + columns s, for the strengths s of all causes; white, variance 1."""
+    """Linear model of whitened innovations, residual + columns s, for the strengths s of causes."""
 
     def __init__(
         self, residual: Array, base: Array, columns: Array, traces: Sequence[Trace]
     ) -> None:
-        """Squeeze.
+        """Project the base out, and reduce the rows by a QR decomposition.
 
         Args:
-            residual: (m,) of a model without any of the causes.
-            base: (m, p) what is free in every set.
+            residual: (m,) of a model without the causes.
+            base: (m, p) columns of what every set fits as well.
             columns: (m, sum of k) of the causes in their order.
             traces: of the causes.
         """
@@ -104,9 +105,9 @@ class LinearScreen:
         self._own = [np.arange(i, j) for i, j in zip(edges, edges[1:], strict=False)]
         whole = np.linalg.norm(columns, axis=0)
         reach = [np.maximum(np.abs(trace.low), np.abs(trace.high)) for trace in self.traces]
-        felt = whole > SLIGHT / np.concatenate([np.zeros(0), *reach])
-        self._felt = felt
-        self.size = np.where(felt, whole, 1.0)
+        observable = whole > SLIGHT / np.concatenate([np.zeros(0), *reach])
+        self._observable = observable
+        self.size = np.where(observable, whole, 1.0)
         """(sum of k,) of each column before the base was projected out."""
         scaled = np.column_stack([base / _norms(base), columns / self.size, residual])
         triangle = np.asarray(np.linalg.qr(scaled, mode="r"), dtype=np.float64)
@@ -114,50 +115,50 @@ class LinearScreen:
         own = triangle[p:, p:-1]
         counts = [len(trace.low) for trace in self.traces]
         least = np.repeat([trace.hidden for trace in self.traces], counts)
-        self._columns = np.where(felt & (np.linalg.norm(own, axis=0) > least), own, 0.0)
-        self._like_base = np.where(felt, triangle[:p, p:-1], 0.0)
+        self._columns = np.where(observable & (np.linalg.norm(own, axis=0) > least), own, 0.0)
+        self._like_base = np.where(observable, triangle[:p, p:-1], 0.0)
         self._residual = triangle[p:, -1]
         self._known: dict[frozenset[int], Weighed] = {}
         self._information: dict[int, Array] = {}
 
-    def seen(self, index: int) -> Array:
-        """(k,) share of each column of a cause that no change of the base could take; 0 of those
-        that cannot be told from it."""
+    def identifiability(self, index: int) -> Array:
+        """(k,) share of each column of a cause that no change of the base reproduces; 0 where it is
+        not identifiable."""
         return np.linalg.norm(self._columns[:, self._own[index]], axis=0)
 
-    def shown(self, index: int) -> bool:
-        """Whether any of a cause is left beside the base."""
-        return bool(np.any(self.seen(index) > 0.0))
+    def identifiable(self, index: int) -> bool:
+        """Whether any column of a cause is identifiable beside the base."""
+        return bool(np.any(self.identifiability(index) > 0.0))
 
-    def felt(self, index: int) -> bool:
-        """Whether any of a cause does anything to these logs, within its bounds."""
-        return bool(self._felt[self._own[index]].any())
+    def observable(self, index: int) -> bool:
+        """Whether a cause within its bounds changes these logs."""
+        return bool(self._observable[self._own[index]].any())
 
     def information(self, index: int) -> Array:
-        """(k,) of a cause along each direction that a fit of it would set: squared length of what
-        it does there at strength 1; of its shapes, which have no strength, as on average."""
+        """(k,) Fisher information along each direction that a fit of a cause sets, for a strength
+        of 1; of its shapes, which have no column, the mean of the others."""
         if index not in self._information:
             own = self._own[index]
             columns = self._columns[:, own] * self.size[own]
-            count = int(np.count_nonzero(self.seen(index)))
-            shown = np.square(np.linalg.svd(columns, compute_uv=False))[:count]
-            mean = float(shown.mean()) if count else 1.0
-            self._information[index] = np.append(shown, np.full(self.traces[index].shapes, mean))
+            count = int(np.count_nonzero(self.identifiability(index)))
+            sizes = np.square(np.linalg.svd(columns, compute_uv=False))[:count]
+            mean = float(sizes.mean()) if count else 1.0
+            self._information[index] = np.append(sizes, np.full(self.traces[index].shapes, mean))
         return self._information[index]
 
     def basis(self, index: int) -> Array:
-        """(r, k) orthonormal directions of a cause."""
+        """(r, k) orthonormal basis of a cause's columns."""
         columns = self._columns[:, self._own[index]]
         left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
         return left[:, sizes > HIDDEN * max(float(sizes.max(initial=0.0)), HIDDEN)]
 
     def signature(self, index: int, strengths: Array) -> Array:
-        """(r,) what a cause of these strengths does, the base projected out."""
+        """(r,) change of the innovations by a cause, the base projected out."""
         own = self._own[index]
         return self._columns[:, own] @ (strengths * self.size[own])
 
     def weigh(self, chosen: Sequence[int]) -> Weighed:
-        """The best that a set can do."""
+        """The linear fit of a set."""
         key = frozenset(chosen)
         if key not in self._known:
             self._known[key] = self._weigh(sorted(key))
@@ -166,20 +167,19 @@ class LinearScreen:
         return Weighed(found.gain, tuple(found.strengths[place[index]] for index in chosen))
 
     def size_of(self, index: int) -> Array:
-        """(k,) length of each column of a cause at strength 1, the base not projected out."""
+        """(k,) norm of each column of a cause, the base not projected out."""
         return self.size[self._own[index]]
 
     def beyond(self, chosen: Sequence[int], others: Sequence[int]) -> tuple[float, float]:
-        """What others gain together beside a set, the base and the set staying where they are; and
-        in how many directions, as chi-square has them.
+        """Gain of further causes together beside a set, base and set held; and its degrees of
+        freedom.
 
-        Not the base's own: what others do that it could do too counts for the share that it could
-        not. Were it free beside them, what tells it from them might be no more than how the machine
-        trembled under a law that answers to noise; and what follows the noise of the samples before
-        seems, less its mean over those after, to know of the noise.
+        Of a direction that the base reproduces in part, only the rest counts. With the base free,
+        the difference to it may be the machine's response to noise through its control law, which
+        correlates with the residual.
 
-        The sum of share z^2 is taken for a chi-square of the same mean and variance (Satterthwaite
-        1946).
+        The sum of share z^2 is approximated by a chi-square of the same mean and variance
+        (Satterthwaite 1946).
         """
         taken = np.concatenate([np.zeros(0, dtype=np.intp), *(self._own[i] for i in chosen)])
         basis = np.linalg.qr(self._columns[:, taken])[0]
@@ -196,19 +196,19 @@ class LinearScreen:
         return gain * total / squares, total**2 / squares
 
     def noiseless(self, chosen: Sequence[int]) -> "LinearScreen":
-        """The same causes, had the logs no noise and a set, as it is weighed, been all there is."""
+        """The same causes, for logs without noise in which a set, as fitted, is the truth."""
         found = self.weigh(chosen)
         parts = [self.signature(i, s) for i, s in zip(chosen, found.strengths, strict=True)]
         return self.showing(sum(parts, start=np.zeros_like(self._residual)))
 
     def showing(self, signal: Array) -> "LinearScreen":
-        """The same causes, were a signature (r,) all that the logs show."""
+        """The same causes, for logs whose residual is a given signal (r,)."""
         same = copy(self)
         same._residual, same._known = -signal, {}
         return same
 
     def left(self, chosen: Sequence[int]) -> Array:
-        """(r,) what a set leaves."""
+        """(r,) residual of a set's linear fit."""
         found = self.weigh(chosen)
         parts = [self.signature(i, s) for i, s in zip(chosen, found.strengths, strict=True)]
         return self._residual + sum(parts, start=np.zeros_like(self._residual))
@@ -225,7 +225,8 @@ class LinearScreen:
         return Weighed(gain, tuple(np.split(strengths, edges)) if own else ())
 
     def _bounded(self, columns: Index, low: Array, high: Array) -> Array:
-        """Least squares, those that leave their bounds held there one after the other."""
+        """Bounded least squares: strengths outside their bounds are fixed there one after
+        another."""
         strengths = np.zeros(len(columns))
         free = np.ones(len(columns), dtype=bool)
         for _ in range(len(columns) + 1):
@@ -249,27 +250,27 @@ def _norms(columns: Array) -> Array:
 
 @dataclass(frozen=True)
 class Score:
-    """What a cause promises beside those that are chosen."""
+    """Evidence of a cause beside a set, by the linear screen."""
 
     index: int
     gain: float
     """Fall of -2 log L."""
     evidence: float
     surprise: float
-    """Logarithm of the chance that noise gains as much for this cause, or for one of those that it
-    was taken from (at most; Bonferroni)."""
+    """Logarithm of the probability that noise gains as much for this cause or for any other shape
+    of it (Bonferroni's bound)."""
 
 
 def price(gain: float, information: Array) -> float:
-    """What must be taken off a gain that was had by setting some numbers.
+    """Price of parameters that a fit sets, to be subtracted from its gain.
 
-    -2 log of their likelihood under a prior of one width for all, that which most likely gains so
-    much, beside their best: sum of 1 + log(1 + information width^2).
+    -2 log of the marginal likelihood under a Gaussian prior, relative to the maximum: the sum of
+    1 + log(1 + information width^2). The prior has one width for all parameters, the likeliest for
+    this gain.
 
     Args:
         gain: fall of -2 log L.
-        information: (k,) of them along as many directions, of a strength of 1: by how much one
-            that is true lowers it.
+        information: (k,) Fisher information of each parameter, for a strength of 1.
     """
     count = information.size
     if not count:
@@ -279,14 +280,14 @@ def price(gain: float, information: Array) -> float:
 
 
 def critical(screen: LinearScreen, asked: Sequence[int]) -> float:
-    """Surprise that the most surprising cause reaches by chance with probability `FALSE_ALARM`.
+    """Surprise that the most surprising candidate reaches with probability `FALSE_ALARM` in noise.
 
     Parametric bootstrap in the whitened linear model, noise N(0, I), the base projected out.
     """
     rng = np.random.default_rng(SEED)
     bases = [screen.basis(index) for index in asked]
     noise = rng.standard_normal((DRAWS, bases[0].shape[0] if bases else 0))
-    # of causes with as many directions the one that gains most is the most surprising
+    # among causes of equal degrees of freedom, the largest gain is the most surprising
     most: dict[int, Array] = {}
     for index, basis in zip(asked, bases, strict=True):
         along = noise @ basis
@@ -302,54 +303,54 @@ def critical(screen: LinearScreen, asked: Sequence[int]) -> float:
 
 
 class Search:
-    """Sets of causes, weighed."""
+    """Search over sets of causes in a linear screen."""
 
     def __init__(
         self, screen: LinearScreen, asked: Sequence[int], limit: float | None = None
     ) -> None:
-        """Among some.
+        """Set up a search.
 
         Args:
-            screen: of all.
-            asked: which of them.
-            limit: surprise that noise reaches in a false alarm, where more were asked before; else
-                it is that of these.
+            screen: of all causes.
+            asked: places of those to search among; those that are not identifiable are left out.
+            limit: surprise of a false alarm, where it is known from a larger set; else that of
+                these.
         """
         self.screen = screen
-        self.asked = tuple(index for index in asked if screen.shown(index))
+        self.asked = tuple(index for index in asked if screen.identifiable(index))
         self._limit = limit
 
     @cached_property
     def limit(self) -> float:
-        """Surprise that noise reaches in a false alarm."""
+        """Surprise that noise reaches with probability `FALSE_ALARM`."""
         return critical(self.screen, self.asked) if self._limit is None else self._limit
 
     def scores(self, chosen: tuple[int, ...] = ()) -> list[Score]:
-        """Of all causes beside those chosen, the best first."""
+        """Scores of all other causes beside a set, by falling evidence."""
         found = [self.score(chosen, index) for index in self._others(chosen)]
         return sorted(found, key=lambda score: -score.evidence)
 
     def score(self, chosen: tuple[int, ...], index: int) -> Score:
-        """Of one beside those chosen."""
+        """Score of one cause beside a set."""
         return self.scored(index, self._gain((*chosen, index)) - self._gain(chosen))
 
     def scored(self, index: int, gain: float) -> Score:
-        """Of one that was seen to gain so much."""
+        """Score of a cause of known gain."""
         gain = max(gain, 0.0)
-        seen = np.count_nonzero(self.screen.seen(index))
-        surprise = float(chi2.logsf(gain, max(seen, 1))) + self.screen.traces[index].looked
+        directions = np.count_nonzero(self.screen.identifiability(index))
+        surprise = float(chi2.logsf(gain, max(directions, 1))) + self.screen.traces[index].looked
         return Score(index, gain, gain - self._worth(index, gain), surprise)
 
     def pays(self, score: Score) -> bool:
-        """Whether a cause is worth its price, and more surprising than chance."""
+        """Whether a cause has evidence, and is more surprising than a false alarm."""
         return score.surprise < self.limit and score.evidence > 0.0
 
     def evidence(self, chosen: tuple[int, ...]) -> float:
-        """Of a set against nothing at all.
+        """Evidence of a set against no cause.
 
-        Each cause pays for what it gains beside the others; and all of them at least as much as if
-        they came in turn, the strongest first: several that can do without any one of them gain
-        next to nothing each, and had them all for nothing.
+        Each cause has the price of its gain beside the others. The total is at least the price of
+        adding them one by one, the strongest first: of several that can replace each other, each
+        gains little beside the others, and the first price alone would be too low.
         """
         beside = sum(self._price(chosen, index) for index in chosen)
         strongest = sorted(chosen, key=lambda index: -self._gain((index,)))
@@ -360,7 +361,8 @@ class Search:
         return self._gain(chosen) - max(beside, in_turn)
 
     def best(self) -> tuple[int, ...]:
-        """The set with the most evidence, each of its causes beyond the chance of a false alarm."""
+        """The set of the highest evidence in which each cause pays: greedy addition with exchanges,
+        then removal."""
         chosen: tuple[int, ...] = ()
         while len(chosen) < MOST:
             out = [score for score in self.scores(chosen) if self.pays(score)]
@@ -368,19 +370,19 @@ class Search:
                 break
             chosen = self._exchanged((*chosen, out[0].index))
         while chosen:
-            beside = [self.score(less(chosen, index), index) for index in chosen]
+            beside = [self.score(without(chosen, index), index) for index in chosen]
             weak = [score for score in beside if not self.pays(score)]
             if not weak:
                 break
-            chosen = less(chosen, min(weak, key=lambda s: s.evidence).index)
+            chosen = without(chosen, min(weak, key=lambda s: s.evidence).index)
         return chosen
 
     def instead(self, chosen: tuple[int, ...], index: int) -> list[tuple[int, float]]:
-        """Each other cause in one's place: which, and the evidence that is lost; the best first.
+        """Other causes in place of one, with the evidence that is lost, by rising loss.
 
-        A vector that would have to point just so to do what a number does loses by its freedom.
+        A vector that only reproduces a scalar loses by its additional parameters.
         """
-        rest = less(chosen, index)
+        rest = without(chosen, index)
         evidence = self.evidence(chosen)
         found = [
             (other, evidence - self.evidence((*rest, other)))
@@ -390,10 +392,10 @@ class Search:
         return sorted(found, key=lambda one: one[1])
 
     def apart(self, chosen: tuple[int, ...], index: int) -> dict[str, float]:
-        """How far each other cause would be behind in one's place, had the logs no noise and were
-        the set the truth, by label: in evidence, or in likelihood alone if that is less."""
+        """Evidence that each other cause in place of one would lose in logs without noise of which
+        the set is the truth, by label; or likelihood alone, if that is less."""
         silent = Search(self.screen.noiseless(chosen), self.asked)
-        rest, most = less(chosen, index), silent._gain(chosen)
+        rest, most = without(chosen, index), silent._gain(chosen)
         found: dict[str, float] = {}
         for other, behind in silent.instead(chosen, index):
             label = self.screen.traces[other].label
@@ -406,12 +408,12 @@ class Search:
         return [i for i in self.asked if self.screen.traces[i].label not in taken]
 
     def _exchanged(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
-        """After every exchange of one for another that adds evidence."""
+        """The set after all exchanges of one cause for another that add evidence."""
         now = self.evidence(chosen)
         while True:
             tries = [
                 (*rest, other)
-                for rest in (less(chosen, index) for index in chosen)
+                for rest in (without(chosen, index) for index in chosen)
                 for other in self._others(rest)
             ]
             best = max(tries, key=self.evidence, default=chosen)
@@ -424,14 +426,14 @@ class Search:
         return self.screen.weigh(chosen).gain
 
     def _price(self, chosen: tuple[int, ...], index: int) -> float:
-        gain = self._gain(chosen) - self._gain(less(chosen, index))
+        gain = self._gain(chosen) - self._gain(without(chosen, index))
         return self._worth(index, max(gain, 0.0))
 
     def _worth(self, index: int, gain: float) -> float:
-        """What a gain must pay for."""
+        """Price of a cause at a gain."""
         return price(gain, self.screen.information(index)) + self.screen.traces[index].unlikely
 
 
-def less(chosen: tuple[int, ...], index: int) -> tuple[int, ...]:
-    """A set without one."""
+def without(chosen: tuple[int, ...], index: int) -> tuple[int, ...]:
+    """A set without one of its causes."""
     return tuple(one for one in chosen if one != index)
