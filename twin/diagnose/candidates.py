@@ -1,4 +1,4 @@
-"""The causes that logs can be asked for: effects of the catalogue that would leave a trace."""
+"""Candidates: effects of the catalogue that the logs may show."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,47 +28,49 @@ from twin.predict.forces import Perturbation
 Array = NDArray[np.float64]
 
 SLOWEST = 0.2
-"""Frequency from where on what rings is sought [Hz]."""
+"""Lowest frequency of a resonance that is tried [Hz]."""
 APART = 0.16
-"""Between such frequencies, in parts of them: with a damping of 0.05 it rings to a tenth on either
-side."""
+"""Relative spacing of those frequencies: a resonance of damping 0.05 responds over a tenth on
+either side."""
 
 WAVES = 60
-"""Up to so many in a turn of a hinge are sought: ten in a turn of a motor behind a gear of 6:1."""
+"""Waves in a turn of a hinge that are tried, at most: ten in a turn of a motor behind a gear of
+6:1."""
 _CLOCKS = ("clock_drift", "clock_lag")
 _FILTERED = ("sensor_lag",)
-"""Asked for only of sensors that have a filter: on slow signals one is as good as a late clock."""
+"""Candidates only for sensors with a stated filter: on slow signals a filter equals a late
+clock."""
 
 _HINGE = ("joint_angle", "joint_rate")
-"""Either tells the motion of a hinge."""
+"""Either one determines the motion of a hinge."""
 _BALL = ("attitude", "gyro", "inclinometer")
-"""Any tells that of a ball, and effects name those in which they show best."""
+"""Any one determines that of a ball joint."""
 _GIMBAL = ("gimbal_angle", "gimbal_rate")
-"""Either tells the motion of a gimbal."""
+"""Either one determines that of a gimbal."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One cause, as it enters the linearised prediction: an effect by its amplitudes."""
+    """An effect as columns of the linearised prediction, one for each amplitude."""
 
     effect: Effect
-    """Where it is linearised: at a typical shape, its amplitudes 0."""
+    """The effect where it is linearised: at a typical shape, amplitudes 0."""
     perturbations: tuple[Perturbation, ...]
-    """One an amplitude."""
+    """One for each amplitude."""
     low: Array
-    """(k,) of the amplitudes."""
+    """(k,) bounds of the amplitudes."""
     high: Array
     looked: float = 0.0
     """See `Trace`."""
 
     @property
     def label(self) -> str:
-        """Of its effect."""
+        """Label of its effect."""
         return self.effect.label
 
     @property
     def trace(self) -> Trace:
-        """For weighing; a fit of it would set its shape too."""
+        """Description for the linear screen."""
         shapes = len(self.effect.values) - len(self.low)
         exact = self.effect.exact
         return Trace(self.label, self.low, self.high, shapes, looked=self.looked, exact=exact)
@@ -76,16 +78,16 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Candidates:
-    """What can be asked, and what cannot."""
+    """Effects that are candidates, and those that are not."""
 
     asked: tuple[Candidate, ...]
-    """A cause of which several shapes are tried is there once for each."""
+    """Candidates, one for each shape of an effect."""
     not_asked: Mapping[str, str]
-    """Why, by label."""
+    """Why an effect is no candidate, by label."""
 
 
 def candidates_of(bodies: Sequence[Body]) -> Candidates:
-    """Everything in the catalogue, held against what these logs hold."""
+    """All effects of the catalogue that these logs may show."""
     platform = _widest([body.machine.platform for body in bodies])
     asked: list[Candidate] = []
     not_asked: dict[str, str] = {}
@@ -112,7 +114,13 @@ def candidates_of(bodies: Sequence[Body]) -> Candidates:
 def ringing(
     asked: Sequence[Candidate], lines: Sequence[float], bodies: Sequence[Body]
 ) -> tuple[Candidate, ...]:
-    """Those that ring or push at one frequency, there where what a model leaves stands out [Hz]."""
+    """Resonant and periodic effects at given frequencies.
+
+    Args:
+        asked: candidates.
+        lines: spectral lines of the residual [Hz].
+        bodies: the logs.
+    """
     platform, looked = bodies[0].machine.platform, looked_among(bodies)
     return tuple(
         replace(one, looked=looked)
@@ -123,8 +131,8 @@ def ringing(
 
 
 def resonators(asked: Sequence[Candidate], bodies: Sequence[Body]) -> tuple[Candidate, ...]:
-    """Those that ring, at frequencies all over the spectrum; faster, each command that kicks them
-    lasts several periods."""
+    """Resonant effects at frequencies over the whole spectrum, up to a quarter of the control
+    rate."""
     platform, looked = bodies[0].machine.platform, looked_among(bodies)
     fastest = 0.25 / platform.tick
     count = max(int(np.log(fastest / SLOWEST) / APART), 0) + 1
@@ -138,7 +146,7 @@ def resonators(asked: Sequence[Candidate], bodies: Sequence[Body]) -> tuple[Cand
 
 
 def winding(asked: Sequence[Candidate], bodies: Sequence[Body]) -> tuple[Candidate, ...]:
-    """Those that make waves around the turn of a hinge, any number of them."""
+    """Effects that make waves around the turn of a hinge, at each number of waves."""
     platform = bodies[0].machine.platform
     return tuple(
         replace(candidate(shape, platform), looked=looked_for(shape, bodies))
@@ -149,20 +157,19 @@ def winding(asked: Sequence[Candidate], bodies: Sequence[Body]) -> tuple[Candida
 
 
 def looked_for(effect: Effect, bodies: Sequence[Body]) -> float:
-    """Logarithm of how many shapes an effect is looked for in."""
+    """Logarithm of the number of shapes of an effect that are tried."""
     if effect.winds:
         return float(np.log(WAVES))
     return looked_among(bodies) if effect.rings else 0.0
 
 
 def looked_among(bodies: Sequence[Body]) -> float:
-    """Logarithm of how many frequencies could stand out of what a model leaves: those of the
-    longest stream's spectrum."""
+    """Logarithm of the number of frequencies in the longest stream's spectrum."""
     return float(np.log(max(len(output.time) for body in bodies for output in body.outputs) / 2.0))
 
 
 def candidate(effect: Effect, platform: Platform) -> Candidate:
-    """An effect of some shape as a candidate; without perturbations where it has no trace."""
+    """An effect as a candidate; without perturbations where no prediction depends on it."""
     size = amplitudes(effect)
     low, high = effect.bounds()
     parts = perturbations_of(effect, platform)
@@ -173,7 +180,7 @@ def candidate(effect: Effect, platform: Platform) -> Candidate:
 def _shaped(
     shapes: Callable[[float, float], tuple[Effect, ...]], hertz: float, platform: Platform
 ) -> list[Candidate]:
-    """An effect's shapes at a frequency, but those that the machine, or the effect, cannot have."""
+    """Shapes of an effect at a frequency that effect and machine can have."""
     try:
         found = shapes(hertz, platform.gravity)
     except TwinError:  # beyond the effect's bounds
@@ -182,12 +189,12 @@ def _shaped(
 
 
 def _widest(platforms: Sequence[Platform]) -> Platform:
-    """The machine where it can have most: in the strongest field that logs were measured in."""
+    """The platform in the strongest magnetic field of all logs."""
     return max(platforms, key=lambda one: float(np.linalg.norm(one.magnetic_field)))
 
 
 def _why_not(kind: type[Effect], target: str, platform: Platform, bodies: Sequence[Body]) -> str:
-    """Why logs cannot be asked for a cause; empty where they can."""
+    """Why an effect is no candidate; empty where it is one."""
     effect = kind.typical(target).absent()
     refused = _refused(effect, platform)
     if refused:
@@ -223,7 +230,7 @@ def _driven(bodies: Sequence[Body]) -> bool:
 
 
 def _enough(effect: Effect, stream: str, *, hinge: bool) -> tuple[str, ...]:
-    """Streams of which any tells what an effect needs of one."""
+    """Streams of which any one replaces a stream that an effect needs."""
     own = effect.acts_on if isinstance(effect, ScatterEffect) else ""
     if stream == (effect.stream if isinstance(effect, SeriesEffect) else own):
         return (stream,)
@@ -233,7 +240,7 @@ def _enough(effect: Effect, stream: str, *, hinge: bool) -> tuple[str, ...]:
 
 
 def _refused(effect: Effect, platform: Platform) -> str:
-    """Why a machine cannot have an effect, be it small; empty where it can."""
+    """Why a machine cannot have an effect of any size; empty where it can."""
     try:
         finer = able(platform, effect)
         if isinstance(effect, BodyEffect):

@@ -1,12 +1,10 @@
-"""Pushes from outside: a hand, a cable that caught, a door. Each acts once, for a moment, and says
-nothing of the machine; what it does to a fit looks like causes that are none.
+"""Detection of pushes from outside: a hand, a cable that catches, a door.
 
-The logs are predicted in segments, each from a start of its own and by its own scatter, so that a
-push spoils the segment that it falls into and no other. There it lies where one motion of the
-machine fits what was read before, another one what was read after, and none both. One that falls
-between two segments may spoil neither enough to be seen, and half of all in a short log: so logs
-are looked at once more, cut half a segment later.
-"""
+A push acts once, for a moment, and is no property of the machine; a fit that includes it names
+false causes. The logs are predicted in independent segments, each weighted by its own scatter, so
+that a push affects one segment only. Within that segment, the push is the interval for which one
+motion fits the samples before it and another one those after it. A push at the boundary of two
+segments may be invisible in both, so the logs are also cut half a segment later."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -26,51 +24,51 @@ from twin.recording.pauses import SHORTEST, part_of
 Array = NDArray[np.float64]
 
 SPOILED = 1.5
-"""Times the usual mean squared residual from where on a segment may have been pushed."""
+"""Mean squared residual of a pushed segment, relative to the usual one, at least."""
 SIGMAS = 8.0
-"""By which that must be more than noise."""
+"""Standard deviations by which it must exceed noise."""
 MOST = 3
-"""Pushes of all logs; what acts oftener is at work all the time."""
+"""Pushes of all logs, at most: what acts more often is no push."""
 SHARE = 0.2
-"""Of all time, likewise."""
+"""Share of all time that pushes last, at most."""
 LOST = 2.0
-"""Usual mean squared residual beyond which the model is not this machine's at any time."""
+"""Usual mean squared residual above which the model fits no segment."""
 TRIES = 6
-"""Times that the next one is looked for: one may take two, the second beside the first."""
+"""Iterations: one push may take two."""
 NEAR = 1.0
-"""Between two that are one [s]."""
+"""Time between two pushes that count as one [s]."""
 FEW = 4
-"""Segments of all logs, so many that one push may bend the base for all."""
+"""Number of segments up to which one push may bias the base of all."""
 LASTS = (0.25, 0.5, 1.0, 2.0, 4.0)
-"""How long a push may be, its ends included [s]."""
+"""Durations of a push that are tried [s]."""
 STEP = 0.05
-"""By which its middle is sought [s]."""
+"""Step of its start [s]."""
 MARGIN = 0.1
-"""Left out besides, before and after [s]."""
+"""Time that is also excluded before and after [s]."""
 SHOWN = 1e-10
-"""Directions of a state that show less than this share of the best one are not fitted."""
+"""Share of the largest singular value below which a direction of a state is not fitted."""
 WORTH = 3.0
-"""Residual that a number must save, in units of its variance, to be left out."""
+"""Squared residual of a sample above which it is better excluded."""
 
 
 @dataclass(frozen=True)
 class Push:
-    """When it was; nothing of the log is used from start to stop."""
+    """Interval of a push; its samples are excluded."""
 
     log: int
-    """Which one."""
+    """Number of the log."""
     source: str
-    """Its name."""
+    """Name of the log."""
     start: float
     """[s]."""
     stop: float
 
 
 def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[Push, ...]:
-    """When logs were pushed, if that so few times left out they follow the model; else none.
+    """Pushes without which logs follow the model; none where they do not.
 
-    A segment is held against what is usual for all; where there are so few that a push bends the
-    base for all of them, and so what is usual, against noise.
+    The residual of a segment is compared with that of all segments; of a few segments, whose common
+    base a push biases, it is compared with noise.
     """
     try:
         whole = list(_looks(list(enumerate(logs)), platform))
@@ -85,15 +83,14 @@ def _beyond(
     logs: Sequence[Recording],
     platform: Platform,
 ) -> tuple[Push, ...]:
-    """The worst push first: the base that is fitted beside it is bent, and so is what it leaves of
-    the others."""
+    """Exclude the largest push and fit again, until no segment exceeds the limit."""
     pushes: list[Push] = []
     for _ in range(TRIES):
         try:
             seen = list(_looks(_parts(pushes, logs), platform)) if pushes else whole
         except TwinError:  # too little is left
             break
-        # a push between two segments of a short log may spoil half of all in one look
+        # in a short log, one push between two segments affects half of all segments
         if min(usual(segments) for _, segments in seen) > LOST:
             break
         looks = [
@@ -113,19 +110,19 @@ def _beyond(
 
 
 def pushed_look(logs: Sequence[Recording], platform: Platform) -> Explanation | None:
-    """The look at whole logs that shows one best; None where neither does."""
+    """The segmentation of whole logs in which a push is largest; None where there is none."""
     looks = [segments for _, segments in _looks(list(enumerate(logs)), platform)]
     best = max(looks, key=_excess)
     return best if pushed(best) else None
 
 
 def but_for(pushes: Sequence[Push], logs: Sequence[Recording]) -> list[Recording]:
-    """The parts of logs between their pushes, but those too short to be logs."""
+    """Parts of logs between their pushes that are long enough to be logs."""
     return [part for _, part in _parts(pushes, logs)]
 
 
 def _parts(pushes: Sequence[Push], logs: Sequence[Recording]) -> list[tuple[int, Recording]]:
-    """Each with the log that it is of."""
+    """Each part with the number of its log."""
     found: list[tuple[int, Recording]] = []
     for log, recording in enumerate(logs):
         own = [push for push in pushes if push.log == log]
@@ -142,8 +139,8 @@ def _parts(pushes: Sequence[Push], logs: Sequence[Recording]) -> list[tuple[int,
 def _looks(
     parts: Sequence[tuple[int, Recording]], platform: Platform
 ) -> Iterator[tuple[list[int], Explanation]]:
-    """Parts of logs predicted in segments apart, and which logs they are of: from their starts, and
-    from the middle of their first segments on."""
+    """Two segmentations of parts of logs, with the numbers of their logs: from their starts, and
+    from the middle of their first segments."""
     segments = baseline_of([part for _, part in parts], platform, follows=False)
     yield [log for log, _ in parts], segments
     later = [
@@ -158,24 +155,24 @@ def _looks(
 
 
 def pushed(segments: Explanation) -> bool:
-    """Whether a segment does not follow the model as the others do."""
+    """Whether a segment contains a push."""
     return _excess(segments) > 1.0
 
 
 def _excess(segments: Explanation) -> float:
-    """Of the worst segment, over what is usual by either reckoning."""
+    """Residual of the worst segment, relative to the limit."""
     return max(_worst(segments, usual(segments)).excess for usual in (_usual, _noise))
 
 
 @dataclass(frozen=True)
 class _Worst:
-    """The segment that follows the model least."""
+    """The segment of the largest residual."""
 
     place: int
-    """Of its log among those that are explained."""
+    """Number of its log."""
     segment: int
     excess: float
-    """Its scatter over that which noise and the usual one allow."""
+    """Residual relative to the limit."""
 
 
 def _worst(segments: Explanation, usual: float) -> _Worst:
@@ -195,18 +192,19 @@ def _usual(segments: Explanation) -> float:
 
 
 def _noise(segments: Explanation) -> float:
-    """What is usual if nothing is wrong but a push; infinite where the others tell it better."""
+    """Usual residual of a right model; infinite where there are enough segments for a median."""
     return 1.0 if len(_scatter(segments)) <= FEW else np.inf
 
 
 def _scatter(segments: Explanation) -> Array:
-    """(segments,) of all logs: mean squared residual, at least 1."""
+    """(segments,) mean squared residual, at least 1, of all logs."""
     assert isinstance(segments.prediction, IndependentSegments)
     return 1.0 / segments.prediction.weights
 
 
 def _span(segments: Explanation, at: _Worst) -> tuple[float, float]:
-    """Which time of a segment, left out, leaves least to a motion before and another one after."""
+    """Interval of a segment whose exclusion leaves the smallest residual to one motion before and
+    another one after it."""
     body = segments.bodies[at.place]
     begin = float(body.grid.starts[at.segment])
     end = begin + body.grid.length
@@ -224,8 +222,8 @@ def _span(segments: Explanation, at: _Worst) -> tuple[float, float]:
 
 
 def _rows_of(segments: Explanation, log: int, segment: int) -> tuple[Array, Array]:
-    """Of a segment the times (n,), and (n, x + 1): what the states that it starts from do to each
-    number that was read, and what is left of that."""
+    """Times (n,) of a segment's samples, and (n, x + 1) their columns of the initial state and
+    their residual."""
     body, state = segments.bodies[log], segments.prediction.exact[log].linear.state
     size = np.maximum(np.linalg.norm(state, axis=1, keepdims=True), 1e-300)
     columns = [body.cells.gather(column) for column in np.moveaxis(state / size, -1, 0)]
@@ -245,14 +243,14 @@ def _rows_of(segments: Explanation, log: int, segment: int) -> tuple[Array, Arra
 
 
 def _left(squares: Array) -> Array:
-    """Of (w, x + 1, x + 1) products of columns and of what is left (w,) the least squares."""
+    """(w,) least-squares residual of (w, x + 1, x + 1) products of columns and residual."""
     inverse = np.linalg.pinv(squares[:, :-1, :-1], rcond=SHOWN, hermitian=True)
     across = squares[:, :-1, -1]
     return squares[:, -1, -1] - np.einsum("wi,wij,wj->w", across, inverse, across)
 
 
 def _merged(pushes: list[Push]) -> list[Push]:
-    """Those that overlap, or nearly so, are one."""
+    """Pushes with those that overlap, or nearly so, joined."""
     found: list[Push] = []
     for push in sorted(pushes, key=lambda one: (one.log, one.start)):
         last = found[-1] if found else None
