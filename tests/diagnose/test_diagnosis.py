@@ -83,7 +83,7 @@ def test_a_fit_that_has_lost_the_motion_names_nothing(found, monkeypatch):
     monkeypatch.setattr(Explanation, "instead", lost)
     asked = [one for one in found.asked if one.label in FEW]
     assert len(asked) == len(FEW)
-    line = Engine(asked, lambda _: None).explained(found.plain)
+    line = Engine(asked, lambda _: None).explained(found.baseline)
     assert line.explanation.effects == ()
     assert line.residual_test.chance < 1e-4 or line.explanation.noise.wanders
 
