@@ -1,4 +1,4 @@
-"""A model held against logs: what it misses, how that looks, and what would explain it."""
+"""Comparison of a model with logs: misfits, the symptoms that explain them, free runs."""
 
 from twin.compare.comparison import Comparison as Comparison
 from twin.compare.comparison import Transfer as Transfer

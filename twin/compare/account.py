@@ -1,4 +1,4 @@
-"""How well a model accounts for a log: what each stream leaves, and how that is correlated."""
+"""Misfits of a model's prediction of a log: the residual of each stream, and its correlation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""A log compared with a platform's model, and with what was fitted to other logs."""
+"""Comparison of a log with a platform's model, and with a model that is fitted to other logs."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace

@@ -1,11 +1,10 @@
-"""Which few symptoms explain a log, fitted beside the base as long as they pay; and free runs.
+"""Selection of the few symptoms that explain a log, and free runs.
 
-Sets of symptoms are weighed where the model stands, in the linearised problem: forward, swapped,
-dropped; what comes out is then fitted.
+Sets of symptoms are compared in the linearised problem, by addition, exchange and removal; the
+selected set is then fitted together with the base.
 
-A free run starts from the state that a filter has at an instant and goes on under the commands,
-nothing fitted. Every model starts from the same states: those that the best account gives the
-instant from what was measured before it.
+A free run starts from the filter's state at an instant and continues under the commands. Every
+model starts from the same states: those of the best model, from what was measured before.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""Symptoms: what a model may lack, each as columns along the motion that it predicts."""
+"""Symptoms: possible departures from a model, as columns along its predicted motion."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

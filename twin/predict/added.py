@@ -1,7 +1,4 @@
-"""Perturbations of one log: what they push, what the sensors show of them, and their columns.
-
-The effects that the platform states are among them, at the size that it states.
-"""
+"""Perturbations of one log, stated effects included: forces, sensor errors and columns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,21 +1,12 @@
-"""The numbers of a machine that are fitted: its base and its joints.
+"""Parameters of a machine that are fitted: inertia, mass moment, stiffness and damping of joints.
 
-What a joint takes of the motion, as numbers to be fitted beside the base: damping, stiffness.
+J and m r about the centre of rotation are identifiable, the mass itself is not. A hinge shows J
+about its axis and the two components of m r across it, unless it stands upright; a ball joint shows
+all 6 + 3. A joint's damping or stiffness is fitted where the MJCF states one that is not 0.
 
-A joint parameter is fitted where the MJCF states one that is not 0: whoever writes
-`damping="0.05"` says that there is damping, and roughly how much.
-
-The base parameters of a machine: its inertia and mass moment, as numbers to be fitted.
-
-Seen are J and m r about the centre of rotation, never the mass itself. A hinge sees J about its
-axis and the two components of m r across it, unless it stands upright; a ball joint sees all 6 + 3.
-What its joints take of the motion may follow.
-
-What a change of the base does to a motion, as forces: J and m r enter the equations linearly.
+A change of the base enters the equations of motion linearly, as a force along a path:
 
     torque = -(dJ dw/dt + w x dJ w) + d(m r) x g_body
-
-along a path: to first order the same change of the motion as another J and m r, with no rollout.
 """
 
 import copy

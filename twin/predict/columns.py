@@ -1,21 +1,14 @@
-"""Effects of the catalogue, and those that a platform states, as perturbations of a prediction.
+"""Effects as perturbations of a prediction, one for each component.
 
-Where a spring is at rest that pulls a machine back to where a log began.
+The strength of an amplitude is its value. The strength of a shape, a frequency or a place, is its
+change from the value at which the columns are formed; it has a meaning only where the amplitudes
+are not 0. Effects that a platform states are perturbations of known strength. What an effect
+changes in the MuJoCo model is in the compiled machine, and a fault of a drive is in the drive's
+profile; here are torque laws, pushes with axes of the room, and faults of commands, sensors and
+clocks.
 
-A log shows its first attitude only as well as its sensors do. A spring that is seen ten thousand
-times better than it need be shows it better, and would call the difference a torque of its own.
-
-An effect of the catalogue as perturbations of a prediction: one for each of its components.
-
-Strengths are in the components' units. An amplitude's is its value. A component that shapes the
-effect without being its size, a frequency or a place, has a meaning only where there is some
-effect: its strength is a change from the value it has, the amplitudes being what they are.
-
-The effects that a platform states, as a prediction has them beside its model: at their size.
-
-What an effect changes in MuJoCo's model, the compiled machine has already, and a drive's fault the
-drive's profile. What is left is a torque law, a push with axes of the room, a fault of a command,
-of a sensor or of a clock.
+A spring that rests where a log begins has a rest angle that is fitted: the log shows its first
+attitude only as well as its sensors do.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,25 +1,16 @@
-"""Perturbations, and the generalised forces with which effects act along a log's motion.
+"""Perturbations of a prediction, and the generalised forces of effects along a log's motion.
 
-One number by which reality may depart from a prediction, as the prediction feels it.
+A perturbation is a number by which a machine departs from its model: a generalised force along the
+measured motion, an error of what a sensor shows, or of when. `added.py` forms columns of the
+whitened innovations from it.
 
-What it does to the motion is a generalised force along the measured motion; what it does to a
-sensor is what the sensor shows, and when. `added.py` makes columns of the whitened innovations of
-it, so that it can be scored where the model stands, and fitted beside the base.
-
-A machine as a prediction has it: without what depends on how a run began.
-
-The generalised force with which an effect acts along a log's measured motion.
-
-What the machine with the effect needs to move as it did, less what it needs without: two inverse
-dynamics, and the pushes that no model holds; not a torque law, which answers to the path that is
-predicted. Parts that only the machine with the
-effect has, a panel or a liquid, are carried along first, from rest at the log's first instant.
-
-What rings needs a motion with the kicks that make it ring (`retrace`). Along a motion that a fit
-predicts, the body gives way to it, and it rings faster, by 1 / sqrt(1 - I / J); what it made the
-body do already is taken out of that motion first. What has weight, a liquid, rings as on a body
-that does not: true to first order. A motion that was measured holds all of this, as far as it was
-seen.
+The force of an effect is the difference of two inverse dynamics, of the machine with it and without
+it, plus pushes that no model holds. A torque law depends on the predicted path instead. Parts that
+the effect adds, a panel or a liquid, are simulated along the motion first, from rest at the log's
+first instant. A resonance needs a motion that contains what excites it (`retraced`). Along a motion
+that a fit predicts, the body responds to the part, which then rings faster by 1 / sqrt(1 - I / J);
+what the part has done to the body already is subtracted from that motion first. A liquid rings as
+on a body that does not respond: true to first order.
 """
 
 import copy

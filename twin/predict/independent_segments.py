@@ -1,10 +1,9 @@
-"""Segments predicted apart: each from a start of its own, each with a noise of its own.
+"""Prediction in independent segments: each has its own start and its own noise scale.
 
-For logs of a machine that does, all the time, what neither the model nor a white torque says: a
-gear that chatters, a body that is pushed. Nothing ties a segment to the one before it, and each has
-a noise scale, at least that of its sensors, at which the likelihood is taken. So a segment whose
-mean squared residual is x costs N x up to x = 1 and N (1 + log x) beyond; in the iteration it
-weighs 1 / x, and no push bends the parameters.
+For logs of a machine with a large model error at all times: a gear that chatters, a body that is
+pushed. A segment's noise is at least that of its sensors, and the likelihood is maximised over it:
+a segment of mean squared residual x costs N x up to x = 1 and N (1 + log x) above. In the iteration
+it has the weight 1 / x, so that a disturbed segment does not bias the parameters.
 """
 
 from dataclasses import dataclass

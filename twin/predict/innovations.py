@@ -1,25 +1,14 @@
-"""Logs and unknowns in, whitened innovations and their columns out; and the motion of a fit.
+"""Whitened innovations of logs, their columns, and the motion of a fit.
 
-What a prediction of logs depends on, and how it moves.
+Unknowns that all logs share are the base and the strengths of perturbations. Each log has its own
+constant errors of sensors, with the prior that platform.toml states, rest angles of springs that
+rest where it began, and states, without a prior. The states are eliminated.
 
-Shared by all logs: the base, and the strengths of what was added to the model. A log's own: its
-sensors' constant errors, held by the spread that platform.toml states of them, where a stated
-spring rests that pulls the machine back to where it began, and its states, of which nothing is
-known beforehand.
-
-Logs and unknowns in, whitened innovations and their columns out; the states are gone.
-
-The torque that the logs ask for beyond the model: the white torque of a fit, smoothed.
-
-A Kalman smoother within each segment, from the start and to the end that `chain` gives it; no
-second derivative of the data is taken.
-
-A log's motion as a fit has it: along this, forces are formed that smoothed data would lose.
-
-Smoothed data lack what is faster than their window: the kick of a command, and with it the ringing
-of whatever hangs on the machine. And their noise is in every force along them, and so in the column
-of an effect, which a large effect is multiplied by. A fit's motion has all that the commands do; of
-the data it takes what the model cannot say, as the torque that a Kalman smoother finds.
+The unexplained torque of a fit under a white torque follows from a Kalman smoother within each
+segment; no second derivative of data is taken. The motion of a fit (`retraced`) contains the
+response to commands, which smoothed data lack where it is faster than their window, and takes from
+the data only that torque. Forces of effects are formed along it, because the noise of smoothed data
+would be in every column.
 """
 
 from collections.abc import Sequence

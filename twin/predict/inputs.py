@@ -1,18 +1,9 @@
-"""What drives a prediction: held commands and measured joints, as forces on the physics grid.
+"""Inputs of a prediction: held commands and measured joints, as forces on the physics grid.
 
-Commands: nothing before the first, each holds until the next, the last to the end.
-
-What the tanks' gauge should show by what the thrusters were told to take.
-
-Where a mass was that was only seen, and how fast: a rate that adds up to where it rested.
-
-Where stages were between two readings: a torque that nobody knows while they move.
-
-Of a mass that goes as it was told the drive's own profile says where it was. One that is late, or
-sent on by each of many short moves, is seen at its readings alone, of which a shared line gives a
-few in a move; what gravity does with the rest is white as a body feels it.
-
-What drives a prediction: held commands and measured joints, as forces on the physics grid.
+There is no command before the first one; each holds until the next, the last one to the end. A
+stage that follows its command is where its drive's profile says. A stage that is only seen at its
+readings, a few in a move, is interpolated, and the gravity torque of its error is white noise. The
+reading of a tank's gauge follows from the commands of the thrusters.
 """
 
 from copy import copy

@@ -1,30 +1,18 @@
-"""White innovations of a linearised prediction: the filter within segments, and their chain.
+"""Whitening of a linearised prediction: Kalman filters within segments, and the chain of segments.
 
-Covariances of predicted readings, taken apart.
+`Linearised` is a prediction and its derivatives, as arrays over segments; `Noise` the processes
+beside the sensors' white noise, of torques and sensor errors.
 
-A prediction and what it depends on, as arrays over segments.
+`whitened` runs a Kalman filter in each segment, all side by side, from a known initial state. Its
+gain depends on the path only, so residual and columns are right-hand sides of one filter, and its
+result is affine in the initial state and the shared unknowns. `blocked` condenses a log into blocks
+of time within which noise processes are constant: an orthogonal transformation reduces the rows of
+a block to as many as there are states and processes, once, and each evaluation of the likelihood
+then visits blocks instead of samples.
 
-Noise processes beside the sensors' white noise: torques and sensor errors that wander.
-
-White innovations where the motion itself is noisy: a Kalman filter within each segment.
-
-Each segment's filter starts from a known state, so it runs beside the others, all in one pass; what
-it says is affine in that state and in the shared unknowns, and `chain` puts the segments together.
-Its gain depends on the path only, so residual and columns go through as right-hand sides of one
-filter.
-
-A linearised log in blocks of time within which nothing wanders: as good for slow processes.
-
-The intensities of noise processes are sought by many filter passes. In a block, some ten samples of
-each sensor depend on the state at its beginning and on what wanders; an orthogonal transformation
-squeezes them into as many rows as there are such numbers, once, and each pass then visits blocks
-instead of samples.
-
-Take the states out of a linearised prediction: what is left depends on shared unknowns only.
-
-A Kalman filter over the starts of the segments, its mean an affine function of the shared unknowns,
-whitens what the segments say of them; a backward pass gives the states back. The first state is
-unknown altogether. Nothing grows along the chain, be the machine unstable or not.
+`chain` eliminates the initial states of the segments by a Kalman filter over them, its mean an
+affine function of the shared unknowns; a backward pass returns the states. The first state has no
+prior. Nothing grows along the chain, also of an unstable machine.
 """
 
 from collections.abc import Mapping, Sequence

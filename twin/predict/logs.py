@@ -1,25 +1,14 @@
-"""What a log says of a machine's motion, which of its samples are used, and whether it can be its.
+"""Motion of a log, the samples that are used of it, and checks that it is of its machine.
 
-What a log says of the base's motion: smoothed, with derivatives; and how noisy its streams are.
+The motion is smoothed, with derivatives, by Savitzky-Golay polynomials over the widest window in
+which a cubic follows the data to within three times their noise: the chatter of backlash and
+quantisation is not taken for motion. It starts a fit and shapes a law; it is not evidence.
 
-Savitzky-Golay polynomials over a window as wide as the data allow: the widest over which a
-cubic still follows them to within three times their noise, so that the chatter of backlash and
-quantisation is not taken for motion. Good to start a fit and to shape a law, not to weigh it.
+Without an attitude, the motion starts from a gyro: its integral, with the tilt of an inclinometer
+or of an accelerometer at rest. The heading then starts at 0, which no law of gravity depends on.
 
-An attitude from a gyro and what little else is known: enough to begin a prediction with.
-
-With an inclinometer, or an accelerometer as if the machine stood still, its heading starts at 0 and
-is the gyro's integral: no tilt tells it, and none of gravity's laws asks for it. With an attitude
-at the start, all of it is the gyro's integral.
-
-Streams whose factor to SI nobody knows (`scale = "fit"`): a first guess of it.
-
-What platform.toml states of a sensor's errors, and what that is worth beside a log's own.
-
-Samples that say nothing of the motion are not used: at the end of the range that platform.toml
-states, or no measurements at all by `twin.noise.cleaning`. Each kind is counted and said.
-
-Whether a log can be of its machine at all: its parts, clocks, sensors and stop.
+Samples at the end of a stated range, and those that are no measurements (`twin.noise.cleaning`),
+are excluded, counted and reported.
 """
 
 from collections.abc import Mapping

@@ -1,21 +1,12 @@
-"""What drives make of their commands.
+"""Motion of stages, gimbals and wheels under their commands.
 
-How stages and gimbals go where they are told: the drives' own profiles, which nothing resists.
+Stages and gimbals follow their drives' profiles, with the effects that the platform states of the
+drives; nothing resists them. A stage starts where its first command sends it, if nothing else is
+known, a gimbal at home. What a gimbal does beside its command is a random walk, except for a known
+fault of its drive.
 
-On the physics grid that starts with the first command. A mass starts where that sends it, if
-nothing else is known, a gimbal at home; effects that the platform states of the drives are at work.
-
-What gimbals do beside their command, less what a known fault of a drive makes of it.
-
-A fault that the model lacks is no random walk. Taken for one, it would be believed of the drive
-that it goes astray at every instant, and no cause could explain what is expected anyhow.
-
-Wheels that nobody recorded a command of: a white torque, of the size that their speed shows.
-
-What such a torque takes from a wheel it gives the body, so the log still tells the momentum that
-both hold together. The path to linearise along follows the smoothed speed; that it does is taken
-back in the filter, which expects no torque at all. So do gimbals go at rates that nobody recorded,
-beside their commanded ones or in place of them.
+A wheel without a recorded command has a white torque of the size that its speed shows. The body
+receives the opposite torque, so that the log still determines their common momentum.
 """
 
 from collections.abc import Sequence

@@ -1,23 +1,17 @@
-"""Segments of a log, and how small changes of the state are carried along them.
+"""Segments of a log, and the linear response of a machine's state along a path.
 
-Where a log is cut into stretches that are each predicted from an initial state of their own.
+A machine on its bearing is a gyrostat. Its momentum about the CR in body axes, p = M v, obeys
 
-How a machine's state answers an impulse on each joint, wherever its gimbals stand.
-
-A joint that is prescribed takes no impulse. For a gimbal its column is that of a turn by one
-radian: what is free keeps its momentum p = M v, so its velocity changes by -M^-1 (dp / d angle).
-That is the torque of a gyro, h g x a, and where a motion is uncertain it is what counts.
-
-How small changes of a machine's state are carried along a path, from step to step.
-
-A machine on its bearing is a gyrostat: its momentum about the CR in body axes, p = M v, obeys
-
-    dp/dt = p x w + m r x g_body + what else turns it,
+    dp/dt = p x w + m r x g_body + other torques,
 
 one on a hinge the same along its axis, and the momentum of a wheel dp/dt = its torque. A change of
-the path, seen as y = M dv + (dp / d angle) d angle of the gimbals, obeys the same equations
-linearised, in which M may change from step to step. So one path tells how all of its neighbours go,
-where differences take a path for each number of the state.
+the path, y = M dv + (dp / d angle) d angle of the gimbals, obeys the linearised equations, in which
+M may change from step to step. One path therefore gives the response to every state, where finite
+differences need a path for each.
+
+An impulse does not move a prescribed joint. The column of a gimbal is that of a turn by 1 rad: the
+free joints keep their momentum, so their velocity changes by -M^-1 (dp / d angle), the torque
+h g x a of a gyro.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A log's machine carried along under its drives: segments side by side, from states of choice."""
+"""Rollouts of a log's machine under its inputs: segments side by side, from given states."""
 
 from collections.abc import Iterator
 from typing import Protocol

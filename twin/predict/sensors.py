@@ -1,22 +1,12 @@
-"""What sensors make of a predicted motion, and where their samples stand in a residual.
+"""Predicted readings of sensors, and the places of their samples in a residual.
 
-What sensors on the body make of a predicted motion: specific force, tilt, field.
+Sensors on the body show specific force, tilt and field of the predicted motion by the laws of the
+simulated sensors, at every instant of the grid, after the low-pass that platform.toml states. An
+accelerometer feels the mean angular acceleration over a step, or over the sensor's window.
 
-The same laws as the simulated sensors have, on every instant of the grid, behind the low-pass that
-platform.toml states. A sensor feels how fast the rate changes; that is the mean over the step
-before an instant, or over the sensor's window if that is longer, as one that sums up velocity
-increments has it.
-
-Measured streams that a prediction is held against: where each sample lies, what it should be.
-
-Samples keep their own instants: the prediction is interpolated to them. In a residual they stand
-segment by segment, and within one in the order of the grid instants that they are nearest to.
-
-Where the numbers of a log stand among the rows of its prediction.
-
-A segment has a row for each number that was sampled in it, in the order of the grid's instants, and
-all segments have as many as the fullest: those that are left over stay zero. A machine with gimbals
-is predicted in far more instants than it is sampled at.
+Samples keep their own instants: the prediction is interpolated to them. In a residual they are
+ordered by segment, and within one by the nearest instant of the grid. All segments have as many
+rows as the fullest one; the others stay zero.
 """
 
 from collections.abc import Callable, Mapping, Sequence

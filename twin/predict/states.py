@@ -1,11 +1,4 @@
-"""A machine's states, what pushes it, and how a path answers small changes of either.
-
-States of a machine at the starts of segments: how they are moved and told apart.
-
-What perturbations push a log's machine with, beside what the log drove it with.
-
-How small changes of a path's start, and small forces along it, change it, to first order.
-"""
+"""States at the starts of segments, pushes along a log, and first-order responses to both."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

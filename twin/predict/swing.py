@@ -1,9 +1,9 @@
-"""A machine that is one hinge and nothing else, carried along by its one equation of motion.
+"""Rollouts of a machine that is one hinge, by its own equation of motion.
 
     M a = f + gear u + p(q) - d w,   p(q) = s sin q + c cos q - k (q - q0)
 
-by the integrator that MuJoCo has for it (classical Runge-Kutta), many paths side by side: the same
-path to rounding, in a tenth of the time.
+Classical Runge-Kutta as in MuJoCo, many paths side by side: the same path to rounding, in a tenth
+of the time.
 """
 
 from dataclasses import dataclass

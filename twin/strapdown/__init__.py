@@ -1,4 +1,4 @@
-"""A gyro against an attitude, on any body: what the sensors get wrong, without dynamics."""
+"""Errors of a gyro held against an attitude, on any body, without dynamics."""
 
 from twin.strapdown.compare import FAULTS as FAULTS
 from twin.strapdown.compare import GyroComparison as GyroComparison
