@@ -148,3 +148,10 @@ def test_a_harness_is_at_rest_where_it_is_told(balanced):
     for k in range(100):
         plant.read(k * balanced.tick)
     assert apart(plant.truth()["truth_attitude"].value[0, 0], rest) < 1e-10
+
+
+def test_a_turn_whose_smallest_equal_is_out_of_bounds_stays_as_it_is(sads):
+    wide = effect_named("wheel_misalignment")(target="w1", rotation=(-1.2, -1.5, 1.4))
+    assert wide.least(sads) is wide
+    slight = replace(wide, rotation=(0.2, 0.1, 0.0))
+    assert np.linalg.norm(slight.least(sads).values) < np.linalg.norm(slight.values)

@@ -1,6 +1,6 @@
 """A wheel that is mounted askew."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import mujoco
@@ -38,7 +38,10 @@ class WheelMisalignment(BodyEffect):
         axes = [one.axis for one in platform.wheels if one.name == self.target]
         if not axes:  # of all, which have no axis in common
             return self
-        return replace(self, rotation=tuple(least_turn(np.array(self.rotation), axes[0]).tolist()))
+        turn = least_turn(np.array(self.rotation), axes[0])
+        low, high = self.bounds()
+        within = np.all((low <= turn) & (turn <= high))
+        return self.with_values(turn) if within else self
 
     def edit_model(self, model: mujoco.MjModel, platform: Platform) -> None:
         turn = from_rotation_vector(np.array(self.rotation))
