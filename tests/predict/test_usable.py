@@ -9,12 +9,14 @@ import pytest
 from twin import rotation
 from twin.clock import SimulatedClock
 from twin.controller import load_controller
+from twin.conventions import check_conventions
 from twin.diagnose import diagnose
 from twin.estimators import load_estimator
 from twin.loop import fly
 from twin.noise.cleaning import cleaned
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
+from twin.predict.logs import usable
 from twin.recording import Recording
 from twin.reference import Multisine
 from twin.report.contents import contents_of
@@ -114,6 +116,13 @@ def test_a_machine_as_stated_stays_healthy_whatever_its_sensors_did_at_times(sad
         (said,) = (one for one in repairs if stream in one)
         assert words in said
         assert f"{said}." in findings
+
+
+def test_wheels_beside_a_gyro_with_long_gaps_are_read_as_they_are(sads, log):
+    """It clips for seconds; between its samples the rate is not a straight line."""
+    clipped = usable(spoiled(log, "gyro", clips), sads)
+    assert np.diff(clipped["gyro"].time).max() > 1.0
+    assert not check_conventions(clipped, sads)
 
 
 def test_a_good_log_is_left_as_it_is(log):

@@ -26,6 +26,8 @@ LONGEST_LAG = 2.0
 """Clock offsets are looked for up to this [s]."""
 FEWEST = 20
 """Cells without which nothing is said."""
+MISSED = 3.5
+"""Periods between two samples from which on some are missing."""
 
 
 _MEASURED: dict[int, tuple["ref[Array]", float]] = {}
@@ -73,6 +75,17 @@ class Means:
         for k, column in enumerate(self._integral.T):
             sums[:, k] = np.interp(edges, self.time, column)
         return (sums[1:] - sums[:-1]) / (edges[1:] - edges[:-1])[:, None]
+
+    def covers(self, edges: Array) -> NDArray[np.bool_]:
+        """(n,) cells between n + 1 edges [s] that no gap of the series reaches into."""
+        longest = MISSED / self.rate
+        (gaps,) = np.nonzero(np.diff(self.time) > longest)
+        first = np.searchsorted(edges, self.time[gaps], side="right") - 1
+        last = np.searchsorted(edges, self.time[gaps + 1], side="left")
+        ends = np.zeros(len(edges) + 1, dtype=np.intp)
+        np.add.at(ends, np.clip(first, 0, len(edges)), 1)
+        np.add.at(ends, np.clip(last, 0, len(edges)), -1)
+        return np.cumsum(ends)[: len(edges) - 1] == 0
 
     def cell_noise(self, cell: float) -> float:
         """1 sigma of a mean over `cell` [s]."""

@@ -126,6 +126,10 @@ class Momentum:
         unknown = [] if rough else [self._outside(q, turn, rate)]
         # what something is known of stands last
         columns = np.concatenate([*unknown, self._unknowns(turn, rate)], axis=2) / noise
+        # within a gap of a stream its values are interpolated, and no evidence of the wheels
+        seen = self._gyro.covers(edges + gyro_lag) & self._wheels.covers(edges)
+        seen = (seen & self._attitude.covers(edges + attitude_lag))[:, None].astype(np.float64)
+        columns = columns * seen[:, None]
         size = 3 * len(turn)
         moment = float(np.trace(inertia)) / 3.0
         off = (RIGID if rough else INERTIA_ERROR) * moment
@@ -135,8 +139,9 @@ class Momentum:
         rows[size:, -len(spread) :] = np.diag(1.0 / spread)
         basis = np.linalg.qr(rows)[0]
         flat = np.zeros(len(rows))
-        flat[:size] = (body / noise).ravel()
+        flat[:size] = (seen * body / noise).ravel()
         share = np.einsum("nij,wj->niw", turn, self._axes) * (self._inertia / noise)
+        share = share * seen[:, None]
         return Exchange(flat - basis @ (basis.T @ flat), basis, share)
 
     def _outside(self, attitude: Array, turn: Array, rate: Array) -> Array:
