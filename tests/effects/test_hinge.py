@@ -46,9 +46,9 @@ def test_an_encoder_shows_waves_around_the_turn_and_its_rate_is_that_of_what_it_
     slope = waves * (sine * np.cos(turns) - cosine * np.sin(turns))
     error = sine * np.sin(turns) + cosine * np.cos(turns)
     off = faulty["joint_angle"] - sound["joint_angle"] - error
-    agrees("encoder_error: reading, by its formula", np.abs(off).max() / 1e-3, 1e-10)
+    agrees("encoder_error: reading, by its formula", np.abs(off).max() / 1e-3, 1e-11)
     off = faulty["joint_rate"] - sound["joint_rate"] * (1.0 + slope)
-    agrees("encoder_error: rate, by its formula", np.abs(off).max() / 1e-3, 1e-10)
+    agrees("encoder_error: rate, by its formula", np.abs(off).max() / 1e-3, 1e-11)
 
 
 def swing(machine):
