@@ -120,10 +120,10 @@ def baseline_of(
     """
     machine = predicted_machine(platform)
     bodies = [body_of(machine, log, motion_of(log, platform)) for log in logs]
-    baseline, base = base_of(machine, logs)
+    without_joints, base = base_of(machine, logs)
     check_numbers(bodies, base)
     pairs = [(log, body.motion) for log, body in zip(logs, bodies, strict=True)]
-    first = first_theta(baseline, momentum_fit(pairs, baseline))
+    first = first_theta(without_joints, momentum_fit(pairs, without_joints))
     theta = np.concatenate([first, base.as_stated[len(first) :]])
     problem = Problem(bodies, base)
     biases = [first_biases(body) for body in bodies]

@@ -48,7 +48,6 @@ STRAYING = {
 """Largest rms of the slow error of a calibrated sensor (SI): a vertical reference of half a degree,
 a gyro bias of 200 deg/h, an accelerometer bias of 5 mg."""
 Say = Callable[[str], None]
-_WINDS = "nothing is left that repeats with the angle"
 UNEXPLAINED = 1e-4
 """Probability of a residual below which it is not noise."""
 IN_PART = 0.5
@@ -361,7 +360,12 @@ def _silent(
         False: "not observable: what it acts on does not move in these logs",
         None: "not possible in the size that these logs ask for",
     }
+    winds = (
+        "nothing is left that repeats with the angle"
+        if state.explanation.follows
+        else "not asked: segments of their own see too little of a turn"
+    )
     silent = {one.label: one.effect for one in candidates.asked if one.label not in reported}
     return {
-        label: _WINDS if effect.winds else why[felt.get(label)] for label, effect in silent.items()
+        label: winds if effect.winds else why[felt.get(label)] for label, effect in silent.items()
     }

@@ -209,8 +209,8 @@ class Engine:
         """Search from the baseline model; the best state."""
         self._begin(baseline)
         self.say("causes weighed")
-        lines = [self._state_of(explanation) for explanation in _starts(baseline)]
-        beam = self._grown(lines) if baseline.follows else self._single_causes(lines[0])
+        states = [self._state_of(explanation) for explanation in _starts(baseline)]
+        beam = self._grown(states) if baseline.follows else self._single_causes(states[0])
         if not beam[0].settled:
             more = (
                 self._with_noise_processes(baseline)
@@ -419,9 +419,9 @@ class Engine:
         self._likeliest[_labels(explanation)] = min(known, state, key=self._score)
         return state
 
-    def _best(self, lines: Iterable[SearchState]) -> list[SearchState]:
+    def _best(self, states: Iterable[SearchState]) -> list[SearchState]:
         """The states that the beam keeps."""
-        return sorted(lines, key=self._score)[: SETTINGS.beam]
+        return sorted(states, key=self._score)[: SETTINGS.beam]
 
     def _score(self, state: SearchState) -> float:
         """Score with the inflation of the best fit so far: the residual of a poor fit is correlated

@@ -503,23 +503,23 @@ def state_effect(effects: Any, effect: Effect, half_widths: Array, logs: str) ->
     effect = effect.with_values(np.clip(rounded, *effect.bounds()))
     table = tomlkit.table()
     for known in effect.parameters():
-        table[known.name] = _baseline(getattr(effect, known.name))
+        table[known.name] = _as_toml(getattr(effect, known.name))
         half, half_widths = half_widths[: known.size], half_widths[known.size :]
         ends = ", ".join("not told" if np.isnan(one) else f"{one:.2g}" for one in half)
         unit = "" if known.unit == "1" else f"{known.unit}; "
         table[known.name].comment(f"{unit}fitted to {logs}; 95 %: +- {ends}")
     for setting in effect.settings():
         if getattr(effect, setting.name) is not None:
-            table[setting.name] = _baseline(getattr(effect, setting.name))
+            table[setting.name] = _as_toml(getattr(effect, setting.name))
     if effect.target:
         effects.setdefault(effect.name, tomlkit.table())[effect.target] = table
     else:
         effects[effect.name] = table
 
 
-def _baseline(value: Any) -> Any:
+def _as_toml(value: Any) -> Any:
     if isinstance(value, tuple | np.ndarray):
-        return [_baseline(one) for one in value]
+        return [_as_toml(one) for one in value]
     return float(value) if isinstance(value, float) else value
 
 

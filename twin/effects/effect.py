@@ -215,6 +215,11 @@ class Effect(abc.ABC):
         sizes = [one.size for one in known]
         return np.repeat(low, sizes), np.repeat(high, sizes)
 
+    def if_possible(self, values: Array) -> Self:
+        """The effect with these components (p,); as it is where they are out of bounds."""
+        low, high = self.bounds()
+        return self.with_values(values) if np.all((low <= values) & (values <= high)) else self
+
     def least(self, platform: Platform) -> Self:
         """The smallest that does the same: a turn about a wheel's own axis does nothing, and a fit
         may find any."""

@@ -38,10 +38,7 @@ class WheelMisalignment(BodyEffect):
         axes = [one.axis for one in platform.wheels if one.name == self.target]
         if not axes:  # of all, which have no axis in common
             return self
-        turn = least_turn(np.array(self.rotation), axes[0])
-        low, high = self.bounds()
-        within = np.all((low <= turn) & (turn <= high))
-        return self.with_values(turn) if within else self
+        return self.if_possible(least_turn(np.array(self.rotation), axes[0]))
 
     def edit_model(self, model: mujoco.MjModel, platform: Platform) -> None:
         turn = from_rotation_vector(np.array(self.rotation))
