@@ -207,3 +207,16 @@ def test_a_variant_changes_only_what_it_states():
     assert heavy.mass == base.mass
     np.testing.assert_array_equal(heavy.inertia, base.inertia)
     assert not np.array_equal(heavy.center_of_mass_offset, base.center_of_mass_offset)
+
+
+def test_latitude_and_heading_are_the_earths_rotation(folder: Path):
+    place = f"[environment]\nlatitude = {0.25 * np.pi}\nheading = {0.5 * np.pi}\n"
+    edit(folder, "[environment]\n", place)
+    (stated,) = load_platform(str(folder)).effects
+    assert stated.name == "earth_rotation"
+    # x to the east, so y to the north
+    expected = 7.292115e-5 * np.sqrt(0.5) * np.array([0.0, 1.0, 1.0])
+    assert np.allclose(stated.values["rate"], expected, rtol=1e-12, atol=1e-18)
+    edit(folder, place.splitlines(keepends=True)[1], "")
+    with pytest.raises(PlatformError, match="heading stands without latitude; give both"):
+        load_platform(str(folder))

@@ -127,34 +127,32 @@ class ScatterEffect(Effect, abc.ABC):
 
 @dataclass(frozen=True)
 class ReadingEffect(Effect, abc.ABC):
-    """Makes sensors of a hinge show other than the truth by where it stands and how fast it turns:
-    one fault behind several streams."""
+    """Makes sensors show other than the truth by where the base stands and how fast it turns: one
+    fault behind several streams."""
 
     reads: ClassVar[tuple[str, ...]]
     """The sensors."""
 
     @abc.abstractmethod
-    def error(self, stream: str, angle: Array, rate: Array) -> Array:
+    def error(self, stream: str, position: Array, rate: Array) -> Array:
         """What one of them shows too much.
 
         Args:
             stream: which of `reads`.
-            angle: (n, m, 1) of the hinge [rad].
-            rate: likewise [rad/s].
+            position: (n, m, 4) attitude of a ball joint, world from body, or (n, m, 1) angle of a
+                hinge [rad].
+            rate: (n, m, 3), body axes, or (n, m, 1) [rad/s].
 
         Returns:
-            (n, m, 1) in the stream's unit.
+            (n, m, k) in the stream's unit.
         """
 
     def unfit(self, platform: Platform) -> str:
-        """A machine without a hinge, or without the sensors, cannot have it."""
+        """A machine without any of the sensors cannot have it."""
         missing = super().unfit(platform)
-        if missing:
+        if missing or any(stream in platform.sensors for stream in self.reads):
             return missing
-        if platform.base.kind != "hinge":
-            return "it needs a hinge"
-        own = any(stream in platform.sensors for stream in self.reads)
-        return "" if own else f"the platform has no {' and no '.join(self.reads)}"
+        return f"the platform has no {' and no '.join(self.reads)}"
 
 
 class Recursion:

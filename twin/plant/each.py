@@ -183,19 +183,19 @@ def _outcome(effect: Effect, platform: Platform, rows: NDArray[np.intp]) -> Arra
             stamp = time[:, part].copy()
             shown.append(act(Samples(value, stamp, np.ones(stamp.shape, dtype=np.bool_))).value)
         return np.concatenate(shown, axis=1)
-    if isinstance(effect, ReadingEffect):
-        angle, rate = random(_SAMPLES, 1), random(_SAMPLES, 1)
-        shown = [effect.error(stream, angle, rate) for stream in effect.reads]
-        return np.concatenate(shown, axis=1)
     if isinstance(effect, ScatterEffect):
         cause = random(_SAMPLES, len(platform.stages) or 3)
         return np.broadcast_to(effect.sigma(cause, platform), (len(cause), _SAMPLES, 1))
-    if not isinstance(effect, BodyEffect):
-        return np.zeros((len(rows), 1))
     hinge = platform.base.kind == "hinge"
-    position = random(1) if hinge else normalized(random(4))
-    rate, speed = random(1 if hinge else 3), random(len(platform.wheels))
-    state = State(position, rate, speed, 0.5 + rows.astype(np.float64))
-    laws = (effect.torque(platform), effect.mass_moment(platform))
-    shown = [law(state) for law in laws if law is not None]
-    return np.concatenate(shown, axis=1) if shown else np.zeros((len(rows), 1))
+    shown = [np.zeros((len(rows), 1))]
+    if isinstance(effect, ReadingEffect):
+        position = random(_SAMPLES, 1) if hinge else normalized(random(_SAMPLES, 4))
+        rate = random(_SAMPLES, 1 if hinge else 3)
+        shown += [effect.error(one, position, rate).reshape(len(rows), -1) for one in effect.reads]
+    if isinstance(effect, BodyEffect):
+        position = random(1) if hinge else normalized(random(4))
+        rate, speed = random(1 if hinge else 3), random(len(platform.wheels))
+        state = State(position, rate, speed, 0.5 + rows.astype(np.float64))
+        laws = (effect.torque(platform), effect.mass_moment(platform))
+        shown += [law(state) for law in laws if law is not None]
+    return np.concatenate(shown, axis=1)

@@ -361,8 +361,7 @@ class SimulatedPlant(Plant):
                 if sensor.sensor.stream in effect.reads:
                     seen = seen + effect.error(
                         sensor.sensor.stream,
-                        self._truth.true("joint_angle", states),
-                        self._truth.true("joint_rate", states),
+                        *self._truth.motion(states),
                     )
             if sensor.filtered:
                 seen = sensor.low_passed(seen)

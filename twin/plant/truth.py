@@ -38,7 +38,7 @@ class Truth:
         """
         nq = machine.model.nq
         base_dof = slice(nq + machine.base_dof.start, nq + machine.base_dof.stop)
-        turns = machine.platform.base.kind != "hinge"
+        self._turns = turns = machine.platform.base.kind != "hinge"
         self._columns: dict[str, Columns] = {
             "wheel_speed": _tight(nq + machine.wheel_dof),
             "gimbal_angle": _tight(machine.gimbal_qpos),
@@ -71,6 +71,13 @@ class Truth:
     def true(self, stream: str, states: Array) -> Array:
         """A stream that stands in the state, `stage_speed` among them, (n, m, k)."""
         return states[..., self._columns[stream]]
+
+    def motion(self, states: Array) -> tuple[Array, Array]:
+        """Attitude (n, m, 4) and rate (n, m, 3) of a ball joint, angle and rate (n, m, 1) of a
+        hinge."""
+        names = ("attitude", "gyro") if self._turns else ("joint_angle", "joint_rate")
+        position, rate = (self.true(name, states) for name in names)
+        return position, rate
 
     def measured(self, sensor: Sensor, states: Array, before: Array) -> Array:
         """What a perfect sensor would show in each of `states` (n, m, nq + nv), shape (n, m, k).

@@ -16,7 +16,7 @@ from twin.platform.load_parts import read_base, read_parts
 from twin.platform.load_sensors import read_sensor
 from twin.platform.mjcf import read_layout
 from twin.platform.parts import Array, PitchStop, Platform, StatedEffect
-from twin.recording.environment import read_field, read_gravity
+from twin.recording.environment import read_earth_rate, read_field, read_gravity
 
 
 def load_platform(name: str | Path) -> Platform:
@@ -63,6 +63,7 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
     environment = table.table("environment", required=False)
     gravity = read_gravity(environment, 9.81)
     field = read_field(environment, np.zeros(3))
+    earth = _earth(environment)
     environment.close()
     frames = table.table("frames", required=False)
     paper_from_body = frames.numbers("paper_from_body", 4, np.array([1.0, 0.0, 0.0, 0.0]))
@@ -93,7 +94,7 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
         stream: read_sensor(sensor_table, stream, parts, base, layout, (step, control_rate))
         for stream in sensor_table.keys
     }
-    effects = _effects(table.table("effects", required=False))
+    effects = (*earth, *_effects(table.table("effects", required=False)))
     table.raw("hardware")  # `twin.plant.hardware_setup` knows what it means
     if not variant:
         mass_properties.close()
@@ -126,6 +127,14 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
         inertia_sd=inertia_sd,
         center_of_mass_offset_sd=offset_sd,
     )
+
+
+def _earth(environment: Table) -> tuple[StatedEffect, ...]:
+    """The Earth's rotation as an effect, where the place and heading of the room are stated."""
+    rate = read_earth_rate(environment)
+    if rate is None:
+        return ()
+    return (StatedEffect("earth_rotation", "", {"rate": rate}, environment.line("latitude")),)
 
 
 def _effects(table: Table) -> tuple[StatedEffect, ...]:

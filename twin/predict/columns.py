@@ -213,22 +213,14 @@ def _changes(effect: Effect) -> list[Change]:
 
 def _perturbation(name: str, unit: str, change: Change, platform: Platform) -> Perturbation:
     first = change[0][0]
-    if isinstance(first, BodyEffect):
+    if isinstance(first, BodyEffect | ReadingEffect):
         laws = tuple(
             (factor, law)
             for effect, factor in change
             if isinstance(effect, BodyEffect) and (law := effect.torque(platform)) is not None
         )
-        return Perturbation(name, unit, force=_summed(change, _body_force), laws=laws)
-    if isinstance(first, ReadingEffect):
-
-        def misread(output: Output, path: States, step: float) -> Array:
-            return sum(
-                (factor * _misread(effect, output, path, step) for effect, factor in change),
-                start=np.zeros((1, *output.slot.shape)),
-            )
-
-        return Perturbation(name, unit, misread=misread)
+        force = _summed(change, _body_force) if isinstance(first, BodyEffect) else None
+        return Perturbation(name, unit, force=force, laws=laws, misread=_misreading(change))
     assert isinstance(first, SeriesEffect)
     stream = first.stream
     if stream == "command_stage_position":
@@ -351,16 +343,31 @@ def _shown(effect: Effect, output: Output, truth: Array, platform: Platform) -> 
     return shown - truth
 
 
+def _misreading(change: Change) -> Callable[[Output, States, float], Array] | None:
+    """What sensors show beyond the truth along a path, of effects on readings; None of others."""
+    if not isinstance(change[0][0], ReadingEffect):
+        return None
+
+    def misread(output: Output, path: States, step: float) -> Array:
+        return sum(
+            (factor * _misread(effect, output, path, step) for effect, factor in change),
+            start=np.zeros((1, *output.slot.shape)),
+        )
+
+    return misread
+
+
 def _misread(effect: Effect, output: Output, path: States, step: float) -> Array:
     """(1, m, k) what a sensor shows beyond the truth along a path."""
     assert isinstance(effect, ReadingEffect)
     if output.stream not in effect.reads:
         return np.zeros((1, *output.slot.shape))
-    angle, rate = (
-        replace(output, stream=stream).predicted(path, step)
-        for stream in ("joint_angle", "joint_rate")
+    hinge = path.position.shape[-1] == 1
+    position, rate = (
+        replace(output, stream=stream, sense=None).predicted(path, step)
+        for stream in (("joint_angle", "joint_rate") if hinge else ("attitude", "gyro"))
     )
-    return effect.error(output.stream, angle, rate)
+    return effect.error(output.stream, position, rate)
 
 
 def stated_of(body: Body) -> Stated:
@@ -389,6 +396,7 @@ def _parts(effect: Effect, platform: Platform) -> tuple[list[Perturbation], list
             "1",
             force=_once(lambda body: pushed_along(effect, body)) if pushes else None,
             laws=() if law is None else ((1.0, law),),
+            misread=_misreading(((effect, 1.0),)),
         )
         return [one], [1.0]
     if isinstance(effect, SeriesEffect) and effect.stream in OF_DRIVES:

@@ -7,6 +7,7 @@ import numpy as np
 
 from twin.effects.effect import Domain, parameter
 from twin.effects.on_series import Array, ReadingEffect
+from twin.platform import Platform
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,12 @@ class EncoderError(ReadingEffect):
     def with_waves(self, waves: float) -> tuple[Self, ...]:
         return (self.with_values(np.array([self.sine, self.cosine, waves])),)
 
-    def error(self, stream: str, angle: Array, rate: Array) -> Array:
-        turns = self.waves * angle
+    def unfit(self, platform: Platform) -> str:
+        missing = super().unfit(platform)
+        return missing or ("" if platform.base.kind == "hinge" else "it needs a hinge")
+
+    def error(self, stream: str, position: Array, rate: Array) -> Array:
+        turns = self.waves * position
         if stream == "joint_angle":
             return self.sine * np.sin(turns) + self.cosine * np.cos(turns)
         slope = self.waves * (self.sine * np.cos(turns) - self.cosine * np.sin(turns))
