@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from twin.diagnose.screen import Trace
 from twin.effects import (
     BodyEffect,
+    Domain,
     Effect,
     ScatterEffect,
     SeriesEffect,
@@ -33,6 +34,9 @@ APART = 0.16
 """Relative spacing of those frequencies: a resonance of damping 0.05 responds over a tenth on
 either side."""
 
+OF_PARTS, OF_MACHINES = 1.0, 2.0
+"""1 sigma of the size of an effect about its usual one, in decades: of sensors, clocks and drives,
+which are alike everywhere, and of torques, which go with machines of 1 to 1000 kg."""
 WAVES = 60
 """Waves in a turn of a hinge that are tried, at most: ten in a turn of a motor behind a gear of
 6:1."""
@@ -72,8 +76,16 @@ class Candidate:
     def trace(self) -> Trace:
         """Description for the linear screen."""
         shapes = len(self.effect.values) - len(self.low)
-        exact = self.effect.exact
-        return Trace(self.label, self.low, self.high, shapes, looked=self.looked, exact=exact)
+        return Trace(
+            self.label,
+            self.low,
+            self.high,
+            shapes,
+            looked=self.looked,
+            exact=self.effect.exact,
+            usual=usual(self.effect)[amplitudes(self.effect)],
+            decades=decades(self.effect),
+        )
 
 
 @dataclass(frozen=True)
@@ -175,6 +187,20 @@ def candidate(effect: Effect, platform: Platform) -> Candidate:
     parts = perturbations_of(effect, platform)
     own = tuple(one for one, free in zip(parts, size, strict=True) if free) if parts else ()
     return Candidate(effect, own, low[size], high[size])
+
+
+def usual(effect: Effect) -> Array:
+    """(p,) usual size of each component; the same for all of a vector."""
+    scale = effect.scale()
+    ends = np.cumsum([0, *(known.size for known in effect.parameters())])
+    return np.concatenate(
+        [np.full(j - i, scale[i:j].max()) for i, j in zip(ends, ends[1:], strict=False)]
+    )
+
+
+def decades(effect: Effect) -> float:
+    """1 sigma of the logarithm of an effect's size about its usual one, to base 10."""
+    return OF_MACHINES if effect.domain in (Domain.torque, Domain.exchange) else OF_PARTS
 
 
 def _shaped(

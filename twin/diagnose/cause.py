@@ -176,23 +176,37 @@ class Equation:
 
 
 def causes_of(
-    explanation: Explanation, search: Search, rivals: Mapping[str, float], *, unexplained: bool
+    explanation: Explanation,
+    search: Search,
+    others: Mapping[frozenset[str], float],
+    *,
+    unexplained: bool,
 ) -> tuple[Cause, ...]:
     """The effects of an explanation as causes, by falling evidence.
 
     Args:
         explanation: the final one.
         search: the linear screen there.
-        rivals: evidence lost by causes that were fitted in place of an only one, by label.
+        others: evidence that other fitted sets lose, by the labels of their causes and laws; of a
+            set that was not fitted, the screen's prediction counts.
         unexplained: whether something else is unexplained, which may also explain each cause.
     """
     found: list[Cause] = []
+    labels = frozenset(part.label for part in (*explanation.effects, *explanation.laws))
     for index, (effect, free, known) in enumerate(
         zip(explanation.effects, explanation.free, uncertainties_of(explanation), strict=True)
     ):
         rest = tuple(other for other in explanation.own if other != index)
-        evidence = search.evidence(explanation.own) - search.evidence(rest)
-        instead = _as_fitted(search, search.instead(explanation.own, index), rivals)
+        remaining = labels - {effect.label}
+        linear = search.evidence(explanation.own) - search.evidence(rest)
+        evidence = others.get(remaining, linear)
+        lost = {
+            label: behind
+            for one, behind in others.items()
+            if len(one) == len(labels) and one > remaining
+            for label in one - labels
+        }
+        instead = _as_fitted(search, search.instead(explanation.own, index), lost)
         behind = [far for _, far in instead] + [max(evidence, 0.0)]
         beside = NORMAL * known.deviations
         half = np.where(known.leaning, np.nan, beside)
@@ -206,15 +220,14 @@ def causes_of(
 
 
 def _as_fitted(
-    search: Search, instead: Sequence[tuple[int, float]], rivals: Mapping[str, float]
+    search: Search, instead: Sequence[tuple[int, float]], lost: Mapping[str, float]
 ) -> list[tuple[int, float]]:
-    """Other causes in place of one; of those that were fitted there, no more than their fits
-    lose."""
-    fitted, found = dict(rivals), list(instead)
+    """Other causes in place of one, and the evidence that is lost; of those that were fitted there,
+    by label, what their fits lose."""
+    fitted, found = dict(lost), list(instead)
     for place, (other, behind) in enumerate(instead):
         # of several shapes of a cause, the nearest was fitted
-        as_fitted = fitted.pop(search.screen.traces[other].label, behind)
-        found[place] = (other, min(behind, as_fitted))
+        found[place] = (other, fitted.pop(search.screen.traces[other].label, behind))
     return sorted(found, key=lambda one: one[1])
 
 

@@ -191,7 +191,7 @@ def diagnose(
     baseline, candidates, state = reasoned.baseline, reasoned.candidates, reasoned.state
     explanation = state.explanation
     causes = (
-        *causes_of(explanation, state.search, state.rivals, unexplained=reasoned.unexplained),
+        *causes_of(explanation, state.search, state.others, unexplained=reasoned.unexplained),
         *scatter_causes(explanation, unexplained=reasoned.unexplained),
     )
     experiment = next_experiment(platform, explanation, causes, state.candidates, say)

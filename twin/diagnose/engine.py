@@ -82,9 +82,8 @@ class SearchState:
     """Unnamed laws, screened after the candidates."""
     nameless: float = 0.0
     """Evidence of its unnamed laws against the best set of causes alone; 0 without such laws."""
-    rivals: Mapping[str, float] = field(default_factory=dict[str, float])
-    """Score of each cause that was fitted in place of the only one, relative to the best, by
-    label."""
+    others: Mapping[frozenset[str], float] = field(default_factory=dict[frozenset[str], float])
+    """Score of each other set that was fitted, relative to this one, by the labels in it."""
 
     @cached_property
     def search(self) -> Search:
@@ -203,7 +202,7 @@ class Engine:
         self._named: SearchState | None = None
         self._baseline: Explanation | None = None
         self._inflation = np.inf
-        self._likeliest: dict[frozenset[str], SearchState] = {}
+        self._likeliest: dict[tuple[frozenset[str], object], SearchState] = {}
 
     def explained(self, baseline: Explanation) -> SearchState:
         """Search from the baseline model; the best state."""
@@ -415,8 +414,8 @@ class Engine:
             self._named is None or self._score(state) < self._score(self._named)
         ):
             self._named = state
-        known = self._likeliest.setdefault(_labels(explanation), state)
-        self._likeliest[_labels(explanation)] = min(known, state, key=self._score)
+        key = _labels(explanation), explanation.noise.wanders
+        self._likeliest[key] = min(self._likeliest.get(key, state), state, key=self._score)
         return state
 
     def _best(self, states: Iterable[SearchState]) -> list[SearchState]:
@@ -439,10 +438,9 @@ class Engine:
         while True:
             fewer = self._nameless(state) or self.without_one(state)
             if fewer is None:
-                best = self.against_rivals(state)
-                if best.explanation is state.explanation:
-                    return best
-                fewer = replace(best, rivals={})
+                fewer = self.against_rivals(state)
+                if fewer.explanation is state.explanation:
+                    return fewer
             state = self._grown([fewer])[0]
 
     def _nameless(self, state: SearchState) -> SearchState | None:
@@ -485,13 +483,13 @@ class Engine:
                 continue
             there = self._state_of(fewer, state.candidates, state.laws)
             # a cause that was added and dropped again may have moved the fit to another minimum
-            there = min(there, self._likeliest[_labels(fewer)], key=self._score)
+            there = min(self._of_labels(_labels(fewer)), key=self._score)
             rest = [gain[i] for i in explanation.own if i not in out]
             spare = SETTINGS.inexact * max(rest, default=0.0)
             cost = there.explanation.deflated(self._inflation) - explanation.deflated(
                 self._inflation
             )
-            lost = search.scored(out[0], cost)
+            lost = search.scored(out[0], cost, search.surplus(explanation.own, out[0]))
             chance = len(out) == 1 and not search.pays(lost) and not there.residual_test.doubtful
             # of two sets that tie the smaller one; no cause whose interval contains 0
             if len(out) > 1 or all(_may_be_none(explanation, index) for index in out):
@@ -511,9 +509,8 @@ class Engine:
         return [*([needless] if needless else []), *((i,) for i in weakest if (i,) != needless)]
 
     def against_rivals(self, state: SearchState) -> SearchState:
-        """The best of an only cause and its rivals, each fitted in its place, with the scores of
-        the others: a rival's column along the motion with the cause predicts less than its fit
-        gains."""
+        """The best of an only cause and its rivals, each fitted in its place: a rival's column
+        along the motion with the cause predicts less than its fit gains."""
         explanation, search = state.explanation, state.search
         if not explanation.follows or explanation.laws or len(explanation.effects) != 1:
             return state
@@ -522,23 +519,36 @@ class Engine:
         for other, behind in search.instead(explanation.own, 0):
             if behind < near and len(nearest) < SETTINGS.rivals:
                 nearest.setdefault(search.screen.traces[other].label, other)
-        tried = {explanation.effects[0].label: state}
-        for label, other in nearest.items():
+        tried = [state]
+        for other in nearest.values():
             there = self._moved(_Move(state, (other,)), state)
             if there is not None and there.explanation.converged and there.explanation.effects:
-                tried[label] = there
-        best = min(tried.values(), key=self._score)
-        lowest = self._score(best)
-        behind = {label: self._score(one) - lowest for label, one in tried.items()}
-        return replace(best, rivals=behind)
+                tried.append(there)
+        return min(tried, key=self._score)
 
     def _finished(self, state: SearchState) -> SearchState:
-        """The final state: screened by causes only, with the evidence of its unnamed laws."""
+        """The final state: screened by causes only, with the evidence of its unnamed laws and the
+        scores of the other sets."""
         named = self._named
         beyond = 0.0
         if state.explanation.laws and named is not None:
             beyond = max(self._score(named) - self._score(state), 0.0)
-        return replace(state, laws=(), nameless=beyond)
+        return replace(state, laws=(), nameless=beyond, others=self.others(state))
+
+    def _of_labels(self, labels: frozenset[str]) -> list[SearchState]:
+        """The likeliest fits of a set, one for each kind of noise."""
+        return [one for (known, _), one in self._likeliest.items() if known == labels]
+
+    def others(self, state: SearchState) -> dict[frozenset[str], float]:
+        """Scores of other sets relative to a state: of its subsets under any noise processes, of
+        the rest under those of the state."""
+        own, lowest = _labels(state.explanation), self._score(state)
+        found: dict[frozenset[str], float] = {}
+        for (labels, noise), one in self._likeliest.items():
+            alike = labels < own or noise == state.explanation.noise.wanders
+            if alike and one.explanation.converged and np.isfinite(self._score(one)):
+                found[labels] = min(found.get(labels, np.inf), self._score(one) - lowest)
+        return found
 
 
 def likeliest(baseline: Explanation, candidates: Sequence[Candidate]) -> Iterator[Explanation]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compare.account import Account, misfits, misfits_of
-from twin.diagnose.candidates import Candidate, looked_for
+from twin.diagnose.candidates import Candidate, decades, looked_for, usual
 from twin.diagnose.laws import Law, laws_of, unlikely
 from twin.diagnose.screen import KNOWN, SLIGHT, LinearScreen, Trace
 from twin.effects import Effect
@@ -165,15 +165,6 @@ def largest(effect: Effect, free: NDArray[np.bool_]) -> float:
     """Largest determined amplitude of an effect, in units of its usual size; 0 without one."""
     size = amplitudes(effect)
     return float(np.abs(effect.values / usual(effect))[size].max()) if (size & free).any() else 0.0
-
-
-def usual(effect: Effect) -> Array:
-    """(p,) usual size of each component; the same for all of a vector."""
-    scale = effect.scale()
-    ends = np.cumsum([0, *(known.size for known in effect.parameters())])
-    return np.concatenate(
-        [np.full(j - i, scale[i:j].max()) for i, j in zip(ends, ends[1:], strict=False)]
-    )
 
 
 def unseen(
@@ -585,8 +576,16 @@ class Explanation:
         low, high = effect.bounds()
         looked = looked_for(effect, self.bodies)
         low, high = (low - origin)[free], (high - origin)[free]
-        exact = effect.exact
-        return Trace(effect.label, low, high, looked=looked, exact=exact, fitted=True)
+        return Trace(
+            effect.label,
+            low,
+            high,
+            looked=looked,
+            exact=effect.exact,
+            fitted=True,
+            usual=np.where(amplitudes(effect), usual(effect), np.inf)[free],
+            decades=decades(effect),
+        )
 
 
 def explain(

@@ -7,7 +7,8 @@ are built forward, exchanged and dropped, as long as evidence pays.
 Evidence is -2 log L gained, less what the numbers set would have gained by chance or by their
 freedom: k (1 + log(gain / k)) for k numbers that all show alike, the price of a normal prior whose
 width is the one that the data make likeliest (George and Foster 2000); a direction of a vector that
-hardly shows costs little more than what chance gains by it. The usual k log(samples) asks more of
+hardly shows costs little more than what chance gains by it. Beyond an effect's usual size, that
+size has a log-normal prior (`Trace.surplus`). The usual k log(samples) asks more of
 a vector than of a number however many samples say little, and gives weak vectors other names.
 """
 
@@ -67,6 +68,18 @@ class Trace:
     """See `Effect`."""
     fitted: bool = False
     """Whether it is fitted already, and its columns are formed at the fit."""
+    usual: Array | None = None
+    """(k,) usual sizes of the strengths, inf of shapes; None of what has no usual size."""
+    decades: float = 1.0
+    """1 sigma of the logarithm of its size about the usual one, to base 10."""
+
+    def surplus(self, strengths: Array) -> float:
+        """-2 log of the prior probability of a size, relative to a usual one: log-normal above the
+        usual size, flat below it."""
+        if self.usual is None or not strengths.size:
+            return 0.0
+        times = float(np.max(np.abs(strengths) / self.usual))
+        return (np.log10(max(times, 1.0)) / self.decades) ** 2
 
     @property
     def hidden(self) -> float:
@@ -332,14 +345,15 @@ class Search:
 
     def score(self, chosen: tuple[int, ...], index: int) -> Score:
         """Score of one cause beside a set."""
-        return self.scored(index, self._gain((*chosen, index)) - self._gain(chosen))
+        gain = self._gain((*chosen, index)) - self._gain(chosen)
+        return self.scored(index, gain, self.surplus((*chosen, index), index))
 
-    def scored(self, index: int, gain: float) -> Score:
-        """Score of a cause of known gain."""
+    def scored(self, index: int, gain: float, surplus: float = 0.0) -> Score:
+        """Score of a cause of known gain, and of known improbability of its size."""
         gain = max(gain, 0.0)
         directions = np.count_nonzero(self.screen.identifiability(index))
         surprise = float(chi2.logsf(gain, max(directions, 1))) + self.screen.traces[index].looked
-        return Score(index, gain, gain - self._worth(index, gain), surprise)
+        return Score(index, gain, gain - self._worth(index, gain) - surplus, surprise)
 
     def pays(self, score: Score) -> bool:
         """Whether a cause has evidence, and is more surprising than a false alarm."""
@@ -427,7 +441,12 @@ class Search:
 
     def _price(self, chosen: tuple[int, ...], index: int) -> float:
         gain = self._gain(chosen) - self._gain(without(chosen, index))
-        return self._worth(index, max(gain, 0.0))
+        return self._worth(index, max(gain, 0.0)) + self.surplus(chosen, index)
+
+    def surplus(self, chosen: tuple[int, ...], index: int) -> float:
+        """Price of the size that a cause has in a set."""
+        strengths = self.screen.weigh(chosen).strengths[chosen.index(index)]
+        return self.screen.traces[index].surplus(strengths)
 
     def _worth(self, index: int, gain: float) -> float:
         """Price of a cause at a gain."""
