@@ -110,16 +110,17 @@ def candidates_of(bodies: Sequence[Body]) -> Candidates:
             if why:
                 not_asked[label] = why
                 continue
-            usual = kind.typical(target).absent()
-            found = candidate(usual, platform)
-            if not found.perturbations:
+            shapes = kind.typical(target).absent().variants(platform)
+            looked = float(np.log(len(shapes)))
+            found = [replace(candidate(shape, platform), looked=looked) for shape in shapes]
+            if not found[0].perturbations:
                 not_asked[label] = (
                     "not observable: no scatter beyond chance follows it"
                     if issubclass(kind, ScatterEffect)
                     else "not observable: the prediction does not depend on it"
                 )
                 continue
-            asked.append(found)
+            asked += found
     return Candidates(tuple(asked), not_asked)
 
 
@@ -232,6 +233,12 @@ def _why_not(kind: type[Effect], target: str, platform: Platform, bodies: Sequen
         return f"not observable: {hidden}"
     if kind.name in _FILTERED and np.isinf(platform.sensors[target].cutoff):
         return "not asked: the platform states no filter there, and without one it is a clock_lag"
+    turned = max(_turned(body) for body in bodies)
+    if turned > kind.reach:
+        return (
+            f"not asked: it is defined up to a turn of {np.degrees(kind.reach):.0f} deg from where "
+            f"a log begins, and these turn by {np.degrees(turned):.0f} deg"
+        )
     seen = {output.stream for body in bodies for output in body.outputs}
     if kind.name in _CLOCKS and seen == {target} and not _driven(bodies):
         return (
@@ -249,6 +256,12 @@ def _why_not(kind: type[Effect], target: str, platform: Platform, bodies: Sequen
         if not any(one in seen for one in enough):
             return f"not observable: {' or '.join(enough)} has no part in the prediction"
     return ""
+
+
+def _turned(body: Body) -> float:
+    """Largest turn of a hinge from where its log begins [rad]; 0 of a ball joint."""
+    angle = body.motion.position
+    return float(np.abs(angle - angle[0]).max()) if angle.shape[1] == 1 else 0.0
 
 
 def _driven(bodies: Sequence[Body]) -> bool:

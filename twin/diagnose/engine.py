@@ -173,7 +173,7 @@ class _Move:
             for i in self.chosen
             if first <= i < first + len(state.candidates)
         ]
-        shaped = [(one.label, one.effect.values.tobytes()) for one in candidates if one.looked]
+        shaped = [one.effect for one in candidates if one.looked]
         labels = [state.search.screen.traces[index].label for index in self.chosen]
         base = (
             b""
@@ -342,8 +342,18 @@ class Engine:
                 best = min(best, self._score(there))
 
     def _moves(self, state: SearchState) -> Iterator[_Move]:
-        """Sets to fit from a state: single causes with nearly the gain of the best set, the best
-        set, and its strongest cause alone."""
+        """Sets to fit from a state: those that the screen builds, then its own with one cause or
+        law exchanged, where the screen prefers that."""
+        yield from self._built(state)
+        own = state.explanation.own
+        for index in own if len(own) > 1 else ():
+            for other, behind in state.search.instead(own, index)[:1]:
+                if behind < 0.0:
+                    yield _Move(state, (*without(own, index), other))
+
+    def _built(self, state: SearchState) -> Iterator[_Move]:
+        """Single causes with nearly the gain of the best set, the best set, and its strongest cause
+        alone."""
         search, own = state.search, set(state.explanation.own)
         chosen = _few(state, state.best)
         kept = tuple(index for index in chosen if index in own)
@@ -485,7 +495,8 @@ class Engine:
             # a cause that was added and dropped again may have moved the fit to another minimum
             there = min(self._of_labels(_labels(fewer)), key=self._score)
             rest = [gain[i] for i in explanation.own if i not in out]
-            spare = SETTINGS.inexact * max(rest, default=0.0)
+            free = len(explanation.at.theta) > 0
+            spare = SETTINGS.inexact * max(rest, default=0.0) * free
             cost = there.explanation.deflated(self._inflation) - explanation.deflated(
                 self._inflation
             )

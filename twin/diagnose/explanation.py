@@ -88,7 +88,9 @@ class Rows:
     @property
     def covariance(self) -> Array:
         """(u, u) of all unknowns."""
-        size = 1.0 / np.maximum(np.linalg.norm(self.columns, axis=0), 1e-300)
+        norm = np.linalg.norm(self.columns, axis=0)
+        # what changes no row stays where it is, as every direction that the inverse leaves out
+        size = np.divide(1.0, norm, out=np.zeros_like(norm), where=norm > 0.0)
         triangle = np.asarray(np.linalg.qr(self.columns * size, mode="r"))
         inverse = np.linalg.pinv(triangle, rcond=1e-12)
         return inverse @ inverse.T * np.outer(size, size)
@@ -648,6 +650,14 @@ def _explained(
         tried = _fitted(now.following, base, there, now.laws, now.at, follows, noise, before=now)
         settled = _far(there, tried) < SETTLED
         if follows and not settled and tried.cost > now.cost + WORSE + IN_ALL * sigmas**2:
+            # along the path of another model a fit may seem likelier than any is along its own
+            ends = tried.effects
+            again = _fitted(
+                tried.following, base, ends, tried.laws, tried.at, follows, noise, before=tried
+            )
+            if abs(again.cost - tried.cost) < IDLE and not astray(now, again):
+                now, formed_at = again, ends
+                break
             share *= 0.5
             continue
         fallen = abs(now.cost - tried.cost)

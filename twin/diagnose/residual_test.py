@@ -251,7 +251,7 @@ def _missed(block: NDArray[np.intp], rows: Rows) -> tuple[float, float]:
     for b in range(block.max() + 1):
         out = of_rows == b
         u, singular, v = np.linalg.svd(columns[~out], full_matrices=False)
-        kept = singular > FLOOR * singular[0]
+        kept = singular > FLOOR * singular.max(initial=0.0)
         open_by = v[kept].T / singular[kept]
         left = rows.residual[out] - columns[out] @ (open_by @ (u.T @ rows.residual[~out])[kept])
         doubt = columns[out] @ open_by

@@ -11,6 +11,7 @@ from twin.effects.effect import parameter as parameter
 from twin.effects.errors import EffectError as EffectError
 from twin.effects.on_body import BodyEffect as BodyEffect
 from twin.effects.on_body import CoupleEffect as CoupleEffect
+from twin.effects.on_body import HingeSpring as HingeSpring
 from twin.effects.on_body import Push as Push
 from twin.effects.on_body import State as State
 from twin.effects.on_sensor import SensorLaw as SensorLaw

@@ -121,6 +121,9 @@ class Effect(abc.ABC):
     """Whether what it does to a log is linear in its size: what distinguishes it from a change of
     the base, however little, is then what platform.toml states and no linearisation's error."""
 
+    reach: ClassVar[float] = math.inf
+    """Largest turn of a hinge from where a log begins up to which it is defined [rad]."""
+
     target: str = field(default="", kw_only=True)
     """The stream or part it acts on."""
 
@@ -224,6 +227,11 @@ class Effect(abc.ABC):
         """The smallest that does the same: a turn about a wheel's own axis does nothing, and a fit
         may find any."""
         return self
+
+    def variants(self, platform: Platform) -> tuple[Self, ...]:
+        """The effect in each of the settings in which a diagnosis looks for it."""
+        del platform
+        return (self,)
 
     def absent(self) -> Self:
         """The same with every amplitude at 0: what it adds to a model stays, and does nothing."""

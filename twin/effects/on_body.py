@@ -54,13 +54,28 @@ class State:
 TorqueLaw = Callable[[State], Array]
 """From a state to the torque on the base joint, (n, 3) in body axes or (n, 1) [N m]."""
 
+
+@dataclass(frozen=True)
+class HingeSpring:
+    """The torque law of a spring on a hinge, k (q0 - q), which MuJoCo's joint has as well."""
+
+    stiffness: float
+    """k [N m/rad]."""
+    rest: float
+    """q0 [rad]."""
+
+    def __call__(self, state: State) -> Array:
+        """(n, 1) [N m]."""
+        return self.stiffness * (self.rest - state.position)
+
+
 MomentLaw = Callable[[State], Array]
 """From a state to a part of m r, (n, 3) in body axes [kg m]."""
 
 
 @dataclass(frozen=True)
 class BodyEffect(Effect, abc.ABC):
-    """Acts on the machine. Gives what it needs of the seven; each is nothing by default."""
+    """Acts on the machine. Gives what it needs of the eight; each is nothing by default."""
 
     @property
     def follows_start(self) -> bool:
@@ -97,6 +112,15 @@ class BodyEffect(Effect, abc.ABC):
 
     def torque(self, platform: Platform) -> TorqueLaw | None:
         """A torque on the base that depends on the state."""
+        del platform
+        return None
+
+    def predicted_torque(self, platform: Platform) -> TorqueLaw | None:
+        """What it changes in MuJoCo's model, as a torque on the base that answers to the state.
+
+        A prediction takes other changes as forces along a motion that is known, which converges
+        where they hardly change it: not with a spring over many periods.
+        """
         del platform
         return None
 

@@ -159,6 +159,8 @@ def _iterate(
     Where a late clock moves a sample from one step of the grid to the next, the slope jumps, and
     steps go to and fro between two places: of those the likelier is kept, and is not converged.
     """
+    if not now.columns.shape[1]:
+        return _along_itself(now, innovations)
     tilted = False
     size = _size(now)
     best, idle, smallest, before = now, 0, np.inf, None
@@ -193,6 +195,17 @@ def _iterate(
 def _size(now: Innovations) -> float:
     """Of the next step, in standard deviations."""
     return float(np.max(np.abs(now.step()) / np.sqrt(np.diag(now.covariance))))
+
+
+def _along_itself(now: Innovations, innovations: Callable[[Unknowns], Innovations]) -> Fit:
+    """Of a machine that is known whole: only the states of the motion are fitted."""
+    for _ in range(ITERATIONS):
+        there = innovations(now.moved(np.zeros(0)))
+        fallen = now.chi2 + now.logarithm - there.chi2 - there.logarithm
+        now = there
+        if abs(fallen) < CONVERGED:
+            return Fit(now, converged=True)
+    return Fit(now, converged=False)
 
 
 def _share(now: Innovations, step: Array, before: Array, taken: float) -> float:

@@ -27,6 +27,7 @@ from twin.effects import (
     ReadingEffect,
     SeriesEffect,
 )
+from twin.effects.on_body import TorqueLaw
 from twin.platform import Platform
 from twin.predict.body import Body
 from twin.predict.forces import (
@@ -115,8 +116,9 @@ def perturbations_of(effect: Effect, platform: Platform) -> tuple[Perturbation, 
     if effect.name in BLIND or not isinstance(effect, BodyEffect | SeriesEffect | ReadingEffect):
         return ()
     units = [known.unit for known in effect.parameters() for _ in range(known.size)]
+    absent = not effect.values[amplitudes(effect)].any()
     return tuple(
-        _perturbation(f"{effect.label} {name}", unit, change, platform)
+        _perturbation(f"{effect.label} {name}", unit, change, platform, absent=absent)
         for name, unit, change in zip(effect.names, units, _changes(effect), strict=True)
     )
 
@@ -211,15 +213,23 @@ def _changes(effect: Effect) -> list[Change]:
     return found
 
 
-def _perturbation(name: str, unit: str, change: Change, platform: Platform) -> Perturbation:
+def _perturbation(
+    name: str, unit: str, change: Change, platform: Platform, *, absent: bool
+) -> Perturbation:
     first = change[0][0]
     if isinstance(first, BodyEffect | ReadingEffect):
         laws = tuple(
             (factor, law)
             for effect, factor in change
-            if isinstance(effect, BodyEffect) and (law := effect.torque(platform)) is not None
+            if isinstance(effect, BodyEffect)
+            for law in _laws_of(effect, platform, absent=absent)
         )
-        force = _summed(change, _body_force) if isinstance(first, BodyEffect) else None
+        # the path of a model without it is not the one along which it acted: its first column is
+        # formed along the measured motion
+        along = isinstance(first, BodyEffect) and (
+            absent or first.predicted_torque(platform) is None
+        )
+        force = _summed(change, _body_force) if along else None
         return Perturbation(name, unit, force=force, laws=laws, misread=_misreading(change))
     assert isinstance(first, SeriesEffect)
     stream = first.stream
@@ -252,6 +262,12 @@ def _perturbation(name: str, unit: str, change: Change, platform: Platform) -> P
     if first.order is Order.delay:
         return Perturbation(name, unit, force=force, stream=stream, late=late)
     return Perturbation(name, unit, force=force, stream=stream, shown=shown)
+
+
+def _laws_of(effect: BodyEffect, platform: Platform, *, absent: bool) -> list[TorqueLaw]:
+    """Torques of an effect that answer to the path."""
+    laws = effect.torque(platform), None if absent else effect.predicted_torque(platform)
+    return [law for law in laws if law is not None]
 
 
 def _summed(change: Change, force: Callable[[Effect, Body], Array]) -> Callable[[Body], Array]:

@@ -1,6 +1,8 @@
 """Rollouts of a log's machine under its inputs: segments side by side, from given states."""
 
 from collections.abc import Iterator
+from copy import copy
+from dataclasses import replace
 from typing import Protocol
 
 import mujoco
@@ -8,7 +10,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from twin.effects import State
+from twin.effects import HingeSpring, State
 from twin.errors import TwinError
 from twin.model import Machine
 from twin.predict.inputs import Inputs
@@ -149,7 +151,7 @@ class Rollouts:
         if self.inputs.wheels_predicted:
             velocity[:, machine.wheel_dof] = start.wheel_speed.reshape(rows, -1)
         position[:, machine.gimbal_qpos] = start.gimbal_angle.reshape(rows, -1)
-        push = push or Push(np.zeros_like(self.force))
+        model, push = _sprung(model, push or Push(np.zeros_like(self.force)), machine)
         force, turning = self._driven(push.force)
         velocity += np.tile(turning, (variants, 1))
         driven = np.tile(np.concatenate([self._control, force], axis=-1), (variants, 1, 1))
@@ -190,6 +192,7 @@ class Rollouts:
         check()
         machine, grid = self.machine, self.grid
         self.prepare(model)
+        model, push = _sprung(model, push, machine)
         position, velocity = self._position[segments], self._velocity[segments]
         position[:, machine.base_qpos] = start.position
         velocity[:, machine.base_dof] = start.rate
@@ -294,6 +297,25 @@ class Rollouts:
         model.opt.timestep = self.grid.step
         if not self._contacts:
             model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+
+
+def _sprung(model: mujoco.MjModel, push: Push, machine: Machine) -> tuple[mujoco.MjModel, Push]:
+    """A model whose hinge has the springs among the laws of a push, and the push without them:
+    exact at every stage of RK4, where a law is held over a step."""
+    springs = [(size, law) for size, law in push.laws if isinstance(law, HingeSpring)]
+    if not springs:
+        return model, push
+    joint = model.joint(machine.platform.base.joint)
+    place = int(joint.qposadr[0])
+    own = float(joint.stiffness[0])
+    stiffness = own + sum(size * law.stiffness for size, law in springs)
+    moment = own * float(model.qpos_spring[place])
+    moment += sum(size * law.stiffness * law.rest for size, law in springs)
+    changed = copy(model)
+    changed.joint(machine.platform.base.joint).stiffness[0] = stiffness
+    changed.qpos_spring[place] = moment / stiffness if stiffness else 0.0
+    laws = tuple((size, law) for size, law in push.laws if not isinstance(law, HingeSpring))
+    return changed, replace(push, laws=laws)
 
 
 def _leans(machine: Machine, position: Array, guard: float) -> bool:

@@ -322,6 +322,8 @@ def _base(found: Diagnosis) -> list[str]:
         f"{name} {pair(float(v), float(h))} ({three_digits(float(s))}) {unit}"
         for name, v, h, s, unit in zip(base.names, theta, half, stated, base.units, strict=True)
     ]
+    if not parts:
+        return ["The base is held as stated: these logs tell nothing of it."]
     said = ["The base, refitted (as stated): " + ", ".join(parts) + "."]
     body = np.arange(len(theta)) < len(theta) - len(base.joints)
     far = body & (np.abs(theta - stated) - half > FAR * base.scale)

@@ -1,13 +1,14 @@
 """A cable between the platform and the room."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import mujoco
 import numpy as np
 
 from twin.effects.effect import Domain, parameter
 from twin.effects.errors import EffectError
-from twin.effects.on_body import BodyEffect
+from twin.effects.on_body import BodyEffect, HingeSpring, TorqueLaw
 from twin.platform import Platform
 
 
@@ -22,6 +23,7 @@ class HarnessStiffness(BodyEffect):
     domain = Domain.torque
     observable = "a torque towards one heading, which gravity never gives"
     streams = ("gyro", "attitude")
+    reach = 2.0 * np.pi
 
     stiffness: float = parameter(
         "torque per angle",
@@ -59,6 +61,12 @@ class HarnessStiffness(BodyEffect):
             f"its reference has {len(self.reference)} numbers; a {platform.base.kind} has {numbers}"
         )
 
+    def variants(self, platform: Platform) -> tuple[Self, ...]:
+        """At rest where a log begins; on a hinge with an encoder also at its zero: a spring that
+        was let go swings about that."""
+        zero = platform.base.kind == "hinge" and "joint_angle" in platform.sensors
+        return (self, replace(self, reference=(0.0,))) if zero else (self,)
+
     def edit_spec(self, spec: mujoco.MjSpec, platform: Platform) -> None:
         spec.joint(platform.base.joint).stiffness[0] += self.stiffness
 
@@ -66,3 +74,8 @@ class HarnessStiffness(BodyEffect):
         if self.reference is not None:
             start = int(model.joint(platform.base.joint).qposadr[0])
             model.qpos_spring[start : start + len(self.reference)] = self.reference
+
+    def predicted_torque(self, platform: Platform) -> TorqueLaw | None:
+        if self.reference is None or platform.base.kind != "hinge":
+            return None
+        return HingeSpring(self.stiffness, self.reference[0])
