@@ -126,6 +126,8 @@ def compile_model(platform: Platform) -> Machine:
     on_body = [effect for effect in effects if isinstance(effect, BodyEffect)]
     edits = [partial(effect.edit_spec, platform=platform) for effect in on_body]
     base = platform.base
+    if base.falls:
+        edits.append(partial(_turn_only, joint=base.joint))
     floats = base.kind == "free" or bool(set(base.planar) - set(base.locked))
     pushing = platform.thrusters if floats else ()
     # A bearing that stands takes the others' force: a torque says the same, and a step is cheaper.
@@ -202,6 +204,13 @@ def compile_model(platform: Platform) -> Machine:
         joint_actuator=motor,
         effects=effects,
     )
+
+
+def _turn_only(spec: mujoco.MjSpec, joint: str) -> None:
+    """Leave of a free joint its turn."""
+    free = spec.joint(joint)
+    if free is not None:
+        free.type = mujoco.mjtJoint.mjJNT_BALL
 
 
 def untouched(model: mujoco.MjModel) -> int:

@@ -140,7 +140,7 @@ class Excitation:
 
 def excitations(platform: Platform, duration: float) -> list[Excitation]:
     """The library for a machine; empty where nothing excites it."""
-    if platform.base.kind == "free":
+    if platform.base.kind == "free" or platform.base.falls:
         return []
     if platform.base.kind == "hinge":
         swings = [(angle, 0.0, 0.0) for angle in SWINGS]

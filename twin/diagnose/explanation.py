@@ -576,13 +576,11 @@ class Explanation:
         # the strength of a shape is its change from where the columns were formed
         origin = np.where(amplitudes(effect), 0.0, effect.values - strengths)
         low, high = effect.bounds()
-        looked = looked_for(effect, self.bodies)
-        low, high = (low - origin)[free], (high - origin)[free]
         return Trace(
             effect.label,
-            low,
-            high,
-            looked=looked,
+            (low - origin)[free],
+            (high - origin)[free],
+            looked=looked_for(effect, self.bodies),
             exact=effect.exact,
             fitted=True,
             usual=np.where(amplitudes(effect), usual(effect), np.inf)[free],
@@ -651,10 +649,8 @@ def _explained(
         settled = _far(there, tried) < SETTLED
         if follows and not settled and tried.cost > now.cost + WORSE + IN_ALL * sigmas**2:
             # along the path of another model a fit may seem likelier than any is along its own
-            ends = tried.effects
-            again = _fitted(
-                tried.following, base, ends, tried.laws, tried.at, follows, noise, before=tried
-            )
+            ends, more = tried.effects, tried.following
+            again = _fitted(more, base, ends, tried.laws, tried.at, follows, noise, before=tried)
             if abs(again.cost - tried.cost) < IDLE and not astray(now, again):
                 now, formed_at = again, ends
                 break

@@ -31,7 +31,7 @@ from twin.identify.prediction_error import NORMAL, fit
 from twin.identify.start import first_biases
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
-from twin.predict.base import BaseParameters
+from twin.predict.base import ENTRIES, BaseParameters
 from twin.predict.body import Body, body_of
 from twin.predict.columns import perturbations_of, references_of, strengths_of
 from twin.predict.forces import Perturbation, predicted_machine
@@ -333,7 +333,7 @@ def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
     path = folder / "platform.toml"
     document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
     _flatten(document, platform)
-    entries = found.base.entries(found.at.theta).tolist()
+    entries = _about_origin(found.base.entries(found.at.theta), platform).tolist()
     logs = ", ".join(dict.fromkeys(Path(log.source).name for log in diagnosis.recordings))
     _state_surroundings(document, diagnosis, logs)
     base = document["mass_properties"]
@@ -355,6 +355,18 @@ def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
     give_inertial(extended.model_path, extended.base.body, compile_model(extended).model)
     give_joints(extended.model_path, found.base, found.at.theta)
     return extended
+
+
+def _about_origin(entries: Array, platform: Platform) -> Array:
+    """(9,) J and m r about the CR; of a body that falls freely from those about its centre of
+    mass."""
+    if not platform.base.falls:
+        return entries
+    variant = platform.name.partition(":")[2]
+    stated = load_platform(f"{platform.folder}:{variant}" if variant else platform.folder)
+    carried = stated.inertia - platform.inertia
+    six = [carried[i, j] for i, j in ENTRIES]
+    return np.concatenate([entries[:6] + six, stated.center_of_mass_offset])
 
 
 def _state_surroundings(document: Any, diagnosis: Diagnosis, logs: str) -> None:

@@ -45,10 +45,11 @@ def platform_of(recording: Recording) -> Platform:
 
 
 def in_gravity_of(recordings: Sequence[Recording], platform: Platform) -> Platform:
-    """The machine where logs of it were measured: under the gravity that they state.
+    """The machine where logs of it were measured: under the gravity that they state; one that falls
+    freely, about its centre of mass.
 
     Raises:
-        UsageError: they state several.
+        UsageError: they state several; or it falls, and its centre of mass moves in it.
     """
     stated: dict[float, str] = {}
     for recording in recordings:
@@ -61,7 +62,38 @@ def in_gravity_of(recordings: Sequence[Recording], platform: Platform) -> Platfo
             f"logs are taken together under one gravity, and {said} m/s^2: correct `gravity` under "
             "[environment] in their log.toml"
         )
-    return replace(platform, gravity=next(iter(stated))) if stated else platform
+    platform = replace(platform, gravity=next(iter(stated))) if stated else platform
+    return about_center_of_mass(platform) if platform.base.kind == "free" else platform
+
+
+TURNING = ("attitude", "gyro", "magnetometer", "wheel_speed", "gimbal_angle", "gimbal_rate")
+"""Sensors that read the same wherever the body falls."""
+
+
+def about_center_of_mass(platform: Platform) -> Platform:
+    """A body that falls freely, as it turns: on a ball in its centre of mass, without weight.
+
+    J is about the centre of mass then, and m r is zero.
+
+    Raises:
+        UsageError: its stages move the centre of mass, or thrusters push it.
+    """
+    for parts, why in ((platform.stages, "stages move"), (platform.thrusters, "thrusters push")):
+        if parts:
+            raise UsageError(
+                f"{platform.name} falls freely while its {why} its centre of mass, which cannot be "
+                "predicted from a log yet; use a log of a body that turns in its bearing"
+            )
+    moment, mass = platform.center_of_mass_offset, platform.mass
+    carried = (moment @ moment * np.eye(3) - np.outer(moment, moment)) / mass
+    return replace(
+        platform,
+        base=replace(platform.base, kind="ball", falls=True),
+        inertia=platform.inertia - carried,
+        center_of_mass_offset=np.zeros(3),
+        gravity=0.0,
+        sensors={name: one for name, one in platform.sensors.items() if name in TURNING},
+    )
 
 
 def field_world(recording: Recording, platform: Platform | None) -> Array:

@@ -34,6 +34,8 @@ class Base:
     without friction does not feel it, and so the ball's joint is the attitude in the room."""
     locked: tuple[str, ...] = ()
     """Those of `joint` and `planar` that stand still. A locked ball turns with the heading."""
+    falls: bool = False
+    """Whether a ball is the centre of mass of a body that falls freely (`about_center_of_mass`)."""
 
     @property
     def travels(self) -> bool:

@@ -224,11 +224,12 @@ class BaseParameters:
     @property
     def not_excited(self) -> tuple[str, ...]:
         """Entries of J and m r that no motion of this joint shows."""
+        weightless = not self.machine.platform.gravity
         if self.machine.platform.base.kind == "ball":
-            return ()
+            return ("m r",) if weightless else ()
         axis = hinge_axis(self.machine)
         hidden = [f"J but about the axis {_axis(axis)}"]
-        if is_upright(axis):
+        if is_upright(axis) or weightless:
             return (*hidden, "m r")
         return (*hidden, f"m r along the axis {_axis(axis)}")
 
@@ -240,7 +241,8 @@ def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True
         machine: compiled.
         torque: whether they have a known torque, on a hinge. Without one only J / (m r) shows; then
             m r keeps its stated length, for it is what a scale and a ruler tell. On an upright
-            hinge no m r shows, and J keeps its stated size.
+            hinge, and without gravity, no m r shows, and J keeps its stated size: on a ball, its
+            largest moment.
         angle: whether they have the angle of a hinge. With its rate alone nobody knows from where
             it counts, and so not which way m r points.
     """
@@ -252,19 +254,32 @@ def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True
         scale = np.array([size] * 6 + [reach] * 3)
         known = _stated_sd(machine)
         prior = np.where(np.isfinite(known), known, WEAK * scale)
-        return BaseParameters(machine, NAMES, units, stated, scale, prior, np.eye(9))
+        # without gravity no motion shows m r, nor, where nothing drives it, the size of J
+        seen = list(range(9 if machine.platform.gravity else 6))
+        if not machine.platform.gravity and not torque:
+            seen.remove(int(np.argmax(stated[:3])))
+        return BaseParameters(
+            machine,
+            tuple(NAMES[i] for i in seen),
+            tuple(units[i] for i in seen),
+            stated[seen],
+            scale[seen],
+            prior[seen],
+            np.eye(9)[:, seen],
+        )
     axis = hinge_axis(machine)
     about_axis = float(axis @ machine.platform.inertia @ axis)
     directions = _across(axis)
     moment = stated[6:] - (axis @ stated[6:]) * axis
-    if is_upright(axis):
+    weightless = is_upright(axis) or not machine.platform.gravity
+    if weightless:
         directions = ()
     elif not torque and np.linalg.norm(moment) > 0.0:
         # what is across m r turns it and keeps its length
         turned = np.cross(axis, moment) / np.linalg.norm(moment)
         directions = (turned,) if angle else ()
     names, columns, starts = list[str](), list[Array](), list[float]()
-    if torque or not is_upright(axis):
+    if torque or not weightless:
         # J keeps its stated proportions; only the moment about the axis is seen
         names.append("J")
         columns.append(np.concatenate([stated[:6] / about_axis, np.zeros(3)]))

@@ -495,11 +495,10 @@ def _refuse_what_is_not_predicted(platform: Platform) -> None:
         UsageError: the machine moves by means that a prediction does not know.
     """
     base = platform.base
-    if base.kind == "free" or base.joint in base.locked:
-        why = "falls free" if base.kind == "free" else f"has its joint {base.joint!r} locked"
+    if base.joint in base.locked:
         raise UsageError(
-            f"{platform.name} {why}, which cannot be predicted from a log yet; use a log (or a "
-            "variant) of a body that turns in its bearing"
+            f"{platform.name} has its joint {base.joint!r} locked, which cannot be predicted from "
+            "a log yet; use a log (or a variant) of a body that turns in its bearing"
         )
 
 

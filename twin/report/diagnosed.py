@@ -325,6 +325,8 @@ def _base(found: Diagnosis) -> list[str]:
     if not parts:
         return ["The base is held as stated: these logs tell nothing of it."]
     said = ["The base, refitted (as stated): " + ", ".join(parts) + "."]
+    if base.machine.platform.base.falls:
+        said.append("J is about the centre of mass, about which a body turns that falls freely.")
     body = np.arange(len(theta)) < len(theta) - len(base.joints)
     far = body & (np.abs(theta - stated) - half > FAR * base.scale)
     if far.any():

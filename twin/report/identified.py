@@ -29,6 +29,8 @@ def identified(found: Identification) -> list[str]:
     lines += [f"  {line}" for line in beyond_stated(found.recordings, found.platform)]
     lines += [f"  {line}" for line in _trust(found)]
     lines += [f"  {found.not_rigid}"] if found.not_rigid else []
+    if found.platform.base.falls:
+        lines.append("  J is about the centre of mass, about which a body turns that falls freely.")
     lines += [f"  Cannot be told: {sentence}." for sentence in found.not_excited]
     lines += [f"  Repaired on reading: {r}." for log in found.recordings for r in log.repairs]
     return lines
