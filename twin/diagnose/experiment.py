@@ -381,20 +381,25 @@ def _as_found(platform: Platform, explanation: Explanation) -> Platform:
         platform,
         inertia=np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
         center_of_mass_offset=np.array(offset),
-        sensors={name: _as_measured(s, explanation.bodies) for name, s in platform.sensors.items()},
+        sensors={
+            name: _as_measured(sensor, explanation.bodies, 1.0 / platform.step)
+            for name, sensor in platform.sensors.items()
+        },
     )
     for effect in explanation.effects:
         found = able(found, effect)
     return with_effects(found, explanation.effects)
 
 
-def _as_measured(sensor: Sensor, bodies: Sequence[Body]) -> Sensor:
-    """A sensor with the noise and rate that the logs have."""
+def _as_measured(sensor: Sensor, bodies: Sequence[Body], fastest: float) -> Sensor:
+    """A sensor with the noise and rate that the logs have; of a log with more samples than physics
+    steps [Hz], one a step that is as good."""
     for body in bodies:
         for output in body.outputs:
             rate = body.recording[output.stream].rate
             if output.stream == sensor.stream and rate > 0.0:
-                return replace(sensor, noise=output.noise, rate=rate)
+                shown = min(rate, fastest)
+                return replace(sensor, noise=output.noise * np.sqrt(shown / rate), rate=shown)
     return sensor
 
 
