@@ -6,7 +6,7 @@ import numpy as np
 
 from twin.conventions import ConventionFinding, check_conventions, corrected
 from twin.diagnose.explanation import Explanation, explain
-from twin.errors import UsageError
+from twin.errors import TwinError, UsageError
 from twin.identify.calibrate import calibrated
 from twin.identify.excitation import BLIND
 from twin.identify.momentum import momentum_fit
@@ -24,6 +24,8 @@ from twin.recording import Recording
 ENOUGH = 60
 """Measured values that logs must hold for each unknown. With fewer, noise and motion are too
 uncertain to test causes along them."""
+SIZE_UNKNOWN = 0.04
+"""Standard deviation of a moment of inertia, of what is stated, above which logs do not tell it."""
 
 
 def check_logs(recordings: Sequence[Recording], platform: Platform) -> None:
@@ -109,20 +111,53 @@ def read_rightly(
 
 
 def baseline_of(
-    logs: Sequence[Recording], platform: Platform, *, follows: bool = True
+    logs: Sequence[Recording],
+    platform: Platform,
+    *,
+    follows: bool = True,
+    base: BaseParameters | None = None,
 ) -> Explanation:
     """Fit the base alone.
+
+    Where the logs tell no moment of inertia of a ball to `SIZE_UNKNOWN`, as where nothing of known
+    size drives it, its largest one is held as stated: J, m r and every torque share a factor.
 
     Args:
         logs: checked, and their conventions corrected.
         platform: the machine, as stated.
         follows: whether the motion is continuous; else segments are independent.
+        base: what is fitted; None: what these logs tell.
     """
     machine = predicted_machine(platform)
     bodies = [body_of(machine, log, motion_of(log, platform)) for log in logs]
-    without_joints, base = base_of(machine, logs)
+    if base is None:
+        _, base = base_of(machine, logs)
+        largest = _of_unknown_size(bodies, base)
+        base = base if largest is None else base.without(largest)
     check_numbers(bodies, base)
-    pairs = [(log, body.motion) for log, body in zip(logs, bodies, strict=True)]
+    return _fitted(bodies, base, follows=follows)
+
+
+def _of_unknown_size(bodies: Sequence[Body], base: BaseParameters) -> int | None:
+    """Place of the largest moment of inertia of a ball whose logs would tell none of them, were the
+    machine as stated; None of any other."""
+    if base.machine.platform.base.kind != "ball" or base.size_held:
+        return None
+    problem = Problem(bodies, base)
+    start = problem.start(base.as_stated, [first_biases(body) for body in bodies])
+    moments = [base.names.index(name) for name in ("Jxx", "Jyy", "Jzz")]
+    try:
+        spread = np.sqrt(np.diag(problem.innovations(start).covariance))[moments]
+    except (TwinError, np.linalg.LinAlgError):
+        return None
+    known = spread < SIZE_UNKNOWN * base.as_stated[moments]
+    return None if known.any() else max(moments, key=lambda i: base.as_stated[i])
+
+
+def _fitted(bodies: Sequence[Body], base: BaseParameters, *, follows: bool) -> Explanation:
+    """A fit of a base."""
+    machine, without_joints = base.machine, base.of_body
+    pairs = [(body.recording, body.motion) for body in bodies]
     first = first_theta(without_joints, momentum_fit(pairs, without_joints))
     theta = np.concatenate([first, base.as_stated[len(first) :]])
     problem = Problem(bodies, base)

@@ -244,7 +244,8 @@ def _reasoned(baseline: Explanation, logs: Sequence[Recording], say: Say) -> _Re
     state = None if lost else engine.explained(baseline)
     if state is None or state.residual_test.chi2 > ROUGH or not ordinary(state.explanation.noise):
         say("the base, by segments")
-        segments = baseline_of(logs, baseline.base.machine.platform, follows=False)
+        machine = baseline.base.machine.platform
+        segments = baseline_of(logs, machine, follows=False, base=baseline.base)
         by_segments = engine.explained(segments)
         whole = engine.onward(baseline, by_segments)
         if whole is not None and not whole.residual_test.doubtful:

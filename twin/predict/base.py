@@ -12,6 +12,7 @@ A change of the base enters the equations of motion linearly, as a force along a
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import Any, Literal
 
 import mujoco
@@ -152,6 +153,33 @@ class BaseParameters:
             joints=self.joints + joints,
         )
 
+    def without(self, index: int) -> "BaseParameters":
+        """With one entry of theta held as stated."""
+        keep = np.arange(len(self.names)) != index
+        return replace(
+            self,
+            names=tuple(compress(self.names, keep)),
+            units=tuple(compress(self.units, keep)),
+            as_stated=self.as_stated[keep],
+            scale=self.scale[keep],
+            prior=self.prior[keep],
+            map=self.map[:, keep],
+        )
+
+    @property
+    def of_body(self) -> "BaseParameters":
+        """J and m r alone."""
+        found = self
+        for _ in self.joints:
+            found = found.without(len(found.names) - 1)
+        return replace(found, joints=())
+
+    @property
+    def size_held(self) -> str:
+        """The moment of inertia of a ball that is held as stated; empty where none is."""
+        held = [name for name in NAMES[:3] if name not in self.names]
+        return held[0] if held and self.machine.platform.base.kind == "ball" else ""
+
     def entries(self, theta: Array) -> Array:
         """(9,) J and m r [kg m^2, kg m]."""
         return _stated(self.machine) + self.map @ (theta - self.as_stated)
@@ -255,18 +283,12 @@ def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True
         known = _stated_sd(machine)
         prior = np.where(np.isfinite(known), known, WEAK * scale)
         # without gravity no motion shows m r, nor, where nothing drives it, the size of J
-        seen = list(range(9 if machine.platform.gravity else 6))
+        found = BaseParameters(machine, NAMES, units, stated, scale, prior, np.eye(9))
+        for index in () if machine.platform.gravity else (8, 7, 6):
+            found = found.without(index)
         if not machine.platform.gravity and not torque:
-            seen.remove(int(np.argmax(stated[:3])))
-        return BaseParameters(
-            machine,
-            tuple(NAMES[i] for i in seen),
-            tuple(units[i] for i in seen),
-            stated[seen],
-            scale[seen],
-            prior[seen],
-            np.eye(9)[:, seen],
-        )
+            found = found.without(int(np.argmax(stated[:3])))
+        return found
     axis = hinge_axis(machine)
     about_axis = float(axis @ machine.platform.inertia @ axis)
     directions = _across(axis)

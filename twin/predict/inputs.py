@@ -21,6 +21,7 @@ from twin.drives import apply_field
 from twin.effects import Effect
 from twin.errors import UsageError
 from twin.model import Machine
+from twin.noise import noise_of
 from twin.plant.gas import STANDARD_GRAVITY, thruster_arms
 from twin.plant.limits import Limits
 from twin.platform import Platform, Sensor, begins_late, field_world
@@ -34,6 +35,9 @@ RESTED = 0.5
 """A mass whose drive has not moved it for so long has come to rest, and been read there [s]."""
 STILL = 1e-9
 """To which it has not [m]."""
+FREE = 1.3
+"""Scatter of a wheel's speed against inertial space, of the noise of its reading, up to which no
+motor turned it."""
 
 
 def as_told(recording: Recording, stream: str) -> Series:
@@ -49,6 +53,21 @@ def as_told(recording: Recording, stream: str) -> Series:
         value = np.concatenate([series.value, series.value[-1:]])
         series = replace(series, time=time, value=value)
     return series
+
+
+def _turn_freely(recording: Recording, platform: Platform) -> bool:
+    """Whether no motor turned the wheels of a log that has no command of them: with the body's turn
+    their speeds against inertial space are constant."""
+    fixed = all(wheel.gimbal is None for wheel in platform.wheels)
+    if platform.base.kind != "ball" or not fixed or "gyro" not in recording:
+        return False
+    speed, gyro = recording["wheel_speed"], recording["gyro"]
+    inside = (speed.time >= gyro.time[0]) & (speed.time <= gyro.time[-1])
+    if np.count_nonzero(inside) < 10 or gyro.value.shape[1] != 3:
+        return False
+    axes = np.array([wheel.axis for wheel in platform.wheels])
+    spin = speed.value[inside] + gyro.interpolated_at(speed.time[inside]) @ axes.T
+    return bool(np.all(np.std(spin, axis=0) < FREE * noise_of(speed)))
 
 
 def pressure(platform: Platform, edges: Array, thrust: Array) -> Series | None:
@@ -205,6 +224,8 @@ class Inputs:
             self._wheel_speed = smoothed_series(speed)
         elif self._wheel_torque is not None:
             self._wheel_speed = self._unmeasured(self._wheel_torque, recording)
+        if speed is not None and self._wheel_torque is None and _turn_freely(recording, platform):
+            self._wheel_torque = replace(speed, value=np.zeros_like(speed.value), unit="N m")
         self._dipole = self._stream(recording, "command_dipole", 3 * bool(platform.magnetorquers))
         self._thrust = self._stream(recording, "command_thruster", len(platform.thrusters))
         self.field_world = field_world(recording, platform)
