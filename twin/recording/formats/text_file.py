@@ -6,9 +6,9 @@ import io
 import re
 from array import array
 from collections.abc import Iterator, Sequence
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -34,6 +34,8 @@ LONGEST_LINE = 1 << 20
 """A line of more bytes is no row of a log [bytes]; reading stops there."""
 BLOCK = 1 << 20
 """Read at once [bytes]."""
+CHUNK = 4 << 20
+"""Made numbers at once, by as many threads as there are cores [bytes]."""
 HEAD = 1 << 18
 """Of a file, from which its layout is read [bytes]."""
 HEAD_LINES = 400
@@ -134,17 +136,13 @@ class TextFile(NumberFile):
         pa.enable_signal_handlers(False)
         tables = {table: array("d") for table in wanted}
         try:
-            for batch in arrow_csv.open_csv(
-                pa.PythonFile(_Reader(self._blocks()), mode="r"),
-                read_options=arrow_csv.ReadOptions(column_names=self.header, block_size=BLOCK),
-                parse_options=arrow_csv.ParseOptions(delimiter=self._delimiter),
-                convert_options=arrow_csv.ConvertOptions(
-                    include_columns=names,
-                    column_types=types,
-                    null_values=list(BLANKS),
-                    decimal_point=self._point,
-                ),
-            ):
+            convert = arrow_csv.ConvertOptions(
+                include_columns=names,
+                column_types=types,
+                null_values=list(BLANKS),
+                decimal_point=self._point,
+            )
+            for batch in self._batches(convert):
                 check()
                 columns = {name: self._column(batch.column(name), name) for name in names}
                 for table, rows in tables.items():
@@ -164,6 +162,29 @@ class TextFile(NumberFile):
                 line=self._layout.names_line,
             )
         self._tables.fill(tables)
+
+    def _batches(self, convert: arrow_csv.ConvertOptions) -> Iterator[pa.Table]:
+        """The table, some lines at a time.
+
+        Arrow's threads let go of what they read from a moment after they are done. Of memory that
+        belongs to Python that takes Python's lock, and a program that ends meanwhile is aborted: so
+        the text lies in Arrow's own.
+        """
+        rest = b""
+        for block in chain(_joined(self._blocks(), CHUNK), [None]):
+            text = rest if block is None else rest + block
+            end = len(text) if block is None else text.rfind(b"\n") + 1
+            rest = text[end:]
+            if not text[:end].strip():
+                continue
+            owned = pa.allocate_buffer(end)
+            np.frombuffer(owned, dtype=np.uint8)[:] = np.frombuffer(text, np.uint8, end)
+            yield arrow_csv.read_csv(
+                pa.BufferReader(owned),
+                read_options=arrow_csv.ReadOptions(column_names=self.header, block_size=BLOCK),
+                parse_options=arrow_csv.ParseOptions(delimiter=self._delimiter),
+                convert_options=convert,
+            )
 
     @property
     def preamble(self) -> tuple[str, ...]:
@@ -207,7 +228,7 @@ class TextFile(NumberFile):
     def _delimiter(self) -> str:
         return "\t" if self._layout.separator == " " else self._layout.separator
 
-    def _column(self, column: pa.Array, name: str) -> Array:
+    def _column(self, column: pa.ChunkedArray, name: str) -> Array:
         if name not in self.clocks:
             return np.asarray(column.to_numpy(zero_copy_only=False))
         return seconds_of(column.to_pylist())
@@ -571,26 +592,17 @@ def _line_start(block: bytes, lines: int) -> int:
     return place
 
 
-class _Reader(io.RawIOBase):
-    """Blocks of bytes as a file."""
-
-    def __init__(self, blocks: Iterator[bytes]) -> None:
-        self._blocks = blocks
-        self._rest = b""
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        while not self._rest:
-            block = next(self._blocks, None)
-            if block is None:
-                return 0
-            self._rest = block
-        size = min(len(buffer), len(self._rest))
-        buffer[:size] = self._rest[:size]
-        self._rest = self._rest[size:]
-        return size
+def _joined(blocks: Iterator[bytes], size: int) -> Iterator[bytes]:
+    """Blocks joined to at least a size, but for the last."""
+    parts, held = list[bytes](), 0
+    for block in blocks:
+        parts.append(block)
+        held += len(block)
+        if held >= size:
+            yield b"".join(parts)
+            parts, held = [], 0
+    if parts:
+        yield b"".join(parts)
 
 
 def _with_comma(separator: str) -> re.Pattern[bytes]:
