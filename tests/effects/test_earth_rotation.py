@@ -36,7 +36,7 @@ def test_a_gyrostat_turns_in_a_room_that_turns_as_it_does_in_inertial_space(agre
     shown = turned[1] - turned[2]
     room = rotate(conjugate(turned[0]), np.asarray(effect.rate))
     assert time[-1] > 0.9 * SECONDS
-    agrees("earth_rotation: gyro, by its formula", np.abs(shown - room).max() / 7e-5, 1e-9)
+    agrees("earth_rotation: gyro, by its formula", np.abs(shown - room).max() / 7e-5, 1e-11)
 
 
 def flown(machine, start):
