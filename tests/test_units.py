@@ -5,7 +5,7 @@ import math
 import pytest
 
 from twin.errors import UnknownName
-from twin.units import printed, unit_named
+from twin.units import as_precise, printed, unit_named
 
 
 @pytest.mark.parametrize(
@@ -56,3 +56,11 @@ def test_an_unknown_unit_names_its_neighbours():
 )
 def test_numbers_are_printed_with_three_digits_in_a_fitting_unit(value: float, si: str, text: str):
     assert printed(value, si) == text
+
+
+def test_a_number_has_as_many_digits_as_its_interval_asks_for():
+    assert as_precise(53.0004, 0.0018) == "53.000"
+    assert as_precise(0.171234, 0.0034) == "0.171"
+    assert as_precise(1234.4, 25.0) == "1234"
+    assert as_precise(12.0, math.nan) == "12"
+    assert as_precise(-0.00012345, 1e-7) == "-0.0001234"

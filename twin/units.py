@@ -306,6 +306,15 @@ def three_digits(value: float) -> str:
     return f"{value:.0f}" if "e+" in text else text
 
 
+def as_precise(value: float, half: float) -> str:
+    """A number with three digits, or as many as half its interval asks for: one of that."""
+    text = three_digits(value)
+    if not half > 0.0 or not math.isfinite(half) or "e" in text:
+        return text
+    places = min(-math.floor(math.log10(half)), 9)
+    return f"{value:.{places}f}" if places > len(text.partition(".")[2]) else text
+
+
 def listed(names: Sequence[str]) -> str:
     """Names as a sentence has them: "x, y and z"; nothing of none."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

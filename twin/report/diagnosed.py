@@ -20,7 +20,7 @@ from twin.report.next_experiment import experiment_sentence
 from twin.report.one_clock import one_clock_sentences
 from twin.report.words import MEANINGFUL, NO_INTERVALS, pair, quiet_sentences
 from twin.signals import stream_named
-from twin.units import fitting, listed, printed, three_digits
+from twin.units import as_precise, fitting, listed, printed, three_digits
 
 FAR = 0.5
 """Of a mean principal moment, or of the whole mass 1 mm off: a refitted base that moved more."""
@@ -225,11 +225,12 @@ def _component(cause: Cause, index: int) -> str:
     value, half = float(cause.effect.values[index]), float(cause.beside[index])
     factor, unit = fitting(np.nanmax([abs(value), half]), units[index])
     shown = "" if unit == "1" else f" {unit}"
-    text = f"{cause.effect.names[index]} {three_digits(value / factor)}{shown}"
+    value, half = value / factor, half / factor
+    text = f"{cause.effect.names[index]} {as_precise(value, half)}{shown}"
     if np.isnan(half):
         return text
-    low, high = ((value + sign * half) / factor for sign in (-1.0, 1.0))
-    return f"{text} ({three_digits(low)} to {three_digits(high)})"
+    low, high = (as_precise(value + sign * half, half) for sign in (-1.0, 1.0))
+    return f"{text} ({low} to {high})"
 
 
 def equation_text(equation: Equation) -> str:
