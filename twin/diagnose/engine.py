@@ -180,7 +180,7 @@ class _Move:
             if state.explanation.follows or state.explanation.own
             else state.explanation.at.theta.tobytes()
         )
-        return frozenset([*labels, *shaped, state.explanation.noise.wanders, base])
+        return frozenset([*labels, *shaped, _noise_of(state.explanation), base])
 
 
 class Engine:
@@ -202,7 +202,7 @@ class Engine:
         self._named: SearchState | None = None
         self._baseline: Explanation | None = None
         self._inflation = np.inf
-        self._likeliest: dict[tuple[frozenset[str], object], SearchState] = {}
+        self._likeliest: dict[tuple[frozenset[str], tuple[bool, bool]], SearchState] = {}
 
     def explained(self, baseline: Explanation) -> SearchState:
         """Search from the baseline model; the best state."""
@@ -263,14 +263,26 @@ class Engine:
         return self._best(states) or [state]
 
     def _with_noise_processes(self, baseline: Explanation) -> list[SearchState]:
-        """The best states with noise processes; none where the logs have no such noise."""
+        """The best states with noise processes; none where the logs have no such noise.
+
+        The search starts from the baseline. Where that ends without a cause, it starts from the
+        best single one too: what wanders may take a cause's place where both were not fitted
+        together.
+        """
         self.say("noise processes")
         noisy = baseline.wandering()
         if not noisy.noise.any:
             return []
-        return [
-            state for state in self._grown([self._state_of(noisy)]) if state.explanation.noise.any
+        found = self._grown([self._state_of(noisy)])
+        single = [
+            one.explanation
+            for one in self._likeliest.values()
+            if len(one.explanation.own) == 1 and one.explanation.converged
         ]
+        if single and not found[0].explanation.own:
+            best = min(single, key=lambda one: one.cost).wandering()
+            found += self._grown([self._state_of(best)])
+        return [state for state in found if state.explanation.noise.any]
 
     def _widened(self, baseline: Explanation, beam: list[SearchState]) -> list[SearchState]:
         """Search on with frequencies that stand out of the residual, with resonances at any
@@ -424,7 +436,7 @@ class Engine:
             self._named is None or self._score(state) < self._score(self._named)
         ):
             self._named = state
-        key = _labels(explanation), explanation.noise.wanders
+        key = _labels(explanation), _noise_of(explanation)
         self._likeliest[key] = min(self._likeliest.get(key, state), state, key=self._score)
         return state
 
@@ -556,7 +568,7 @@ class Engine:
         own, lowest = _labels(state.explanation), self._score(state)
         found: dict[frozenset[str], float] = {}
         for (labels, noise), one in self._likeliest.items():
-            alike = labels < own or noise == state.explanation.noise.wanders
+            alike = labels < own or noise == _noise_of(state.explanation)
             if alike and one.explanation.converged and np.isfinite(self._score(one)):
                 found[labels] = min(found.get(labels, np.inf), self._score(one) - lowest)
         return found
@@ -591,6 +603,11 @@ def _starts(baseline: Explanation) -> list[Explanation]:
 
 def _labels(explanation: Explanation) -> frozenset[str]:
     return frozenset(part.label for part in (*explanation.effects, *explanation.laws))
+
+
+def _noise_of(explanation: Explanation) -> tuple[bool, bool]:
+    """Whether anything wanders, and whether a sensor is noisier than stated."""
+    return explanation.noise.wanders, bool(explanation.noise.scales)
 
 
 def _few(state: SearchState, chosen: tuple[int, ...]) -> tuple[int, ...]:
