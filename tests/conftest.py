@@ -17,6 +17,7 @@ from twin.check import motion
 from twin.clock import SimulatedClock
 from twin.effects import parse_effects
 from twin.flight import prepare
+from twin.plant.initial import InitialState
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, Series
 from twin.stream.recorder import MemoryRecorder
@@ -162,10 +163,17 @@ def swing() -> Callable[..., Recording]:
 
 @pytest.fixture(scope="session")
 def flight_of() -> Callable[..., Recording]:
-    """A simulated flight as a log: flight_of(platform, law, reference, duration, seed, hidden)."""
+    """A simulated flight as a log: flight_of(platform, law, reference, duration, seed, hidden,
+    initial)."""
 
     def fly(
-        platform: str, law: str, reference: str | None, duration: float, seed: int, hidden: str = ""
+        platform: str,
+        law: str,
+        reference: str | None,
+        duration: float,
+        seed: int,
+        hidden: str = "",
+        initial: InitialState | None = None,
     ) -> Recording:
         flight = prepare(
             platform,
@@ -176,6 +184,7 @@ def flight_of() -> Callable[..., Recording]:
             duration=duration,
             seed=seed,
             effects=parse_effects(hidden) if hidden else [],
+            initial=initial,
         )
         memory = MemoryRecorder(flight.platform, {"platform": platform, "source": f"seed {seed}"})
         flight.fly(SimulatedClock(), [memory])

@@ -1,20 +1,17 @@
 """Logs of a body that is thrown: it is predicted about its centre of mass."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from twin.clock import SimulatedClock
 from twin.diagnose import diagnose, extend
-from twin.effects import effect_named
-from twin.flight import prepare
 from twin.identify import identify
 from twin.plant.initial import InitialState
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
 from twin.scaffold import new_platform
-from twin.stream.recorder import MemoryRecorder
 
 ENTRIES = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])
 
@@ -33,26 +30,19 @@ def thrown(tmp_path_factory: pytest.TempPathFactory) -> Platform:
     return load_platform(folder)
 
 
-def flown(machine: Platform, rng: np.random.Generator, *hidden) -> Recording:
+@pytest.fixture
+def flown(thrown: Platform, flight_of: Callable[..., Recording]) -> Callable[..., Recording]:
     """A second in the air."""
-    start = InitialState(
-        rate_body=rng.choice([-1.0, 1.0], 3) * rng.uniform(0.8, 2.5, 3),
-        velocity=np.array([0.0, 0.0, 5.0]),
-    )
-    flight = prepare(
-        str(machine.folder),
-        controller="free_float",
-        estimator=None,
-        plant="sim",
-        reference=None,
-        duration=1.0,
-        seed=int(rng.integers(2**31)),
-        effects=list(hidden),
-        initial=start,
-    )
-    memory = MemoryRecorder(flight.platform)
-    flight.fly(SimulatedClock(), [memory])
-    return memory.recording().without_truth()
+
+    def fly(rng: np.random.Generator, hidden: str = "") -> Recording:
+        start = InitialState(
+            rate_body=rng.choice([-1.0, 1.0], 3) * rng.uniform(0.8, 2.5, 3),
+            velocity=np.array([0.0, 0.0, 5.0]),
+        )
+        seed = int(rng.integers(2**31))
+        return flight_of(str(thrown.folder), "free_float", None, 1.0, seed, hidden, start)
+
+    return fly
 
 
 def about_center(machine: Platform) -> np.ndarray:
@@ -63,9 +53,9 @@ def about_center(machine: Platform) -> np.ndarray:
 
 
 def test_the_inertia_of_a_body_that_is_thrown_is_that_about_its_centre_of_mass(
-    thrown: Platform, drawn_seed: int
+    thrown: Platform, flown: Callable[..., Recording], drawn_seed: int
 ):
-    log = flown(thrown, np.random.default_rng(drawn_seed))
+    log = flown(np.random.default_rng(drawn_seed))
     found = identify([log], thrown)
     assert found.base.names == ("Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz")
     # four standard deviations
@@ -74,12 +64,12 @@ def test_the_inertia_of_a_body_that_is_thrown_is_that_about_its_centre_of_mass(
 
 
 def test_an_askew_gyro_of_a_thrown_body_is_named_and_the_extended_machine_keeps_its_origin(
-    thrown: Platform, drawn_seed: int, tmp_path: Path
+    thrown: Platform, flown: Callable[..., Recording], drawn_seed: int, tmp_path: Path
 ):
     rng = np.random.default_rng(drawn_seed)
     turn = rng.choice([-1.0, 1.0], 3) * rng.uniform(0.01, 0.03, 3)
-    hidden = effect_named("gyro_misalignment").typical().with_values(turn)
-    found = diagnose([flown(thrown, rng, hidden)], thrown)
+    hidden = f"gyro_misalignment={'/'.join(map(str, turn))}"
+    found = diagnose([flown(rng, hidden)], thrown)
     assert found.verdict == "explained"
     (cause,) = found.causes
     assert cause.effect.label == "gyro_misalignment"

@@ -127,9 +127,11 @@ class Momentum:
         # what something is known of stands last
         columns = np.concatenate([*unknown, self._unknowns(turn, rate)], axis=2) / noise
         # within a gap of a stream its values are interpolated, and no evidence of the wheels
-        seen = self._gyro.covers(edges + gyro_lag) & self._wheels.covers(edges)
-        seen = (seen & self._attitude.covers(edges + attitude_lag))[:, None].astype(np.float64)
-        columns = columns * seen[:, None]
+        covered = self._gyro.covers(edges + gyro_lag) & self._wheels.covers(edges)
+        covered = (covered & self._attitude.covers(edges + attitude_lag))[:, None].astype(
+            np.float64
+        )
+        columns = columns * covered[:, None]
         size = 3 * len(turn)
         moment = float(np.trace(inertia)) / 3.0
         off = (RIGID if rough else INERTIA_ERROR) * moment
@@ -139,9 +141,9 @@ class Momentum:
         rows[size:, -len(spread) :] = np.diag(1.0 / spread)
         basis = np.linalg.qr(rows)[0]
         flat = np.zeros(len(rows))
-        flat[:size] = (seen * body / noise).ravel()
+        flat[:size] = (covered * body / noise).ravel()
         share = np.einsum("nij,wj->niw", turn, self._axes) * (self._inertia / noise)
-        share = share * seen[:, None]
+        share = share * covered[:, None]
         return Exchange(flat - basis @ (basis.T @ flat), basis, share)
 
     def _outside(self, attitude: Array, turn: Array, rate: Array) -> Array:

@@ -140,8 +140,9 @@ def baseline_of(
 
 def _of_unknown_size(bodies: Sequence[Body], base: BaseParameters) -> int | None:
     """Place of the largest moment of inertia of a ball whose logs would tell none of them, were the
-    machine as stated; None of any other."""
-    if base.machine.platform.base.kind != "ball" or base.size_held:
+    machine as stated; None of any other, and where platform.toml says how well J is known."""
+    platform = base.machine.platform
+    if platform.base.kind != "ball" or base.held_moment or platform.inertia_sd is not None:
         return None
     problem = Problem(bodies, base)
     start = problem.start(base.as_stated, [first_biases(body) for body in bodies])

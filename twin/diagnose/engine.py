@@ -507,8 +507,9 @@ class Engine:
             # a cause that was added and dropped again may have moved the fit to another minimum
             there = min(self._of_labels(_labels(fewer)), key=self._score)
             rest = [gain[i] for i in explanation.own if i not in out]
-            free = len(explanation.at.theta) > 0
-            spare = SETTINGS.inexact * max(rest, default=0.0) * free
+            # the neglected response is that of the base, where any of it is fitted
+            inexact = SETTINGS.inexact if len(explanation.at.theta) else 0.0
+            spare = inexact * max(rest, default=0.0)
             cost = there.explanation.deflated(self._inflation) - explanation.deflated(
                 self._inflation
             )

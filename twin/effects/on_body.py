@@ -61,12 +61,12 @@ class HingeSpring:
 
     stiffness: float
     """k [N m/rad]."""
-    rest: float
+    reference: float
     """q0 [rad]."""
 
     def __call__(self, state: State) -> Array:
         """(n, 1) [N m]."""
-        return self.stiffness * (self.rest - state.position)
+        return self.stiffness * (self.reference - state.position)
 
 
 MomentLaw = Callable[[State], Array]

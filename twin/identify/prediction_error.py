@@ -200,9 +200,9 @@ def _size(now: Innovations) -> float:
 def _along_itself(now: Innovations, innovations: Callable[[Unknowns], Innovations]) -> Fit:
     """Of a machine that is known whole: only the states of the motion are fitted."""
     for _ in range(ITERATIONS):
-        there = innovations(now.moved(np.zeros(0)))
-        fallen = now.chi2 + now.logarithm - there.chi2 - there.logarithm
-        now = there
+        moved = innovations(now.moved(np.zeros(0)))
+        fallen = now.chi2 + now.logarithm - moved.chi2 - moved.logarithm
+        now = moved
         if abs(fallen) < CONVERGED:
             return Fit(now, converged=True)
     return Fit(now, converged=False)

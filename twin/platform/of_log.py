@@ -16,6 +16,10 @@ from twin.recording import Recording
 Array = NDArray[np.float64]
 
 
+TURNING = ("attitude", "gyro", "magnetometer", "wheel_speed", "gimbal_angle", "gimbal_rate")
+"""Sensors that read the same wherever the body falls."""
+
+
 def platform_of(recording: Recording) -> Platform:
     """The platform that a recording names.
 
@@ -64,10 +68,6 @@ def in_gravity_of(recordings: Sequence[Recording], platform: Platform) -> Platfo
         )
     platform = replace(platform, gravity=next(iter(stated))) if stated else platform
     return about_center_of_mass(platform) if platform.base.kind == "free" else platform
-
-
-TURNING = ("attitude", "gyro", "magnetometer", "wheel_speed", "gimbal_angle", "gimbal_rate")
-"""Sensors that read the same wherever the body falls."""
 
 
 def about_center_of_mass(platform: Platform) -> Platform:

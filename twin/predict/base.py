@@ -175,7 +175,7 @@ class BaseParameters:
         return replace(found, joints=())
 
     @property
-    def size_held(self) -> str:
+    def held_moment(self) -> str:
         """The moment of inertia of a ball that is held as stated; empty where none is."""
         held = [name for name in NAMES[:3] if name not in self.names]
         return held[0] if held and self.machine.platform.base.kind == "ball" else ""

@@ -307,10 +307,10 @@ def _sprung(model: mujoco.MjModel, push: Push, machine: Machine) -> tuple[mujoco
         return model, push
     joint = model.joint(machine.platform.base.joint)
     place = int(joint.qposadr[0])
-    own = float(joint.stiffness[0])
-    stiffness = own + sum(size * law.stiffness for size, law in springs)
-    moment = own * float(model.qpos_spring[place])
-    moment += sum(size * law.stiffness * law.rest for size, law in springs)
+    joint_stiffness = float(joint.stiffness[0])
+    stiffness = joint_stiffness + sum(size * law.stiffness for size, law in springs)
+    moment = joint_stiffness * float(model.qpos_spring[place])
+    moment += sum(size * law.stiffness * law.reference for size, law in springs)
     changed = copy(model)
     changed.joint(machine.platform.base.joint).stiffness[0] = stiffness
     changed.qpos_spring[place] = moment / stiffness if stiffness else 0.0

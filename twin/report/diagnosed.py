@@ -326,10 +326,10 @@ def _base(found: Diagnosis) -> list[str]:
     if not parts:
         return ["The base is held as stated: these logs tell nothing of it."]
     said = ["The base, refitted (as stated): " + ", ".join(parts) + "."]
-    if base.size_held:
+    if base.held_moment:
         said.append(
-            f"{base.size_held} is held as stated, for these logs do not tell the size of J: every "
-            "torque, J and m r share a factor with it."
+            f"{base.held_moment} is held as stated, for these logs do not tell the size of J: "
+            "every torque, J and m r share a factor with it."
         )
     if base.machine.platform.base.falls:
         said.append("J is about the centre of mass, about which a body turns that falls freely.")

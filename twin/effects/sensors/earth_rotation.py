@@ -50,13 +50,13 @@ class EarthRotation(BodyEffect, ReadingEffect):
     def torque(self, platform: Platform) -> TorqueLaw:
         axes = np.array([wheel.axis for wheel in platform.wheels]).reshape(-1, 3)
         spin = np.array([wheel.inertia for wheel in platform.wheels])[:, None] * axes
-        whole = platform.inertia
-        without_wheels = whole - spin.T @ axes
+        inertia = platform.inertia
+        without_wheels = inertia - spin.T @ axes
 
         def law(state: State) -> Array:
             room = rotate(conjugate(state.position), self._room)
-            momentum = state.rate @ whole + state.wheel_speed @ spin
-            carried = cross(room, momentum) + cross(state.rate, room @ whole)
+            momentum = state.rate @ inertia + state.wheel_speed @ spin
+            carried = cross(room, momentum) + cross(state.rate, room @ inertia)
             return cross(state.rate, room) @ without_wheels - carried
 
         return law

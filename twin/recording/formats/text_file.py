@@ -594,13 +594,13 @@ def _line_start(block: bytes, lines: int) -> int:
 
 def _joined(blocks: Iterator[bytes], size: int) -> Iterator[bytes]:
     """Blocks joined to at least a size, but for the last."""
-    parts, held = list[bytes](), 0
+    parts, total = list[bytes](), 0
     for block in blocks:
         parts.append(block)
-        held += len(block)
-        if held >= size:
+        total += len(block)
+        if total >= size:
             yield b"".join(parts)
-            parts, held = [], 0
+            parts, total = [], 0
     if parts:
         yield b"".join(parts)
 
