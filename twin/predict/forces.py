@@ -212,21 +212,38 @@ def as_measured(body: Body, inputs: Inputs) -> Along:
 
 
 def _along(body: Body, path: States, joints: Along) -> Along:
-    """Base, and wheels where they are states, as predicted; the other joints as given."""
+    """Base, and wheels where they are states, as predicted (`_held`); the other joints as given."""
     machine, step = body.machine, body.grid.step
     wheels = machine.wheel_dof if body.inputs.wheels_predicted else slice(0, 0)
     begin, end = path.position[0, :, :-1], path.position[0, :, 1:]
+    bend = -step / 6.0 * np.diff(path.rate[0], axis=1)
     if machine.platform.base.kind == "hinge":
-        middle = 0.5 * (begin + end)
+        held = 0.5 * (begin + end) + bend
     else:
         middle = rotation.normalized(begin + end)
+        held = rotation.multiply(middle, rotation.from_rotation_vector(bend))
     count = len(joints.position)
-    joints.position[:, machine.base_qpos] = middle.reshape(count, middle.shape[-1])
+    joints.position[:, machine.base_qpos] = held.reshape(count, held.shape[-1])
     for dof, rates in ((machine.base_dof, path.rate[0]), (wheels, path.wheel_speed[0])):
         size = rates.shape[-1]
-        joints.velocity[:, dof] = (0.5 * (rates[:, 1:] + rates[:, :-1])).reshape(count, size)
+        joints.velocity[:, dof] = _held(rates).reshape(count, size)
         joints.acceleration[:, dof] = (np.diff(rates, axis=1) / step).reshape(count, size)
     return joints
+
+
+def _held(rates: Array) -> Array:
+    """(S, n, k) of rates (S, n + 1, k) at the ends of steps, those at which a torque is held over
+    each step.
+
+    A torque f of the path, held over a step h, moves the path as it does itself to the fourth order
+    at f - h^2/24 f'': its mean, less the shift of the position by its change within the step. With
+    the values at the middle, a friction of a body that swings by w is wrong by some 0.1 (w h)^2.
+    """
+    between = 0.5 * (rates[:, 1:] + rates[:, :-1])
+    if rates.shape[1] < 3:
+        return between
+    bend = np.pad(np.diff(rates, 2, axis=1), ((0, 0), (1, 1), (0, 0)), mode="edge")
+    return between - (bend[:, 1:] + bend[:, :-1]) / 12.0
 
 
 def inverse(machine: Machine, along: Along) -> Array:
