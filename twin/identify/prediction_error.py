@@ -161,7 +161,7 @@ def _iterate(
     """
     if not now.columns.shape[1]:
         return _along_itself(now, innovations)
-    tilted = False
+    tilted, freed = False, False
     size = _size(now)
     best, idle, smallest, before = now, 0, np.inf, None
     for _ in range(ITERATIONS):
@@ -175,12 +175,16 @@ def _iterate(
         step = now.step()
         share = 1.0 if before is None else _share(now, step, *before)
         moved = _moved(now, share * step, innovations)
+        if moved is None and now.tilt.any():  # as likely as it becomes
+            return Fit(now, converged=True)
+        if moved is None and not freed:
+            # columns mislead along states that are far from their best: those go there first
+            moved, freed = _moved(now, 0.0 * step, innovations), True
+            step = None
         if moved is None:
-            if now.tilt.any():  # as likely as it becomes
-                return Fit(now, converged=True)
             break
         now, taken = moved
-        before = step, share * taken
+        before = None if step is None else (step, share * taken)
         likelier = now.chi2 + now.logarithm < best.chi2 + best.logarithm
         best = now if likelier else best
         size = _size(now)

@@ -180,12 +180,19 @@ def fit_independent_segments(problem: Problem, start: Unknowns) -> IndependentSe
     """
     now = independent_segments(problem, start, problem.exact(start))
     free = np.arange(now.columns.shape[1])
+    freed = False
     for _ in range(ITERATIONS):
         step, foretold, _ = now.best(free)
         tried = _moved(problem, now, step)
         if tried is None and now.cost - foretold > CONVERGED:
             tries = (_moved(problem, now, now.best(free, damping=one)[0]) for one in DAMPINGS)
             tried = next((one for one in tries if one is not None), None)
+            if tried is None and not freed:
+                # columns mislead along states that are far from their best: those go there first
+                tried, freed = _moved(problem, now, 0.0 * step, room=CONVERGED), True
+                if tried is not None:
+                    now = tried
+                    continue
         if tried is None:
             break
         fall, now = now.cost - tried.cost, tried
@@ -194,8 +201,11 @@ def fit_independent_segments(problem: Problem, start: Unknowns) -> IndependentSe
     return now
 
 
-def _moved(problem: Problem, now: IndependentSegments, step: Array) -> IndependentSegments | None:
-    """After the largest part of a step that makes things better; None without any."""
+def _moved(
+    problem: Problem, now: IndependentSegments, step: Array, room: float = 0.0
+) -> IndependentSegments | None:
+    """After the largest part of a step that makes things better, or worse by less than so much;
+    None without any."""
     for halving in range(HALVINGS):
         part = 0.5**halving * step
         try:
@@ -204,7 +214,7 @@ def _moved(problem: Problem, now: IndependentSegments, step: Array) -> Independe
                 tried = independent_segments(problem, at, problem.exact(at))
         except TwinError:
             continue
-        if tried.cost < now.cost:
+        if tried.cost < now.cost + room:
             return tried
     return None
 
