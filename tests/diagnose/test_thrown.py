@@ -60,7 +60,9 @@ def test_the_inertia_of_a_body_that_is_thrown_is_that_about_its_centre_of_mass(
     assert found.base.names == ("Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz")
     # four standard deviations
     assert np.all(np.abs(found.theta - about_center(thrown)) < 2.0 * found.half_widths)
-    assert diagnose([log], thrown).verdict == "healthy"
+    healthy = diagnose([log], thrown)
+    assert healthy.verdict == "healthy"
+    assert "without weight" in healthy.not_asked["liquid_slosh"]
 
 
 def test_an_askew_gyro_of_a_thrown_body_is_named_and_the_extended_machine_keeps_its_origin(

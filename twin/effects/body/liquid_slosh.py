@@ -94,9 +94,13 @@ class LiquidSlosh(BodyEffect):
 
     def unfit(self, platform: Platform) -> str:
         missing = super().unfit(platform) or needs_ball(platform)
-        longest = 2.0 * np.pi * np.sqrt(self.length / max(platform.gravity, 1e-9)) / _STEPS
-        if missing or platform.step <= longest:
+        if missing:
             return missing
+        if platform.gravity <= 0.0:
+            return "without weight nothing brings a liquid back to its place"
+        longest = 2.0 * np.pi * np.sqrt(self.length / platform.gravity) / _STEPS
+        if platform.step <= longest:
+            return ""
         return (
             f"a step of {platform.step:g} s cannot follow a pendulum of {self.length:g} m; "
             f"set simulation.step to {longest:.2g} s or less"
