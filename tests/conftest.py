@@ -30,6 +30,18 @@ end in its time. What does not run is skipped, and counted."""
 STARTED = time.monotonic()
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """A way to see how often a test holds whose case is drawn."""
+    parser.addoption("--draws", type=int, default=1, help="repeat each test that draws its seed")
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Repeat tests that draw their seed."""
+    draws = metafunc.config.getoption("--draws")
+    if draws > 1 and "drawn_seed" in metafunc.fixturenames:
+        metafunc.parametrize("drawn_seed", range(draws), indirect=True)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Slow tests have a longer limit, and those that say how long they take [s] come first."""
 
@@ -195,7 +207,7 @@ def flight_of() -> Callable[..., Recording]:
 
 @pytest.fixture
 def drawn_seed() -> int:
-    """Another one each time, printed."""
+    """Another one each time, printed; `--draws N` repeats each test that takes it."""
     seed = int(np.random.default_rng().integers(2**31))
     print("seed", seed)
     return seed

@@ -207,6 +207,9 @@ def causes_of(
             for label in one - labels
         }
         instead = _as_fitted(search, search.instead(explanation.own, index), lost)
+        if not explanation.follows:
+            # the columns of independent segments may predict of a rival what no fit of it shows
+            instead = [one for one in instead if search.screen.traces[one[0]].label in lost]
         behind = [far for _, far in instead] + [max(evidence, 0.0)]
         beside = NORMAL * known.deviations
         half = np.where(known.leaning, np.nan, beside)

@@ -248,7 +248,7 @@ def _reasoned(baseline: Explanation, logs: Sequence[Recording], say: Say) -> _Re
         segments = baseline_of(logs, machine, follows=False, base=baseline.base)
         by_segments = engine.explained(segments)
         whole = engine.onward(baseline, by_segments)
-        if whole is not None and not whole.residual_test.doubtful:
+        if whole is not None and whole.residual_test.chance > UNEXPLAINED:
             state = whole
         elif by_segments.explanation.effects and not by_segments.residual_test.doubtful:
             baseline, state = segments, by_segments

@@ -18,16 +18,17 @@ from itertools import islice
 
 import numpy as np
 
+from twin.compare.explanation import HORIZONS, free_run
 from twin.diagnose.candidates import Candidate, resonators, ringing, winding
 from twin.diagnose.explanation import (
     CROWD,
     Explanation,
     astray,
+    distance,
     explain,
     fitted,
     followed,
     guesses,
-    in_sigmas,
 )
 from twin.diagnose.laws import Law, laws_of, unlikely
 from twin.diagnose.residual_test import ResidualTest, lines_of, residual_test, slow_line_of
@@ -36,6 +37,7 @@ from twin.effects import Effect, able, with_effects
 from twin.errors import TwinError
 from twin.identify.prediction_error import NORMAL, WORTHWHILE
 from twin.model import compile_model
+from twin.predict.columns import amplitudes
 from twin.predict.independent_segments import independent_segments
 
 Say = Callable[[str], None]
@@ -515,6 +517,8 @@ class Engine:
             )
             lost = search.scored(out[0], cost, search.surplus(explanation.own, out[0]))
             chance = len(out) == 1 and not search.pays(lost) and not there.residual_test.doubtful
+            if _no_worse(there.explanation, explanation):
+                return there
             # of two sets that tie the smaller one; no cause whose interval contains 0
             if len(out) > 1 or all(_may_be_none(explanation, index) for index in out):
                 spare += TIED
@@ -653,12 +657,23 @@ def _laws(state: SearchState, chosen: Sequence[int]) -> list[Law]:
     ]
 
 
+def _no_worse(fewer: Explanation, explanation: Explanation) -> bool:
+    """Whether independent segments without some causes run on as well as with them: segments that
+    start anew forgive a cause that leads the motion astray."""
+    if explanation.follows or fewer.follows:
+        return False
+    run = free_run(HORIZONS[0], fewer.account, explanation.account)
+    return run is not None and run.errors[0] <= run.errors[1]
+
+
 def _may_be_none(explanation: Explanation, index: int) -> bool:
     """Whether the interval of a cause's amplitudes contains 0."""
     if index >= len(explanation.effects):
         return False
     effect, free = explanation.effects[index], explanation.free[index]
-    return in_sigmas([effect], [free], [explanation.covariances[index]]) < NORMAL
+    own, spread = amplitudes(effect)[free], explanation.covariances[index]
+    values = effect.values[free][own]
+    return not own.any() or distance(values, spread[np.ix_(own, own)]) < NORMAL
 
 
 def _possible(explanation: Explanation, effect: Effect) -> bool:

@@ -208,26 +208,6 @@ def whole(
     return found
 
 
-def in_sigmas(
-    effects: Sequence[Effect],
-    free: Sequence[NDArray[np.bool_]],
-    covariances: Sequence[Array],
-) -> float:
-    """Distance of the most significant effect's amplitudes from 0, in standard deviations.
-
-    Args:
-        effects: as fitted.
-        free: (p,) of each, which components were fitted.
-        covariances: of the fitted components of each.
-    """
-    sizes = [0.0]
-    for effect, fitted, spread in zip(effects, free, covariances, strict=True):
-        own = amplitudes(effect)[fitted]
-        if own.any():
-            sizes.append(distance(effect.values[fitted][own], spread[np.ix_(own, own)]))
-    return max(sizes)
-
-
 def farthest(
     before: Sequence[Effect],
     after: Sequence[Effect],
@@ -560,6 +540,20 @@ class Explanation:
         return {}
 
     @property
+    def significance(self) -> float:
+        """Distance of all amplitudes together from 0, in standard deviations: of causes that look
+        alike, each may be insignificant beside the others."""
+        if not self.effects:
+            return 0.0
+        layout = self.layout
+        own = slice(layout.own.start, layout.of_laws.start)
+        size = np.concatenate(
+            [amplitudes(effect)[ones] for effect, ones in zip(self.effects, self.free, strict=True)]
+        )
+        spread = self.covariance[-layout.count :, -layout.count :][own, own]
+        return distance(self.at.strengths[own][size], spread[np.ix_(size, size)])
+
+    @property
     def amplitudes(self) -> Array:
         """(a,) strengths of fitted components and laws."""
         return self.at.strengths[self.layout.own]
@@ -638,7 +632,7 @@ def _explained(
     """A fit, and the distance of its effects from where their columns were formed."""
     now = _fitted(bodies, base, effects, tuple(laws), start, follows, noise)
     formed_at, share = effects, 1.0
-    sigmas = in_sigmas(now.effects, now.free, now.covariances)
+    sigmas = now.significance
     for rounds in range(ROUNDS if effects else 0):
         # a large effect changes the motion along which its columns were formed
         as_foretold = not follows or rounds > 0 or sigmas < LARGE

@@ -352,6 +352,9 @@ def _rejected(found: Diagnosis) -> list[str]:
     if not found.tried or found.verdict == "healthy":
         return []
     alone = sorted(found.tried, key=lambda tried: -tried.alone)[:SHOWN]
+    if not found.explained.follows:
+        # what columns of independent segments predict is not what fits show
+        return ["Tried and rejected: " + ", ".join(one.label for one in alone) + "."]
     parts = [
         f"{one.label} (alone {one.alone:.0f}, beside these {one.evidence:.0f})" for one in alone
     ]
