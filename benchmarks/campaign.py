@@ -17,10 +17,10 @@ from pathlib import Path
 from benchmarks.batch import bare_batch
 from benchmarks.measure import median, seconds, spread, table
 from benchmarks.procedure import balanced
-from twin.campaign.draw import draw
-from twin.campaign.flight import flown
-from twin.campaign.read import read_spec
-from twin.campaign.spec import Spec
+from twin.campaigns.draw import draw
+from twin.campaigns.flight import flown
+from twin.campaigns.read import read_spec
+from twin.campaigns.spec import Spec
 from twin.stream.recorder import MemoryRecorder
 
 RUNS = 256

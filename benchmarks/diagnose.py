@@ -8,11 +8,11 @@ from pathlib import Path
 
 from benchmarks.machines import LAWS
 from benchmarks.measure import in_turn, table, twin
-from twin.diagnose.baseline import baseline_of
-from twin.diagnose.candidates import Candidate, candidates_of
-from twin.diagnose.engine import search_from
-from twin.diagnose.explanation import Explanation
-from twin.identify.calibrate import calibrated
+from twin.diagnosis.baseline import baseline_of
+from twin.diagnosis.candidates import Candidate, candidates_of
+from twin.diagnosis.engine import search_from
+from twin.diagnosis.explanation import Explanation
+from twin.identification.calibrate import calibrated
 from twin.platform import load_platform
 from twin.recording import open_log
 

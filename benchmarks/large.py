@@ -18,10 +18,10 @@ import pyarrow.parquet as pq
 
 from benchmarks.measure import median, seconds, table
 from benchmarks.scale import SPEC
-from twin.campaign.draw import draw
-from twin.campaign.flight import flown
-from twin.campaign.read import read_spec
-from twin.campaign.spec import Spec
+from twin.campaigns.draw import draw
+from twin.campaigns.flight import flown
+from twin.campaigns.read import read_spec
+from twin.campaigns.spec import Spec
 
 SIZES = (10_000, 100_000)
 DURATION, LONGER = 6.0, 60.0

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from twin.clock import SimulatedClock
-from twin.diagnose import Diagnosis, diagnose
-from twin.diagnose.cause import Tried
+from twin.diagnosis import Diagnosis, diagnose
+from twin.diagnosis.cause import Tried
 from twin.effects import Effect, parse_effects
 from twin.flight import prepare
 from twin.platform import load_platform

@@ -18,9 +18,9 @@ from benchmarks.batch import bare_batch
 from benchmarks.campaign import RUNS, SADS, Case, spec_of
 from benchmarks.measure import median, seconds, spread, table
 from benchmarks.single import basilisk_flight, equal_accuracy
-from twin.campaign.draw import draw
-from twin.campaign.flight import flown
-from twin.campaign.spec import Spec
+from twin.campaigns.draw import draw
+from twin.campaigns.flight import flown
+from twin.campaigns.spec import Spec
 from twin.controller import load_controller
 from twin.model import Machine, compile_model
 from twin.platform import Platform

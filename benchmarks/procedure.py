@@ -20,7 +20,7 @@ from benchmarks.batch import bare_batch
 from benchmarks.measure import median, seconds, spread, table
 from twin.clock import SimulatedClock
 from twin.estimators import load_estimator, usual_estimator
-from twin.identify import Misfit
+from twin.identification import Misfit
 from twin.loop import fly
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant

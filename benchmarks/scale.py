@@ -16,16 +16,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from benchmarks.measure import median, seconds, table
-from twin.campaign.cluster import AHEAD
-from twin.campaign.draw import draw
-from twin.campaign.folder import Folder
-from twin.campaign.forecast import forecast
-from twin.campaign.parcel import packed
-from twin.campaign.read import read_spec
-from twin.campaign.rows import write_rows
-from twin.campaign.sampling import Sampling
-from twin.campaign.spec import Spec
-from twin.campaign.worker import rows_of_shard
+from twin.campaigns.cluster import AHEAD
+from twin.campaigns.draw import draw
+from twin.campaigns.folder import Folder
+from twin.campaigns.forecast import forecast
+from twin.campaigns.parcel import packed
+from twin.campaigns.read import read_spec
+from twin.campaigns.rows import write_rows
+from twin.campaigns.sampling import Sampling
+from twin.campaigns.spec import Spec
+from twin.campaigns.worker import rows_of_shard
 
 SIZES = (10**5, 10**6, 10**9)
 SHARDS = (256, 4096)
@@ -60,8 +60,8 @@ center_of_mass_offset = {{ uniform = [[-1e-3, -1e-3, -2.85e-2], [1e-3, 1e-3, -2.
 REPORT = """
 import sys
 from pathlib import Path
-from twin.campaign.answers import answers
-from twin.campaign.results import read_results
+from twin.campaigns.answers import answers
+from twin.campaigns.results import read_results
 def largest():
     status = Path("/proc/self/status").read_text()
     return int(status.split("VmHWM:")[1].split()[0])

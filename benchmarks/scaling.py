@@ -9,9 +9,9 @@ from functools import partial
 
 from benchmarks.campaign import SADS, SADS_OFFSET, Case, spec_of
 from benchmarks.measure import median, seconds, spread, table
-from twin.campaign.draw import draw
-from twin.campaign.flight import flown
-from twin.campaign.spec import Spec
+from twin.campaigns.draw import draw
+from twin.campaigns.flight import flown
+from twin.campaigns.spec import Spec
 
 ROUNDS = 3
 SHARDS = (2, 4, 16, 64, 256, 1024, 4096)

@@ -6,7 +6,7 @@ import numpy as np
 
 from twin.controller import load_controller
 from twin.conventions import check_conventions
-from twin.diagnose.baseline import baseline_of
+from twin.diagnosis.baseline import baseline_of
 from twin.plant.initial import InitialState
 from twin.platform import load_platform
 from twin.reproduce.flown import flown

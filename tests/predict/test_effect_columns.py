@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from tests.effects.motion import Kicks
 from twin.contrast import moved
 from twin.effects import Effect, able, effect_named, parse_effects
-from twin.identify.prediction_error import fit, fit_disturbed
+from twin.identification.prediction_error import fit, fit_disturbed
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
 from twin.predict.base import base_parameters

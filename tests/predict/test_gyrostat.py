@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from twin.clock import SimulatedClock
-from twin.compare import compare
-from twin.compare.account import is_noise, misfits
-from twin.compare.comparison import prepare
+from twin.comparison import compare
+from twin.comparison.account import is_noise, misfits
+from twin.comparison.comparison import prepare
 from twin.flight import prepare as prepare_flight
-from twin.identify.prediction_error import Fit, fit
+from twin.identification.prediction_error import Fit, fit
 from twin.platform import load_platform
 from twin.predict.base import base_parameters
 from twin.predict.body import Body

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.compare.symptoms import clock_lag, scale_factor
+from twin.comparison.symptoms import clock_lag, scale_factor
 from twin.effects.body.bearing_coulomb_friction import BearingCoulombFriction
-from twin.identify.prediction_error import fit
+from twin.identification.prediction_error import fit
 from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict import added

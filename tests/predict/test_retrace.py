@@ -9,7 +9,7 @@ from tests.effects.motion import Kicks
 from twin.contrast import moved
 from twin.effects import parse_effects
 from twin.errors import TwinError
-from twin.identify.prediction_error import Fit, fit, fit_disturbed
+from twin.identification.prediction_error import Fit, fit, fit_disturbed
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
 from twin.predict.base import base_parameters

@@ -7,12 +7,12 @@ import pytest
 
 from tests.predict.flights import flown, predictor
 from twin.clock import SimulatedClock
-from twin.compare.account import misfits
+from twin.comparison.account import misfits
 from twin.controller.load import load_controller
 from twin.errors import UsageError
 from twin.estimators.named import load_estimator
-from twin.identify.prediction_error import Fit, fit
-from twin.identify.start import base_of, first_biases
+from twin.identification.prediction_error import Fit, fit
+from twin.identification.start import base_of, first_biases
 from twin.loop import fly
 from twin.model import compile_model
 from twin.plant.simulated import SimulatedPlant

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from twin.diagnose.experiment import Excitation
-from twin.identify import identify
+from twin.diagnosis.experiment import Excitation
+from twin.identification import identify
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
 from twin.predict.body import body_of

@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from twin.compare import compare
+from twin.comparison import compare
 from twin.effects import parse_effects, with_effects
-from twin.identify import identify
-from twin.identify.identification import ground_of
-from twin.identify.prediction_error import fit
-from twin.identify.start import first_biases
+from twin.identification import identify
+from twin.identification.identification import ground_of
+from twin.identification.prediction_error import fit
+from twin.identification.start import first_biases
 from twin.platform import load_platform
 from twin.predict.body import body_of
 from twin.predict.innovations import Problem

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.controller import load_controller
-from twin.diagnose.baseline import baseline_of
+from twin.diagnosis.baseline import baseline_of
 from twin.effects import effect_named, with_effects
 from twin.plant.gas import STANDARD_GRAVITY
 from twin.platform import load_platform

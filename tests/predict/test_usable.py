@@ -10,7 +10,7 @@ from twin import rotation
 from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.conventions import check_conventions
-from twin.diagnose import diagnose
+from twin.diagnosis import diagnose
 from twin.estimators import load_estimator
 from twin.loop import fly
 from twin.noise.cleaning import cleaned

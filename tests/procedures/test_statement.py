@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from twin.cli.main import main
-from twin.identify import Misfit
+from twin.identification import Misfit
 from twin.platform import load_platform
 from twin.procedures import Phase, balancing, rounds
 from twin.procedures.fits import Fits, Found, found_in

@@ -3,7 +3,7 @@
 import hidden
 from benches import Bench
 
-from twin.diagnose import Diagnosis, diagnose
+from twin.diagnosis import Diagnosis, diagnose
 
 BENCH = Bench(duration=60.0)
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from twin.diagnose import Diagnosis
-from twin.diagnose.residual_test import held_out
-from twin.diagnose.screen import TIED, price
+from twin.diagnosis import Diagnosis
+from twin.diagnosis.residual_test import held_out
+from twin.diagnosis.screen import TIED, price
 from twin.effects import Effect
 from twin.errors import TwinError
 

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.diagnose import diagnosis
-from twin.diagnose.candidates import Candidate, candidate, candidates_of
-from twin.diagnose.experiment import Angles, Excitation
-from twin.diagnose.explanation import Explanation
-from twin.diagnose.screen import LinearScreen
+from twin.diagnosis import diagnosis
+from twin.diagnosis.candidates import Candidate, candidate, candidates_of
+from twin.diagnosis.experiment import Angles, Excitation
+from twin.diagnosis.explanation import Explanation
+from twin.diagnosis.screen import LinearScreen
 from twin.effects import Effect, Order, SeriesEffect, able, catalogue, with_effects
 from twin.errors import PlatformError, UsageError
 from twin.model import compile_model

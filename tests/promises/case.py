@@ -20,9 +20,9 @@ from hidden import OutOfReach, any_of, bench_for, check_shown, graded, hide, kin
 from outside import LAWS, law_for
 from scoring import behind, facts, siblings, stand_ins
 
-from twin.diagnose import Diagnosis, diagnose
-from twin.diagnose import candidates as asking
-from twin.diagnose.candidates import Candidates
+from twin.diagnosis import Diagnosis, diagnose
+from twin.diagnosis import candidates as asking
+from twin.diagnosis.candidates import Candidates
 from twin.effects import Effect
 from twin.errors import TwinError
 
@@ -179,7 +179,7 @@ def without(name: str) -> Iterator[None]:
         kept = tuple(one for one in every.asked if _name(one.label) != name)
         return Candidates(kept, every.not_asked)
 
-    with patch("twin.diagnose.diagnosis.candidates_of", fewer):
+    with patch("twin.diagnosis.diagnosis.candidates_of", fewer):
         yield
 
 

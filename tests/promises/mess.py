@@ -25,8 +25,8 @@ from benches import LIBRARY, Bench, machine, yardstick  # noqa: E402
 from hidden import Hidden, OutOfReach, any_of, hide, labels_of  # noqa: E402
 
 from twin import rotation  # noqa: E402
-from twin.diagnose import Diagnosis, diagnose  # noqa: E402
-from twin.diagnose.baseline import baseline_of  # noqa: E402
+from twin.diagnosis import Diagnosis, diagnose  # noqa: E402
+from twin.diagnosis.baseline import baseline_of  # noqa: E402
 from twin.effects import BodyEffect, Effect  # noqa: E402
 from twin.effects.effect import Domain, parameter  # noqa: E402
 from twin.effects.on_body import TorqueLaw  # noqa: E402

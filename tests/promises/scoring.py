@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from benches import Yardstick, machine
 
-from twin.diagnose import Diagnosis
-from twin.diagnose.screen import TIED, LinearScreen, Search, price
+from twin.diagnosis import Diagnosis
+from twin.diagnosis.screen import TIED, LinearScreen, Search, price
 from twin.effects import Effect
 from twin.effects.body.liquid_slosh import LiquidSlosh
 from twin.effects.errors import EffectError

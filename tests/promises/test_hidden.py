@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin.diagnose.baseline import baseline_of
-from twin.diagnose.residual_test import residual_test
+from twin.diagnosis.baseline import baseline_of
+from twin.diagnosis.residual_test import residual_test
 from twin.effects import effect_named
 
 SEED = 20261121

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin.diagnose import diagnose
-from twin.diagnose.baseline import baseline_of
-from twin.identify.noise_processes import likely_noise
+from twin.diagnosis import diagnose
+from twin.diagnosis.baseline import baseline_of
+from twin.identification.noise_processes import likely_noise
 
 SEED = 20261128
 

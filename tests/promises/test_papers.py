@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from benchmarks.papers import FAULTS, SEED
-from twin.diagnose import Diagnosis
-from twin.diagnose.cause import Cause
+from twin.diagnosis import Diagnosis
+from twin.diagnosis.cause import Cause
 
 
 def diagnosed(name: str, seed: int) -> tuple[Diagnosis, Cause]:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from twin.campaign.execute import execute
-from twin.campaign.folder import Folder
-from twin.campaign.read import read_spec
+from twin.campaigns.execute import execute
+from twin.campaigns.folder import Folder
+from twin.campaigns.read import read_spec
 from twin.cli.main import main
 
 SPEC = """

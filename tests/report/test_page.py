@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from twin.compare import Comparison, compare
+from twin.comparison import Comparison, compare
 from twin.library import library
 from twin.platform import platform_of
 from twin.recording import open_log

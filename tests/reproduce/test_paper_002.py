@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from twin import rotation
-from twin.identify import identify
+from twin.identification import identify
 from twin.predict.logs import attitude_of_start, motion_of
 from twin.reproduce.efficiency import cramer_rao, trial_of
 from twin.reproduce.paper_002 import fig4, fig5, fig9, table2, table3_ours, table4

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from twin.effects import State
-from twin.identify import identify
+from twin.identification import identify
 from twin.plant.initial import hanging
 from twin.reproduce.efficiency import cramer_rao, trial_of
 from twin.reproduce.inertia import entries_of, is_rigid_body, tensor

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 if TYPE_CHECKING:
-    from twin.campaign.execute import Progress
-    from twin.campaign.folder import Folder
-    from twin.campaign.forecast import Forecast
-    from twin.campaign.spec import Spec
+    from twin.campaigns.execute import Progress
+    from twin.campaigns.folder import Folder
+    from twin.campaigns.forecast import Forecast
+    from twin.campaigns.spec import Spec
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class Campaign:
 
     def run(self) -> int:
         """Fly; 1 where no run came to its end."""
-        from twin.campaign.folder import Folder
-        from twin.campaign.forecast import forecast
-        from twin.campaign.read import read_spec
-        from twin.campaign.replay import record_kept
+        from twin.campaigns.folder import Folder
+        from twin.campaigns.forecast import forecast
+        from twin.campaigns.read import read_spec
+        from twin.campaigns.replay import record_kept
         from twin.cli.output import print_json, progress
         from twin.errors import UsageError
 
@@ -92,7 +92,7 @@ class Campaign:
 
     def kept(self) -> str:
         """What is there of a campaign that was stopped, and how it goes on."""
-        from twin.campaign.folder import METRICS
+        from twin.campaigns.folder import METRICS
 
         if self.folder is None or not (self.folder / METRICS).is_dir():
             return "nothing was flown; the same command begins anew"
@@ -103,12 +103,12 @@ class Campaign:
         )
 
     def _flown(self, spec: "Spec", folder: "Folder", workers: int, say: Any) -> "Progress":
-        from twin.campaign.execute import execute
+        from twin.campaigns.execute import execute
 
         if not self.cluster:
             return execute(spec, folder, workers=workers, tell=say, resume=self.resume)
-        from twin.campaign.arithmetic import arithmetic
-        from twin.campaign.cluster import connected
+        from twin.campaigns.arithmetic import arithmetic
+        from twin.campaigns.cluster import connected
         from twin.cli.output import tell
 
         with connected(self.cluster) as cluster:
@@ -131,7 +131,7 @@ def _cores() -> int:
 def _ends(folder: "Folder", spec: "Spec") -> dict[str, int]:
     from collections import Counter
 
-    from twin.campaign.rows import read_rows
+    from twin.campaigns.rows import read_rows
 
     count: Counter[str] = Counter()
     for shard in range(spec.shards):

@@ -43,9 +43,9 @@ class Compare:
     def run(self) -> int:
         """Compare, print, write what was asked for."""
         from twin.cli.output import check_writable, print_json, progress
-        from twin.compare import compare, transfer
+        from twin.comparison import compare, transfer
         from twin.errors import UsageError
-        from twin.identify import calibrated
+        from twin.identification import calibrated
         from twin.platform import load_platform, platform_of
         from twin.report import (
             document,

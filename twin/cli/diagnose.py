@@ -39,7 +39,7 @@ class Diagnose:
     def run(self) -> int:
         """Diagnose, print, write what was asked for."""
         from twin.cli.output import check_writable, print_json, progress
-        from twin.diagnose import check_logs, check_new, diagnose, extend, laws_in, validate
+        from twin.diagnosis import check_logs, check_new, diagnose, extend, laws_in, validate
         from twin.errors import TwinError, UsageError
         from twin.platform import common_platform, in_gravity_of, load_platform
         from twin.report import (

@@ -64,7 +64,7 @@ class Identify:
         from twin.cli.output import print_json
         from twin.conventions import convention_advice
         from twin.errors import TwinError, UsageError
-        from twin.identify import Settings, identify, identify_by_all
+        from twin.identification import Settings, identify, identify_by_all
         from twin.platform import common_platform, in_order_of, load_platform
         from twin.report import compared, identified
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 if TYPE_CHECKING:
-    from twin.campaign.replay import Replayed
-    from twin.campaign.spec import Spec
+    from twin.campaigns.replay import Replayed
+    from twin.campaigns.spec import Spec
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class Replay:
 
     def run(self) -> int:
         """Fly; 1 where it is not what the campaign wrote."""
-        from twin.campaign.folder import Folder
-        from twin.campaign.read import read_spec
-        from twin.campaign.replay import replay
+        from twin.campaigns.folder import Folder
+        from twin.campaigns.read import read_spec
+        from twin.campaigns.replay import replay
         from twin.cli.output import check_writable, print_json
 
         folder = Folder(self.folder)
@@ -57,7 +57,7 @@ class Replay:
         return 1 if told.differs else 0
 
     def _report(self, told: "Replayed", spec: "Spec") -> list[str]:
-        from twin.campaign.merit import METRICS
+        from twin.campaigns.merit import METRICS
         from twin.units import printed
 
         units = {factor.name: factor.unit for factor in spec.factors}

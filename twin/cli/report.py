@@ -26,8 +26,8 @@ class Report:
 
     def run(self) -> int:
         """Read, compute, write."""
-        from twin.campaign.answers import answers
-        from twin.campaign.results import read_results
+        from twin.campaigns.answers import answers
+        from twin.campaigns.results import read_results
         from twin.cli.output import check_writable, print_json, progress
         from twin.report.campaign_document import campaign_document
         from twin.report.campaign_page import write_campaign_page

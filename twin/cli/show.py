@@ -61,7 +61,7 @@ class Show:
 def _refusal(recording: "Recording", platform: "Platform") -> "TwinError | None":
     """What the verbs that fit would say of the log instead of an answer."""
     from twin.conventions.time_base import check_times
-    from twin.diagnose import check_logs
+    from twin.diagnosis import check_logs
     from twin.errors import TwinError
 
     try:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import TwinError
-from twin.identify import Identification, Misfit, identify
+from twin.identification import Identification, Misfit, identify
 from twin.platform import Platform
 from twin.processes import Pool, first_completed
 from twin.recording import Recording

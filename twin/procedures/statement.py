@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from twin.controller.exchange import exchange_of
-from twin.identify import Misfit
+from twin.identification import Misfit
 from twin.interval import Interval
 from twin.platform import Platform
 from twin.procedures.plan import length

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from twin.campaign.answers import Answers
-from twin.campaign.merit import METRICS
+from twin.campaigns.answers import Answers
+from twin.campaigns.merit import METRICS
 
 
 def campaign_document(found: Answers) -> dict[str, Any]:

@@ -5,9 +5,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from twin.campaign.answers import Answers
-from twin.campaign.merit import METRICS
-from twin.campaign.results import Results
+from twin.campaigns.answers import Answers
+from twin.campaigns.merit import METRICS
+from twin.campaigns.results import Results
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
 from twin.units import fitting
 

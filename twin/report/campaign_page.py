@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.campaign.answers import Answers
+from twin.campaigns.answers import Answers
 from twin.report.campaign_figures import gain_figure, sensitivity_figure, spread_figure
 from twin.report.campaign_words import (
     CONDITIONS,

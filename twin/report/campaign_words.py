@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from twin.campaign.answers import Answers, Blamed, Spread
-from twin.campaign.comparison import Comparison
-from twin.campaign.merit import METRICS
+from twin.campaigns.answers import Answers, Blamed, Spread
+from twin.campaigns.comparison import Comparison
+from twin.campaigns.merit import METRICS
 from twin.interval import Interval
 from twin.units import fitting
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TypeGuard
 
 from twin.errors import TwinError
-from twin.identify import Identification
+from twin.identification import Identification
 from twin.platform import taken_as_at_rest
 from twin.report.words import pair
 

@@ -4,16 +4,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from twin.compare.explanation import HORIZONS, FreeRun
-from twin.diagnose import Diagnosis
-from twin.diagnose.cause import Cause, Equation
-from twin.diagnose.diagnosis import crowded, foretells_nothing, ordinary, strays
-from twin.diagnose.extension import Validation
-from twin.diagnose.laws import TORQUE
-from twin.diagnose.pushes import Push
-from twin.diagnose.residual_test import ResidualTest
-from twin.identify.excitation import not_excited
-from twin.identify.prediction_error import NORMAL
+from twin.comparison.explanation import HORIZONS, FreeRun
+from twin.diagnosis import Diagnosis
+from twin.diagnosis.cause import Cause, Equation
+from twin.diagnosis.diagnosis import crowded, foretells_nothing, ordinary, strays
+from twin.diagnosis.extension import Validation
+from twin.diagnosis.laws import TORQUE
+from twin.diagnosis.pushes import Push
+from twin.diagnosis.residual_test import ResidualTest
+from twin.identification.excitation import not_excited
+from twin.identification.prediction_error import NORMAL
 from twin.platform import beyond_stated, taken_as_at_rest
 from twin.predict.columns import amplitudes
 from twin.report.next_experiment import experiment_sentence

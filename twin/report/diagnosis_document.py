@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from twin.diagnose import Cause, Diagnosis, Validation
-from twin.identify.prediction_error import NORMAL
+from twin.diagnosis import Cause, Diagnosis, Validation
+from twin.identification.prediction_error import NORMAL
 from twin.platform import taken_as_at_rest
 from twin.report.diagnosed import equation_text, verdict_sentence
 from twin.report.document import free_run_document

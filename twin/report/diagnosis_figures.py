@@ -4,7 +4,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from twin.diagnose import Diagnosis
+from twin.diagnosis import Diagnosis
 from twin.report.style import FIGURE, INK, PALETTE, SOFT, svg
 
 BAND = "#e3edf2"

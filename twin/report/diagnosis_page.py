@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.compare import log_name
-from twin.diagnose import Diagnosis, Experiment, Validation
-from twin.identify.prediction_error import NORMAL
+from twin.comparison import log_name
+from twin.diagnosis import Diagnosis, Experiment, Validation
+from twin.identification.prediction_error import NORMAL
 from twin.report.diagnosed import (
     cause_sentences,
     could_show,

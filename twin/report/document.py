@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from twin.compare import Comparison, Transfer, name_of
-from twin.compare.account import Account, stream_errors
-from twin.compare.explanation import FreeRun, Side, Strength
+from twin.comparison import Comparison, Transfer, name_of
+from twin.comparison.account import Account, stream_errors
+from twin.comparison.explanation import FreeRun, Side, Strength
 from twin.platform import taken_as_at_rest
 from twin.report.words import sentences, transfer_sentences
 

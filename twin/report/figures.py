@@ -7,11 +7,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.compare import Comparison
-from twin.compare.account import Account
-from twin.compare.comparison import missing_torque
-from twin.compare.explanation import FreeRun
-from twin.compare.symptoms import Domain, standstill
+from twin.comparison import Comparison
+from twin.comparison.account import Account
+from twin.comparison.comparison import missing_torque
+from twin.comparison.explanation import FreeRun
+from twin.comparison.symptoms import Domain, standstill
 from twin.predict.innovations import Unexplained
 from twin.report.style import FIGURE, INK, PALETTE, SOFT, svg
 from twin.units import fitting

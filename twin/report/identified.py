@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.identify import Identification, Misfit
+from twin.identification import Identification, Misfit
 from twin.platform import beyond_stated, taken_as_at_rest
 from twin.predict.base import NAMES, hinge_axis
 from twin.recording import Recording

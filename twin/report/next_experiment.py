@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from twin.diagnose.experiment import Experiment
+from twin.diagnosis.experiment import Experiment
 
 _FRICTION = (
     "let it turn fast and run down to rest, for the laws differ in how the torque falls with rate"

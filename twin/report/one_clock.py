@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from twin.diagnose import Cause, Diagnosis
+from twin.diagnosis import Cause, Diagnosis
 from twin.units import listed, printed
 
 LAG = "clock_lag"

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from twin.compare import Comparison, Transfer, name_of
-from twin.compare.account import Account, stream_errors
+from twin.comparison import Comparison, Transfer, name_of
+from twin.comparison.account import Account, stream_errors
 from twin.report.figures import (
     balance_figure,
     misfit_figure,

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from twin import rotation
-from twin.compare.account import Account
+from twin.comparison.account import Account
 from twin.recording import Recording, Series
 from twin.signals import PREDICTED, RESIDUAL
 

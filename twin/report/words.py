@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
-from twin.compare import Comparison, Transfer, name_of
-from twin.compare.account import (
+from twin.comparison import Comparison, Transfer, name_of
+from twin.comparison.account import (
     Account,
     Misfit,
     StreamError,
@@ -16,8 +16,8 @@ from twin.compare.account import (
     quiet,
     stream_errors,
 )
-from twin.compare.explanation import FALSE_ALARM, Side, Strength
-from twin.compare.symptoms import Domain
+from twin.comparison.explanation import FALSE_ALARM, Side, Strength
+from twin.comparison.symptoms import Domain
 from twin.platform import beyond_stated, taken_as_at_rest
 from twin.predict.body import Body
 from twin.units import fitting, printed, three_digits

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.identify.excitation import BLIND
-from twin.identify.identification import Identification
-from twin.identify.prediction_error import NORMAL
+from twin.identification.excitation import BLIND
+from twin.identification.identification import Identification
+from twin.identification.prediction_error import NORMAL
 from twin.model import compile_model
 from twin.platform import Platform
 from twin.predict.base import ENTRIES, NAMES, base_parameters

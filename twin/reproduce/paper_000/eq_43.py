@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.effects import parse_effects, with_effects
-from twin.identify import Identification, identify
+from twin.identification import Identification, identify
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
 from twin.reproduce.inertia import entries_of

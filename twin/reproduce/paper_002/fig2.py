@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from twin.identify import Settings, identify
-from twin.identify.methods import Form
+from twin.identification import Settings, identify
+from twin.identification.methods import Form
 from twin.plant.initial import hanging
 from twin.platform import Platform
 from twin.recording import Recording

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from twin.identify import identify
+from twin.identification import identify
 from twin.predict.base import NAMES
 from twin.recording import Recording, Series
 from twin.report.style import FIGURE, PALETTE, SOFT, svg

@@ -5,7 +5,7 @@ The machine of Table 1 with the sensors of `whorl1`: gyros at 41 Hz, wheel speed
 
 import numpy as np
 
-from twin.diagnose import Diagnosis, diagnose
+from twin.diagnosis import Diagnosis, diagnose
 from twin.effects import Effect, with_effects
 from twin.effects.clocks.clock_lag import ClockLag
 from twin.effects.wheels.wheel_misalignment import WheelMisalignment

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.identify import Settings, identify
+from twin.identification import Settings, identify
 from twin.platform import Platform
 from twin.recording import Recording
 from twin.reproduce.inertia import entries_of

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from twin import rotation
-from twin.identify import identify
+from twin.identification import identify
 from twin.recording import Recording
 from twin.reproduce.efficiency import Trial, cramer_rao, efficiency_figure, judged, trial_of
 from twin.reproduce.paper_002.manoeuvre import NOISE, as_guessed, ideal, machine, measured

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from twin.identify import identify
+from twin.identification import identify
 from twin.reproduce.inertia import entries_of, is_rigid_body, tensor
 from twin.reproduce.paper_002.manoeuvre import NOISE, ideal, machine, measured
 from twin.reproduce.part import Found, Ours, Part, Say

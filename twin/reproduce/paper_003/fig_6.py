@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.controller import load_controller
-from twin.identify import Identification, identify
+from twin.identification import Identification, identify
 from twin.plant.initial import InitialState, hanging
 from twin.platform import Platform, load_platform
 from twin.recording import Recording

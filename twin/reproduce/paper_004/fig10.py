@@ -5,7 +5,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from twin.identify import identify
+from twin.identification import identify
 from twin.recording import Series
 from twin.reference import Multisine
 from twin.report.style import FIGURE, PALETTE, SOFT, svg

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.errors import PlatformError
-from twin.identify import identify
+from twin.identification import identify
 from twin.platform import Platform
 from twin.recording import Recording, Series
 from twin.report.style import FIGURE, INK, PALETTE, svg

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from twin.identify import identify
+from twin.identification import identify
 from twin.reference import Multisine
 from twin.reproduce.efficiency import Trial, cramer_rao, efficiency_figure, judged, trial_of
 from twin.reproduce.paper_004.manoeuvre import as_guessed, flown, machine

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.identify import identify
+from twin.identification import identify
 from twin.platform import Platform
 from twin.predict.base import NAMES
 from twin.recording import Recording

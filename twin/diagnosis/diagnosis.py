@@ -1,0 +1,372 @@
+"""Diagnosis: what a platform's model gets wrong about logs, the causes, their evidence and gain."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from twin.comparison.explanation import HORIZONS, FreeRun, free_run
+from twin.conventions import ConventionFinding
+from twin.diagnosis.baseline import baseline_of, check_logs, check_seen, read_rightly
+from twin.diagnosis.candidates import Candidate, Candidates, candidates_of
+from twin.diagnosis.cause import (
+    Cause,
+    Equation,
+    Tried,
+    causes_of,
+    equation_of,
+    scatter_causes,
+    tried_of,
+)
+from twin.diagnosis.engine import Engine, SearchState, likeliest
+from twin.diagnosis.experiment import Experiment, next_experiment
+from twin.diagnosis.explanation import CROWD, Explanation
+from twin.diagnosis.pushes import Push, but_for, pushed, pushed_look, pushes_of
+from twin.diagnosis.residual_test import HeldOut, ResidualTest, held_out, residual_test
+from twin.effects import Effect
+from twin.errors import UsageError
+from twin.noise import NoiseFinding, noise_findings
+from twin.platform import Platform, in_gravity_of
+from twin.predict.kalman import EXACT, Noise
+from twin.predict.logs import usable
+from twin.predict.rollouts import BeyondBounds
+from twin.recording import Recording
+from twin.recording.pauses import pieces_of
+
+DRAUGHT = 3e-4
+"""Largest rms torque of a room's draughts on a platform [N m]: 1 mN at 0.3 m."""
+STRAYING = {
+    "attitude": 0.01,
+    "joint_angle": 0.01,
+    "inclinometer": 0.01,
+    "gyro": 1e-3,
+    "joint_rate": 1e-3,
+    "accelerometer": 0.05,
+    "magnetometer": 1e-6,
+}
+"""Largest rms of the slow error of a calibrated sensor (SI): a vertical reference of half a degree,
+a gyro bias of 200 deg/h, an accelerometer bias of 5 mg."""
+Say = Callable[[str], None]
+UNEXPLAINED = 1e-4
+"""Probability of a residual below which it is not noise."""
+IN_PART = 0.5
+"""Share of the baseline's misfit that causes must explain for *explained in part*, where noise
+processes are larger than rooms and sensors have."""
+ROUGH = 1.5
+"""Chi-square a sample above which the logs are predicted in independent segments: no set of causes
+makes the motion follow the model."""
+LOST = 30.0
+"""Chi-square a sample of the baseline above which independent segments come first."""
+STRAYS = 2.0
+"""Half widths of the 95 % band of a true model's chi-square beyond which held-out time is
+missed."""
+
+
+def ordinary(noise: Noise) -> bool:
+    """Whether all noise processes are within what such rooms and sensors have."""
+    torque = 0.0 if noise.torque is None else noise.torque.rms
+    return torque <= DRAUGHT and all(
+        one.rms <= STRAYING.get(stream, np.inf) for stream, one in noise.errors
+    )
+
+
+def carried(baseline: Explanation, explanation: Explanation) -> float:
+    """Share of the baseline's misfit that the causes explain.
+
+    Of a continuous motion, the misfit is the excess of the squared residual, of which noise
+    processes take the rest. Of independent segments it is the error of a free run: their residuals
+    are those of a few disturbed segments.
+    """
+    if not (baseline.follows and explanation.follows):
+        run = free_run(HORIZONS[0], baseline.account, explanation.account)
+        if run is None:
+            return 0.0
+        before, after, perfect = run.errors
+        return float(np.clip(1.0 - (after - perfect) / max(before - perfect, 1e-9), 0.0, 1.0))
+    with_causes = explanation.problem.whiten(explanation.at, explanation.prediction.exact, EXACT)
+    left = with_causes.residual + with_causes.columns @ with_causes.step()
+    excess = baseline.prediction.residual @ baseline.prediction.residual - baseline.samples
+    return float(np.clip(1.0 - (left @ left - explanation.samples) / max(excess, 1.0), 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A platform's model held against logs."""
+
+    platform: Platform
+    recordings: tuple[Recording, ...]
+    """With the corrections of `conventions`."""
+    conventions: tuple[ConventionFinding, ...]
+    noise: tuple[NoiseFinding, ...]
+    baseline: Explanation
+    """The model without causes."""
+    explained: Explanation
+    """The model with all causes."""
+    causes: tuple[Cause, ...]
+    tried: tuple[Tried, ...]
+    """By falling evidence."""
+    asked: tuple[Candidate, ...]
+    """The candidates, at their usual shapes."""
+    not_asked: Mapping[str, str]
+    """Why an effect is no candidate, or has no estimate, by label."""
+    equation: Equation | None
+    residual_test: ResidualTest
+    held_out: HeldOut
+    free_runs: Mapping[float, FreeRun | None]
+    """By horizon [s]; None where the logs are too short."""
+    next_experiment: Experiment | None
+    """The run that would separate tied causes best; None without ties or a prediction."""
+    pushes: tuple[Push, ...] = ()
+    """Disturbances from outside, whose time is excluded from all else."""
+
+    @property
+    def intervals_hold(self) -> bool:
+        """Whether the intervals of causes and base are 95 % intervals: not where the residual
+        contains something that no cause explains."""
+        return not _unexplained(self.baseline, self.explained, self.residual_test, self.held_out)
+
+    @property
+    def wander(self) -> Noise:
+        """Noise processes, fitted together with the causes."""
+        return self.explained.noise
+
+    @cached_property
+    def carried(self) -> float:
+        """Share of the baseline's misfit that the causes explain (`carried`)."""
+        return carried(self.baseline, self.explained)
+
+    @property
+    def verdict(self) -> str:
+        """healthy, explained, explained in part, ambiguous or unexplained."""
+        if not self.explained.follows:
+            in_part = _in_part(self.baseline, self.explained) and self.held_out.log_likelihood > 0.0
+            return "explained in part" if in_part and not self.pushes else "unexplained"
+        if self.pushes or not self.intervals_hold:
+            return "unexplained"
+        if not ordinary(self.wander):
+            in_part = self.causes and self.carried > IN_PART
+            return "explained in part" if in_part else "unexplained"
+        if not self.causes:
+            return "healthy"
+        return "ambiguous" if any(cause.ties for cause in self.causes) else "explained"
+
+
+def diagnose(
+    recordings: Sequence[Recording], platform: Platform, *, say: Say = lambda _: None
+) -> Diagnosis:
+    """Find the causes of what a platform's model gets wrong about logs.
+
+    Args:
+        recordings: at least one; the true states of a simulation are not used.
+        platform: the machine, as stated.
+        say: receives the name of each step.
+
+    Raises:
+        UsageError: no logs, one without the streams that the prediction needs, or too little in
+            them for a verdict.
+    """
+    if not recordings:
+        raise UsageError("no log is given")
+    platform = in_gravity_of(recordings, platform)
+    check_logs(recordings, platform)
+    say("conventions and noise")
+    used = [usable(recording, platform) for recording in recordings]
+    pieces = [piece for recording in used for piece in pieces_of(recording)]
+    read = [read_rightly(piece, platform) for piece in pieces]
+    logs = [log for log, _ in read]
+    noise = tuple(finding for log in logs for finding in noise_findings(log, platform))
+    say("the base")
+    findings = tuple(finding for _, found in read for finding in found)
+    try:
+        baseline = baseline_of(logs, platform)
+        reasoned, pushes = _explained(baseline, logs, say)
+    except BeyondBounds as problem:
+        doubts = [finding.sentence for finding in findings if finding.ambiguous]
+        sign = "look at the signs and units of its commands, or compare it: twin compare LOG"
+        raise UsageError(
+            f"{', '.join(log.source for log in logs)}: {problem}, whatever its base is: "
+            f"{' '.join(doubts) or sign}"
+        ) from None
+    baseline, candidates, state = reasoned.baseline, reasoned.candidates, reasoned.state
+    explanation = state.explanation
+    causes = (
+        *causes_of(explanation, state.search, state.others, unexplained=reasoned.unexplained),
+        *scatter_causes(explanation, unexplained=reasoned.unexplained),
+    )
+    experiment = next_experiment(platform, explanation, causes, state.candidates, say)
+    tried = tried_of(state.search, explanation.own, state.candidates)
+    say("free runs")
+    found = Diagnosis(
+        platform,
+        tuple(logs),
+        findings,
+        noise,
+        baseline,
+        explanation,
+        causes,
+        tried,
+        candidates.asked,
+        {**_unasked(candidates, causes), **_silent(candidates, state, causes, tried)},
+        equation_of(explanation, state.nameless),
+        state.residual_test,
+        reasoned.held,
+        {horizon: free_run(horizon, baseline.account, explanation.account) for horizon in HORIZONS},
+        experiment,
+        pushes,
+    )
+    if found.verdict == "healthy":
+        check_seen(baseline)
+    return found
+
+
+@dataclass(frozen=True)
+class _Reasoned:
+    """The result of a search."""
+
+    baseline: Explanation
+    candidates: Candidates
+    state: SearchState
+    held: HeldOut
+
+    @property
+    def unexplained(self) -> bool:
+        return _unexplained(
+            self.baseline, self.state.explanation, self.state.residual_test, self.held
+        )
+
+
+def _reasoned(baseline: Explanation, logs: Sequence[Recording], say: Say) -> _Reasoned:
+    candidates = candidates_of(baseline.bodies)
+    engine = Engine(candidates.asked, say)
+    # columns along a motion that is far from the logs mean little
+    lost = baseline.follows and residual_test(baseline).chi2 > LOST
+    state = None if lost else engine.explained(baseline)
+    if state is None or state.residual_test.chi2 > ROUGH or not ordinary(state.explanation.noise):
+        say("the base, by segments")
+        machine = baseline.base.machine.platform
+        segments = baseline_of(logs, machine, follows=False, base=baseline.base)
+        by_segments = engine.explained(segments)
+        whole = engine.onward(baseline, by_segments)
+        if whole is not None and whole.residual_test.chance > UNEXPLAINED:
+            state = whole
+        elif by_segments.explanation.effects and not by_segments.residual_test.doubtful:
+            baseline, state = segments, by_segments
+        else:
+            state = state or engine.explained(baseline)
+            lasting = not ordinary(state.explanation.noise) and _in_part(
+                segments, by_segments.explanation
+            )
+            if state.residual_test.chi2 > ROUGH or lasting:
+                baseline, state = segments, by_segments
+    return _Reasoned(baseline, candidates, state, held_out(state.explanation))
+
+
+def _explained(
+    baseline: Explanation, logs: Sequence[Recording], say: Say
+) -> tuple[_Reasoned, tuple[Push, ...]]:
+    """Search over whole logs, or over logs without the time of disturbances from outside.
+
+    Disturbances are excluded where nothing explains the whole logs and something explains the rest.
+    Where the rest follows the baseline, the whole logs are not searched.
+    """
+    pushes = () if _is_noise(baseline) else _pushes(logs, baseline.base.machine.platform, say)
+    if not pushes:
+        return _reasoned(baseline, logs, say), ()
+    rest = but_for(pushes, logs)
+    bare = baseline_of(rest, baseline.base.machine.platform)
+    whole = None if _is_noise(bare) else _reasoned(baseline, logs, say)
+    if whole is not None and not whole.unexplained:
+        return whole, ()
+    found = _reasoned(bare, rest, say)
+    if not found.unexplained:
+        return found, pushes
+    return whole or _reasoned(baseline, logs, say), ()
+
+
+def _in_part(baseline: Explanation, explanation: Explanation) -> bool:
+    """Whether a few causes explain most of the baseline's misfit."""
+    few = bool(explanation.effects) and not explanation.laws and not crowded(explanation.effects)
+    return few and carried(baseline, explanation) > IN_PART
+
+
+def _is_noise(baseline: Explanation) -> bool:
+    return baseline.follows and residual_test(baseline).chance > UNEXPLAINED
+
+
+def _pushes(logs: Sequence[Recording], platform: Platform, say: Say) -> tuple[Push, ...]:
+    """Disturbances without which logs follow the model, and that none of the likeliest causes
+    explains."""
+    say("pushes from outside")
+    pushes = pushes_of(logs, platform)
+    if not pushes or not but_for(pushes, logs):
+        return ()
+    segments = pushed_look(logs, platform)
+    causes = () if segments is None else likeliest(segments, candidates_of(segments.bodies).asked)
+    return () if any(not pushed(one) for one in causes) else pushes
+
+
+def _unexplained(
+    baseline: Explanation, explanation: Explanation, left: ResidualTest, held: HeldOut
+) -> bool:
+    """Whether the logs contain something that no cause of the catalogue explains."""
+    if (
+        explanation.laws
+        or left.chance < UNEXPLAINED
+        or not (explanation.follows or _in_part(baseline, explanation))
+    ):
+        return True
+    return (
+        crowded(explanation.effects) or foretells_nothing(explanation.effects, held) or strays(held)
+    )
+
+
+def foretells_nothing(effects: Sequence[Effect], held: HeldOut) -> bool:
+    """Whether causes do not improve the prediction of held-out time.
+
+    Causes that only the stated base distinguishes from a change of the base need not: a constant
+    error is a log's own, and another base gives the same motion.
+    """
+    lasting = any(not effect.exact for effect in effects)
+    return lasting and held.log_likelihood <= 0.0
+
+
+def strays(held: HeldOut) -> bool:
+    """Whether the error on held-out time is larger than that of a true model."""
+    return held.after > 1.0 + STRAYS * (held.high - 1.0)
+
+
+def crowded(effects: Sequence[Effect]) -> bool:
+    """Whether there are so many kinds of causes that one unnamed cause is likelier."""
+    return len({effect.name for effect in effects}) > CROWD
+
+
+def _unasked(candidates: Candidates, causes: Sequence[Cause]) -> dict[str, str]:
+    """Why effects are no candidates, by label; not of those that the scatter of a sensor shows."""
+    found = {cause.effect.label for cause in causes}
+    return {label: why for label, why in candidates.not_asked.items() if label not in found}
+
+
+def _silent(
+    candidates: Candidates, state: SearchState, causes: Sequence[Cause], tried: Sequence[Tried]
+) -> dict[str, str]:
+    """Why candidates are neither among the causes nor among those tried, by label."""
+    reported = {cause.effect.label for cause in causes} | {one.label for one in tried}
+    screen = state.search.screen
+    felt: dict[str, bool] = {}
+    for index, trace in enumerate(screen.traces):
+        felt[trace.label] = felt.get(trace.label, False) or screen.observable(index)
+    why = {
+        True: "not observable: a change of the base does the same",
+        False: "not observable: what it acts on does not move in these logs",
+        None: "not possible in the size that these logs ask for",
+    }
+    winds = (
+        "nothing is left that repeats with the angle"
+        if state.explanation.follows
+        else "not asked: segments of their own see too little of a turn"
+    )
+    silent = {one.label: one.effect for one in candidates.asked if one.label not in reported}
+    return {
+        label: winds if effect.winds else why[felt.get(label)] for label, effect in silent.items()
+    }

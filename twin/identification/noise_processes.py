@@ -1,0 +1,196 @@
+"""Noise processes by restricted maximum likelihood: what wanders beside the sensors' white noise.
+
+A torque about the base's axes and a slow error of each sensor of the motion, each an
+Ornstein-Uhlenbeck process with two numbers, its rms and its correlation time. They are taken in one
+after the other, the one that the logs ask for most first, while the likelihood pays for them.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from twin.errors import TwinError
+from twin.identification.prediction_error import WORTHWHILE, restricted
+from twin.predict.body import Exact
+from twin.predict.innovations import Innovations, Problem
+from twin.predict.kalman import TORQUE, Noise, Wander, blocked, scaled
+from twin.stop import check
+
+Array = NDArray[np.float64]
+
+TORQUES = (1e-6, 1e-5, 1e-4, 1e-3)
+"""Rms from which a torque's is sought, in parts of g abs(m r), or of J a second squared where that
+is larger."""
+ERRORS = (0.3, 3.0)
+"""Likewise a sensor error's, in parts of a sample's noise."""
+TORQUE_TIME, ERROR_TIME = 3.0, 20.0
+"""Correlation times from which a torque's and an error's are sought [s]."""
+SHORTEST = 0.2
+"""Correlation time below which a process is as good as white [s]."""
+OFTEN = 5.0
+"""Correlation times that a log must last: of one that is longer it shows little more than a
+constant."""
+WITHIN = 0.1
+"""To which the logarithms of rms and time are found."""
+ROUNDS = 4
+"""Of processes and white noise in turns."""
+SURE, SAME = 4.0, 0.02
+"""Standard deviations, and share, by which a white noise must be off to be scaled."""
+EVALUATIONS = 25
+"""At most, for each process that is sought."""
+
+Cost = Callable[[Noise], float]
+
+
+def likely_noise(problem: Problem, now: Innovations, first: Noise | None = None) -> Noise:
+    """The noise processes at which logs are likeliest, those that pay only.
+
+    Args:
+        problem: the logs.
+        now: their prediction, linearised.
+        first: where to look from, if that is known; else nothing.
+    """
+    noise = first or Noise()
+    for _ in range(ROUNDS):
+        noise = _processes(problem, now, noise)
+        scales = _scales(problem, now, noise)
+        if scales == noise.scales:
+            break
+        noise = replace(noise, scales=scales)
+    return noise
+
+
+def _processes(problem: Problem, now: Innovations, noise: Noise) -> Noise:
+    """The processes that pay, the white noise being what it is."""
+    coarse: list[Exact] = []
+    for one in now.exact:
+        linear, local, _ = scaled(one.linear, one.local, noise.scales)
+        linear, local = blocked(linear, local)
+        coarse.append(replace(one, linear=linear, local=local))
+
+    def cost(noise: Noise) -> float:
+        check()
+        try:
+            return restricted(problem.whiten(now.at, coarse, replace(noise, scales=())))
+        except TwinError:  # so large that no number holds it
+            return np.inf
+
+    longest = max(b.motion.time[-1] - b.motion.time[0] for b in problem.bodies) / OFTEN
+    best = cost(noise)
+    if noise.wanders:
+        noise, best = _sharpened(noise, best, cost, longest)
+        noise, best = _pruned(noise, best, cost)
+    streams = [s for s in now.exact[0].local.errors if s not in dict(noise.errors)]
+    asked = [TORQUE] * (noise.torque is None) + streams
+    while asked:
+        tries = {name: _begun(problem, noise, name, cost, longest) for name in asked}
+        name = min(tries, key=lambda one: tries[one][1])
+        tried, reached = tries[name]
+        if reached > best - WORTHWHILE:
+            break
+        asked.remove(name)
+        noise, best = _sharpened(tried, reached, cost, longest)
+    return noise
+
+
+def _scales(problem: Problem, now: Innovations, noise: Noise) -> tuple[tuple[str, float], ...]:
+    """By how much the white noise of each stream must be larger for its innovations to have the
+    variance 1; as it was where they nearly have, and 1 where noise alone could leave as much."""
+    there = problem.whiten(now.at, now.exact, noise)
+    known = dict(noise.scales)
+    squares: dict[str, list[float]] = {}
+    # what was fitted under other noise moves with it
+    for one, rows in zip(there.exact, there.left(there.step()), strict=True):
+        for stream, seen in one.local.errors.items():
+            own = rows[np.any(seen != 0.0, axis=-1)]
+            squares.setdefault(stream, []).extend([float(own @ own), float(own.size)])
+    found: list[tuple[str, float]] = []
+    for stream, parts in squares.items():
+        square, count = sum(parts[::2]), sum(parts[1::2])
+        before = known.get(stream, 1.0)
+        factor = before * float(np.sqrt(square / max(count, 1.0)))
+        sigma = 1.0 / np.sqrt(2.0 * max(count, 1.0))
+        if abs(np.log(factor / before)) < max(SURE * sigma, SAME):
+            factor = before
+        if factor > 1.0 + max(SURE * sigma, SAME):
+            found.append((stream, factor))
+    return tuple(found)
+
+
+def _begun(
+    problem: Problem, noise: Noise, name: str, cost: Cost, longest: float
+) -> tuple[Noise, float]:
+    """With one process more, roughly sized."""
+    found: list[tuple[float, Noise]] = []
+    time = TORQUE_TIME if name == TORQUE else ERROR_TIME
+    for rms in _sizes(problem, name):
+        tried = _with(noise, name, Wander(rms, min(time, longest)))
+        found.append((cost(tried), tried))
+        if len(found) > 1 and found[-1][0] > found[-2][0]:
+            break
+    reached, tried = min(found, key=lambda one: one[0])
+    return tried, reached
+
+
+def _sizes(problem: Problem, name: str) -> list[float]:
+    """Rms from which a process is sought, in its unit (SI)."""
+    if name == TORQUE:
+        platform = problem.base.machine.platform
+        restoring = platform.gravity * float(np.linalg.norm(platform.center_of_mass_offset))
+        unit = max(float(np.linalg.eigvalsh(platform.inertia)[0]), restoring)
+        return [unit * one for one in TORQUES]
+    output = next(o for body in problem.bodies for o in body.outputs if o.stream == name)
+    return [float(np.median(output.noise)) * one for one in ERRORS]
+
+
+def _sharpened(noise: Noise, reached: float, cost: Cost, longest: float) -> tuple[Noise, float]:
+    """With rms and time of all processes at their best together."""
+    names = [*([TORQUE] if noise.torque else []), *(stream for stream, _ in noise.errors)]
+
+    def at(logs: Array) -> Noise:
+        there = noise
+        for name, (rms, time) in zip(names, np.exp(logs).reshape(-1, 2).tolist(), strict=True):
+            there = _with(there, name, Wander(rms, float(np.clip(time, SHORTEST, longest))))
+        return there
+
+    first = np.log([[one.rms, one.time] for one in map(lambda n: _of(noise, n), names)]).ravel()
+    simplex = np.concatenate([first[None], first + 0.7 * np.eye(len(first))])
+    found = minimize(
+        lambda logs: cost(at(logs)),
+        first,
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": simplex,
+            "xatol": WITHIN,
+            "fatol": 1.0,
+            "maxfev": EVALUATIONS * len(names),
+        },
+    )
+    if float(found.fun) > reached:
+        return noise, reached
+    return at(found.x), float(found.fun)
+
+
+def _pruned(noise: Noise, reached: float, cost: Cost) -> tuple[Noise, float]:
+    """Without the processes that no longer pay."""
+    for name in [*([TORQUE] if noise.torque else []), *(stream for stream, _ in noise.errors)]:
+        fewer = _with(noise, name, None)
+        there = cost(fewer)
+        if there < reached + WORTHWHILE:
+            noise, reached = fewer, there
+    return noise, reached
+
+
+def _with(noise: Noise, name: str, wander: Wander | None) -> Noise:
+    if name == TORQUE:
+        return replace(noise, torque=wander)
+    return noise.with_error(name, wander)
+
+
+def _of(noise: Noise, name: str) -> Wander:
+    found = noise.torque if name == TORQUE else dict(noise.errors)[name]
+    assert found is not None
+    return found
