@@ -72,6 +72,19 @@ def test_every_command_of_the_readme_runs_in_its_order_and_those_of_make_demo(ch
         ran.add(job)
 
 
+@pytest.mark.slow(30)
+def test_the_python_of_the_readme_runs(tmp_path: Path):
+    blocks = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    assert blocks
+    script = tmp_path / "readme.py"
+    script.write_text("\n".join(blocks))
+    done = subprocess.run(
+        [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, timeout=300.0
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "runs" / "why.html").is_file()
+
+
 @pytest.mark.parametrize("link", re.findall(r"\]\(([^)#]+)\)", README))
 def test_every_link_of_the_readme_leads_somewhere(link: str):
     assert (REPOSITORY / link).exists()

@@ -1,12 +1,84 @@
-"""Digital twin for air-bearing spacecraft simulators."""
+"""Digital twin for air-bearing spacecraft simulators.
+
+The functions here are what the verbs of the command line do; `twin.api` describes them. They are
+imported when they are first used.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from twin.api import balance as balance
+    from twin.api import campaign as campaign
+    from twin.api import compare as compare
+    from twin.api import compare_sensors as compare_sensors
+    from twin.api import diagnose as diagnose
+    from twin.api import extend as extend
+    from twin.api import fly as fly
+    from twin.api import identify as identify
+    from twin.api import import_log as import_log
+    from twin.api import load as load
+    from twin.api import new as new
+    from twin.api import read as read
+    from twin.api import replay as replay
+    from twin.api import results as results
+    from twin.api import show as show
+    from twin.api import validate as validate
+    from twin.controller import Controller as Controller
+    from twin.effects import Effect as Effect
+    from twin.errors import TwinError as TwinError
+    from twin.platform import Platform as Platform
+    from twin.recording import Recording as Recording
+    from twin.recording import Series as Series
 
 __version__: str
 
+_FROM = {  # all other names are of `twin.api`
+    "Controller": "twin.controller",
+    "Effect": "twin.effects",
+    "TwinError": "twin.errors",
+    "Platform": "twin.platform",
+    "Recording": "twin.recording",
+    "Series": "twin.recording",
+}
+__all__ = [
+    "Controller",
+    "Effect",
+    "Platform",
+    "Recording",
+    "Series",
+    "TwinError",
+    "balance",
+    "campaign",
+    "compare",
+    "compare_sensors",
+    "diagnose",
+    "extend",
+    "fly",
+    "identify",
+    "import_log",
+    "load",
+    "new",
+    "read",
+    "replay",
+    "results",
+    "show",
+    "validate",
+]
 
-def __getattr__(name: str) -> str:
+
+def __getattr__(name: str) -> Any:
     # Looking the version up costs more than the rest of `twin --help`.
     if name == "__version__":
         from importlib.metadata import version
 
         return version("airbearing-twin")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = _FROM.get(name, "twin.api")
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(module), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

@@ -3,13 +3,13 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from twin.budget import momentum_budget
 from twin.clock import Clock, check_duration
-from twin.controller import AnyController, load_controller
+from twin.controller import AnyController, Controller, load_controller
 from twin.controller.load import tell_mistake
 from twin.effects import Effect, effects_of, with_effects
 from twin.errors import UnknownName, UsageError
@@ -25,9 +25,10 @@ from twin.plant.plant import Plant
 from twin.plant.replayed import ReplayedPlant
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
-from twin.recording import open_log
+from twin.recording import Recording, open_log
 from twin.reference import Reference, parse_reference
 from twin.rotation import to_euler_zyx
+from twin.shown import Shown
 from twin.signals import Command
 
 if TYPE_CHECKING:
@@ -177,13 +178,34 @@ class Flight:
         return cast(Command, wanted)
 
 
+@dataclass(frozen=True)
+class Run(Shown):
+    """A flight that is over."""
+
+    platform: Platform
+    recording: Recording
+    """All streams, a simulation's true states too."""
+    outcome: Outcome
+    metrics: Mapping[str, Any]
+    """By name with its unit: of tracking, tilt, wheels (`twin.metrics`)."""
+    settle: float
+    """From which on tracking counts [s]."""
+    warnings: tuple[str, ...] = ()
+    """What was foretold to go wrong, a sentence each."""
+
+    @property
+    def ended(self) -> str:
+        """done, degraded, safe_stop or failed."""
+        return self.outcome.ended.value
+
+
 def prepare(
-    platform: str,
+    platform: str | Platform,
     *,
-    controller: str,
+    controller: str | AnyController,
     estimator: str | None,
     plant: str,
-    reference: str | None,
+    reference: str | Reference | None,
     duration: float | None,
     seed: int = 0,
     initial: InitialState | None = None,
@@ -196,12 +218,13 @@ def prepare(
     """Find everything by its name and put it together.
 
     Args:
-        platform: a shipped name, or a folder; `:variant` may follow.
+        platform: a shipped name, or a folder; `:variant` may follow; or the machine itself.
         controller: a shipped name, a file, or the address of a law in another program
-            (`twin.controller.remote`), which is waited for.
+            (`twin.controller.remote`), which is waited for; or the law itself.
         estimator: a name of `twin.estimators`; None for the machine's usual one.
         plant: `sim`, `replay:LOG`, or one that `twin.bench.open_bench` knows.
-        reference: see `twin.reference.parse_reference`; None: what the law is usually given.
+        reference: see `twin.reference.parse_reference`, or a motion itself; None: what the law is
+            usually given.
         duration: [s]; None: 60 s, or the whole log that is replayed.
         seed: of all random numbers.
         initial: of a simulated or emulated plant.
@@ -217,7 +240,8 @@ def prepare(
         PlatformError, ControllerError, LogError: a file that is wrong.
         EffectError: an effect that the platform cannot have.
     """
-    machine = with_effects(load_platform(platform), effects)
+    stated = platform if isinstance(platform, Platform) else load_platform(platform)
+    machine = with_effects(stated, effects)
     start = initial or InitialState()
     kind, _, rest = plant.partition(":")
     length = 60.0 if duration is None else duration
@@ -248,7 +272,7 @@ def prepare(
     observer = load_estimator(estimator or usual_estimator(machine))
     law = _law(controller, gains, machine, simulated=bench is None or lockstep, tell=tell)
     asked = reference or law.reference
-    followed = parse_reference(asked)
+    followed = asked if isinstance(asked, Reference) else parse_reference(asked)
     if kind != "replay":  # what a log did is done, wherever the law would have gone
         _check_within_stop(machine, asked, followed, length)
     return Flight(
@@ -262,7 +286,9 @@ def prepare(
     )
 
 
-def _check_within_stop(machine: Platform, asked: str, followed: Reference, length: float) -> None:
+def _check_within_stop(
+    machine: Platform, asked: str | Reference, followed: Reference, length: float
+) -> None:
     if machine.base.kind != "ball" or not np.isfinite(machine.stop_angle):
         return
     lean = float(np.max(machine.lean(followed.at(np.linspace(0.0, length, 1000)).attitude)))
@@ -274,13 +300,17 @@ def _check_within_stop(machine: Platform, asked: str, followed: Reference, lengt
 
 
 def _law(
-    name: str,
+    name: str | AnyController,
     gains: Mapping[str, float] | None,
     machine: Platform,
     *,
     simulated: bool,
     tell: Callable[[str], None],
 ) -> AnyController:
+    if isinstance(name, Controller):
+        if gains:
+            raise UsageError("gains are those of a law by its name; set the fields of this one")
+        return name
     if "://" not in name:
         return load_controller(name, gains)
     if gains:

@@ -1,10 +1,18 @@
-"""Where the shipped machines and control laws lie: beside the package, or in it in a wheel."""
+"""Where machines and control laws lie: beside the package, in it in a wheel, or in other packages.
 
+An installed package may bring control laws: each an entry point of the group `twin.controllers`
+that names the law's class, the only law in its file.
+"""
+
+import inspect
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import Any
 
 from twin.errors import UnknownName, UsageError
 
 _PACKAGE = Path(__file__).parent
+_GROUP = "twin.controllers"
 
 
 def library(kind: str) -> Path:
@@ -25,8 +33,9 @@ def model_names() -> list[str]:
 
 
 def controller_names() -> list[str]:
-    """Names of the shipped control laws."""
-    return sorted(path.stem for path in library("controllers").glob("*.py"))
+    """Names of the shipped control laws, then of those of installed packages."""
+    shipped = sorted(path.stem for path in library("controllers").glob("*.py"))
+    return [*shipped, *sorted(point.name for point in entry_points(group=_GROUP))]
 
 
 def find_model(name: str) -> tuple[Path, str]:
@@ -56,11 +65,12 @@ def findable(folder: Path, name: str) -> str:
 
 
 def find_controller(name: str) -> Path:
-    """File of a shipped control law (`quaternion_pd`) or of one's own (`path/to/law.py`).
+    """File of a control law: shipped (`quaternion_pd`), of an installed package, or one's own
+    (`path/to/law.py`).
 
     Raises:
-        UnknownName: neither.
-        UsageError: it ends in .py, and there is no such file.
+        UnknownName: none of these.
+        UsageError: it ends in .py, and there is no such file; or a package's entry point fails.
     """
     own = Path(name)
     if own.suffix == ".py":
@@ -70,7 +80,21 @@ def find_controller(name: str) -> Path:
     shipped = library("controllers") / f"{name}.py"
     if name == shipped.stem and shipped.is_file():
         return shipped
+    for point in entry_points(group=_GROUP, name=name):
+        return _file_of(point)
     raise UnknownName("controller", name, controller_names())
+
+
+def _file_of(point: EntryPoint) -> Path:
+    """The file of the class that an entry point names."""
+    try:
+        law: Any = point.load()
+        return Path(inspect.getfile(law)).resolve()
+    except Exception as problem:
+        raise UsageError(
+            f"entry point {point.name!r} of {_GROUP!r} ({point.value}) names no class of a file: "
+            f"{type(problem).__name__}: {problem}"
+        ) from problem
 
 
 def _split(name: str) -> tuple[str, str]:

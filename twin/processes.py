@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import ExitStack
 from multiprocessing import get_context, parent_process
@@ -41,7 +41,7 @@ class Pool:
             initializer: called once in each with `initargs`.
             initargs: as they travel by pickle.
         """
-        with stop.blocked():  # its queues' locks start a process too
+        with beginning():  # its queues' locks start a process too
             self._pool = ProcessPoolExecutor(
                 workers,
                 mp_context=get_context("spawn"),
@@ -57,7 +57,7 @@ class Pool:
         Raises:
             BrokenProcessPool: one of them has died.
         """
-        with stop.blocked():
+        with beginning():
             return self._pool.submit(work, *args, **kwargs)
 
     def end(self) -> None:
@@ -89,6 +89,24 @@ class Pool:
     def _kill(self) -> None:
         for worker in self._workers():
             worker.kill()
+
+
+@contextlib.contextmanager
+def beginning() -> Generator[None]:
+    """Processes that are started within hear no signal before they say so, and do not run the
+    caller's script again: it may do its work without asking whether it is `__main__`.
+
+    What such a process is sent may therefore be of no class of that script.
+    """
+    main = sys.modules["__main__"]
+    script = getattr(main, "__spec__", None) is None and hasattr(main, "__file__")
+    file = main.__dict__.pop("__file__") if script else None
+    try:
+        with stop.blocked():
+            yield
+    finally:
+        if script:
+            main.__dict__["__file__"] = file
 
 
 def first_completed(futures: Iterable[Future[_T]]) -> set[Future[_T]]:

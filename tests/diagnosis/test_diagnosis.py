@@ -186,7 +186,7 @@ def test_the_page_says_what_the_terminal_says(found, tmp_path):
     write_diagnosis(path, found, None)
     page = path.read_text(encoding="utf-8")
     assert "harness_stiffness" in page
-    assert page.count("<svg") == 2
+    assert page.count("<svg") == 4, "prediction, residual, before and after, causes"
     assert "src=" not in page, "it stands alone"
     assert diagnosed(found)[0].split(":")[0] in ("Explained", "Ambiguous")
 

@@ -17,6 +17,7 @@ from twin.campaigns.merit import METRICS
 from twin.campaigns.results import Results
 from twin.campaigns.statistics import bootstrap, holm, mean, quantile
 from twin.interval import Interval
+from twin.shown import Shown
 
 Array = NDArray[np.float64]
 
@@ -96,7 +97,7 @@ class Worst:
 
 
 @dataclass(frozen=True)
-class Answers:
+class Answers(Shown):
     """Of a campaign as far as it is flown."""
 
     results: Results

@@ -16,17 +16,20 @@ from twin.campaigns.rows import read_rows, table_of
 from twin.campaigns.spec import Spec
 from twin.errors import UsageError
 from twin.loop import Observer
+from twin.shown import Shown
 from twin.stream.provenance import provenance
 from twin.stream.recorder import FileRecorder
 
 
 @dataclass(frozen=True)
-class Replayed:
+class Replayed(Shown):
     """A run that was flown again."""
 
     run: int
     arm: str
     values: dict[str, float]
+    """Of its factors [SI]."""
+    units: dict[str, str]
     """Of its factors."""
     came: Came
     differs: tuple[str, ...] | None
@@ -58,7 +61,8 @@ def replay(spec: Spec, folder: Folder, run: int, rrd: Path | None = None) -> Rep
     if shard.is_file():
         written = read_rows(shard).slice(run % spec.shard, 1).to_pylist()[0]
         differs = tuple(name for name, value in again.items() if value != written[name])
-    return Replayed(run, arm.name, values, came[run], differs)
+    units = {factor.name: factor.unit for factor in spec.factors}
+    return Replayed(run, arm.name, values, units, came[run], differs)
 
 
 def record_kept(spec: Spec, folder: Folder, tell: Callable[[str], None]) -> list[Path]:

@@ -1,23 +1,19 @@
 """What verbs print: one document of plain JSON, and a line of progress for a person who waits."""
 
-import json
-import math
 import os
 import sys
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, cast
-
-import numpy as np
 
 from twin.errors import UsageError
+from twin.shown import as_json
 from twin.stop import check
 
 
 def print_json(document: object) -> None:
     """Print `document` on stdout; arrays become lists, and what is no finite number null."""
-    print(json.dumps(_plain(document), indent=2, allow_nan=False, ensure_ascii=False))
+    print(as_json(document))
 
 
 def tell(line: str) -> None:
@@ -83,20 +79,3 @@ def progress() -> Generator[Callable[[str], None]]:
     finally:
         if waits:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, Mapping):
-        items = cast(Mapping[Any, Any], value).items()
-        return {str(key): _plain(entry) for key, entry in items}
-    if isinstance(value, str):
-        return value
-    if isinstance(value, Sequence):
-        return [_plain(entry) for entry in cast(Sequence[Any], value)]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, Path):
-        return str(value)
-    return value

@@ -96,6 +96,7 @@ class Run:
         from twin.metrics import Metrics, settled
         from twin.plant.guard.guarded import Held
         from twin.rehearsal import check_lean, identified_box
+        from twin.report.flown import flown
         from twin.stop import Stopped
         from twin.stream.flight_recorder import FlightRecorder
         from twin.stream.provenance import provenance
@@ -152,7 +153,9 @@ class Run:
         if self.json:
             print_json(self._document(outcome, metrics, warnings))
         else:
-            print("\n".join([*_report(flight, outcome, metrics), *told, *self._where(kept)]))
+            row = {name: value[0] for name, value in metrics.rows().items()}
+            lines = flown(flight.platform, outcome, row, metrics.settle)
+            print("\n".join([*lines, *told, *self._where(kept)]))
         if outcome.asked not in (0, signal.SIGINT):  # a terminal is gone, or a system goes down
             raise Stopped(outcome.asked)
         return 0 if outcome.ended is Ended.done or outcome.asked else 1
@@ -270,44 +273,3 @@ def _gains(words: Sequence[str]) -> dict[str, float]:
         except ValueError:
             raise UsageError(f"gain {word!r}: give NAME=VALUE, as in proportional=5") from None
     return gains
-
-
-def _report(flight: "Flight", outcome: "Outcome", metrics: "Metrics") -> list[str]:
-    """What happened, in words a lab uses: degrees and newton metre seconds."""
-    import numpy as np
-
-    row = {name: value[0] for name, value in metrics.rows().items()}
-    end = f"{outcome.ended.value} after {outcome.duration:g} s"
-    lines = [f"{end}: {outcome.reason}" if outcome.reason else end]
-    if "tracking_error_rms_rad" in row:
-        rms, worst = np.degrees([row["tracking_error_rms_rad"], row["tracking_error_max_rad"]])
-        lines.append(
-            f"tracking error {rms:.3g} deg rms, {worst:.3g} deg at worst, "
-            f"from {metrics.settle:g} s on"
-        )
-    if "tilt_max_rad" in row:
-        most = row["tilt_max_rad"]
-        touched = flight.platform.pitch_stop is None and most >= flight.platform.tilt_limit
-        stop = ", where it touched its stop" if touched else ""
-        lines.append(f"largest tilt {np.degrees(most):.3g} deg{stop}")
-    peaks = row.get("wheel_momentum_max_N_m_s", ())
-    if "wheel_speed" not in flight.platform.sensors:
-        # nobody has seen them
-        peaks = ()
-    for wheel, peak in zip(flight.platform.wheels, peaks, strict=bool(len(peaks))):
-        lines.append(f"{wheel.name} held up to {peak:.3g} of {wheel.momentum_limit:g} N m s")
-    if np.isfinite(row.get("wheel_saturated_at_s", np.nan)):
-        lines.append(f"a wheel was saturated from {row['wheel_saturated_at_s']:.1f} s on")
-    timing = outcome.timing
-    if timing.lateness:
-        p50, p99, most = (timing.lateness_at(p) * 1e3 for p in (50.0, 99.0, 100.0))
-        own50, own99, longest = (timing.own_at(p) * 1e3 for p in (50.0, 99.0, 100.0))
-        lines.append(
-            f"ticks came {p50:.2f} ms late (median), {p99:.2f} ms (99 %), {most:.2f} ms at most; "
-            f"{timing.overruns} overruns in {timing.ticks} ticks"
-        )
-        lines.append(
-            f"each took {own50:.2f} ms (median), {own99:.2f} ms (99 %), {longest:.2f} ms at most, "
-            f"of {flight.platform.tick * 1e3:g} ms"
-        )
-    return lines

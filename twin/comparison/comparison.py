@@ -25,6 +25,7 @@ from twin.predict.innovations import Problem, Unexplained, unexplained_torque
 from twin.predict.logs import check_possible, motion_of, usable
 from twin.recording import Recording
 from twin.recording.pauses import longest_of
+from twin.shown import Shown
 
 Array = NDArray[np.float64]
 MOVED = 1e-3
@@ -86,7 +87,7 @@ def balance(account: Account) -> Balance:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Shown):
     """A platform's model held against one log."""
 
     platform: Platform

@@ -33,6 +33,7 @@ from twin.predict.logs import usable
 from twin.predict.rollouts import BeyondBounds
 from twin.recording import Recording
 from twin.recording.pauses import pieces_of
+from twin.shown import Shown
 
 DRAUGHT = 3e-4
 """Largest rms torque of a room's draughts on a platform [N m]: 1 mN at 0.3 m."""
@@ -91,7 +92,7 @@ def carried(baseline: Explanation, explanation: Explanation) -> float:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(Shown):
     """A platform's model held against logs."""
 
     platform: Platform

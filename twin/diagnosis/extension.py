@@ -40,6 +40,7 @@ from twin.predict.innovations import Problem, retraced
 from twin.predict.logs import motion_of, usable
 from twin.recording import Recording
 from twin.recording.pauses import longest_of
+from twin.shown import Shown
 from twin.stop import at_last
 
 LAW = "law.py"
@@ -213,7 +214,7 @@ def _variable(name: str) -> str:
 
 
 @dataclass(frozen=True)
-class Validation:
+class Validation(Shown):
     """Base, effects and laws as they were found; only biases and initial states are this log's."""
 
     log_likelihood: float

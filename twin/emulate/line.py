@@ -14,7 +14,8 @@ from twin.emulate.emulated import EmulatedDevice
 from twin.emulate.faults import Fault
 from twin.emulate.server import BEAT, Server
 from twin.errors import DeviceError, TwinError
-from twin.stop import LOOK, blocked, ignore, until
+from twin.processes import beginning
+from twin.stop import LOOK, ignore, until
 
 _START = 60.0
 """Longest wait for the process [s]: it may have a machine to compile."""
@@ -64,7 +65,7 @@ class EmulatedLines:
             DeviceError: it ended at once, or took too long.
             Stopped: a stop was requested meanwhile.
         """
-        with blocked():
+        with beginning():
             self._process.start()
         said = self._not_there(f"did not start within {_START:g} s")
         try:

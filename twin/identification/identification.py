@@ -40,6 +40,7 @@ from twin.predict.innovations import Problem, Unknowns
 from twin.predict.logs import Scaled, check_possible, motion_of, usable
 from twin.recording import Recording
 from twin.recording.pauses import pieces_of
+from twin.shown import Shown
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,7 @@ class Misfit:
 
 
 @dataclass(frozen=True)
-class Identification:
+class Identification(Shown):
     """What logs say of the base of a platform."""
 
     method: str

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import UnknownName
+from twin.shown import Shown
 from twin.units import unit_named
 
 Array = NDArray[np.float64]
@@ -66,7 +67,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Recording(Mapping[str, Series]):
+class Recording(Shown, Mapping[str, Series]):
     """Streams by name, with their provenance."""
 
     streams: Mapping[str, Series]

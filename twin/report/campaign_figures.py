@@ -1,4 +1,4 @@
-"""Figures of a campaign, as SVG text to stand in a page."""
+"""Figures of a campaign."""
 
 import matplotlib as mpl
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from twin.campaigns.answers import Answers
 from twin.campaigns.merit import METRICS
 from twin.campaigns.results import Results
-from twin.report.style import FIGURE, PALETTE, SOFT, svg
+from twin.report.style import FIGURE, PALETTE, SOFT
 from twin.units import fitting
 
 Array = NDArray[np.float64]
@@ -17,7 +17,7 @@ SHOWN = 400
 """Points of a distribution that are drawn."""
 
 
-def spread_figure(found: Answers) -> str:
+def spread_figure(found: Answers) -> Figure:
     """Share of runs below each value of each metric, an arm a line."""
     results = found.results
     names = list(dict.fromkeys(spread.metric for spread in found.spreads))
@@ -45,14 +45,14 @@ def spread_figure(found: Answers) -> str:
             panel.set_ylabel("share of runs")
         if len(results.spec.arms) > 1:
             panels[0].legend(loc="lower right", fontsize=8)
-        return svg(figure)
+        return figure
 
 
-def sensitivity_figure(found: Answers, arm: str) -> str:
-    """Rank correlation of each metric with each factor; empty where there is none."""
+def sensitivity_figure(found: Answers, arm: str) -> Figure | None:
+    """Rank correlation of each metric with each factor; None where there is none."""
     links = [one for one in found.sensitivities if one.arm == arm]
     if not links:
-        return ""
+        return None
     metrics = list(dict.fromkeys(one.metric for one in links))
     factors = list(dict.fromkeys(one.factor for one in links))
     grid = np.full((len(metrics), len(factors)), np.nan)
@@ -77,14 +77,14 @@ def sensitivity_figure(found: Answers, arm: str) -> str:
                         column, row, f"{value:.2f}", ha="center", va="center", color=ink, fontsize=7
                     )
         figure.colorbar(shades, ax=panel, label="rank correlation")
-        return svg(figure)
+        return figure
 
 
-def gain_figure(results: Results, metric: str) -> str:
-    """Median of a metric over the grid: lines over one factor, shades over two; else empty."""
+def gain_figure(results: Results, metric: str) -> Figure | None:
+    """Median of a metric over the grid: lines over one factor, shades over two; else None."""
     grids = results.spec.grids
     if not 1 <= len(grids) <= 2 or metric not in results.metrics:
-        return ""
+        return None
     with mpl.rc_context(FIGURE):
         arms = results.spec.arms
         if len(grids) == 1:
@@ -105,10 +105,10 @@ def gain_figure(results: Results, metric: str) -> str:
             panel.set_title(arm.name, fontsize=9)
             panel.grid(visible=False)
             figure.colorbar(shades, ax=panel, label=f"{metric} [{unit}]")
-        return svg(figure)
+        return figure
 
 
-def _line(figure: Figure, results: Results, metric: str) -> str:
+def _line(figure: Figure, results: Results, metric: str) -> Figure:
     ((first, xs),) = results.spec.grids
     factor, unit = _scale(results, metric)
     panel = figure.subplots()
@@ -130,7 +130,7 @@ def _line(figure: Figure, results: Results, metric: str) -> str:
     panel.axhline(0.0, color=SOFT, lw=0.5)
     if len(results.spec.arms) > 1:
         panel.legend()
-    return svg(figure)
+    return figure
 
 
 def _median(results: Results, metric: str, arm: str, at: dict[str, float]) -> float:

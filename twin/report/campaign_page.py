@@ -23,12 +23,19 @@ from twin.report.campaign_words import (
     verdicts,
     worst_table,
 )
+from twin.report.foot import foot
 from twin.report.style import bullets, framed, page, table
 from twin.whole_file import write_whole
 
 
 def write_campaign_page(path: Path, found: Answers) -> None:
     """Write the page."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, campaign_page(found))
+
+
+def campaign_page(found: Answers) -> str:
+    """The page as text."""
     results, spec = found.results, found.results.spec
     first, *rest = summary(found)
     parts = [f"<h1>{escape(title(found))}</h1>", f"<p class='verdict'>{escape(first)}</p>"]
@@ -50,7 +57,7 @@ def write_campaign_page(path: Path, found: Answers) -> None:
         parts.append(_table(index_table(found)))
     for arm in spec.arms:
         drawn = sensitivity_figure(found, arm.name)
-        if drawn:
+        if drawn is not None:
             caption = f"{arm.name}: numbers stand where it is no chance, among all that were asked."
             parts.append(framed(drawn, caption))
     head, rows = sensitivity_table(found)
@@ -66,8 +73,8 @@ def write_campaign_page(path: Path, found: Answers) -> None:
     parts.append(f"<p>Again, and in full: <code>twin replay {escape(str(results.folder))} RUN "
                  "--rrd OUT.rrd</code></p>")  # fmt: skip
     parts += ["<h2>Specification</h2>", f"<pre>{escape(spec.text)}</pre>"]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, page(title(found), "\n".join(parts)))
+    parts.append(foot([], None))
+    return page(title(found), "\n".join(parts))
 
 
 def _table(rows: Rows) -> str:

@@ -25,6 +25,7 @@ from twin.predict.logs import (
     usable,
 )
 from twin.recording import Recording, Series
+from twin.shown import Shown
 from twin.signals import DERIVED, LOGGED, STREAMS, stream_named
 from twin.units import fitting, printed, three_digits
 
@@ -81,7 +82,7 @@ class StreamContents:
 
 
 @dataclass(frozen=True)
-class Contents:
+class Contents(Shown):
     """What a log holds."""
 
     source: str

@@ -5,7 +5,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from twin.diagnosis import Diagnosis
-from twin.report.style import FIGURE, INK, PALETTE, SOFT, svg
+from twin.report.figures import BEST, BUILT, drawn_motion, drawn_residuals, run_to_show
+from twin.report.style import FIGURE, INK, PALETTE, SOFT
 
 BAND = "#e3edf2"
 BEFORE, AFTER = PALETTE[1], PALETTE[0]
@@ -13,7 +14,21 @@ LISTED = 18
 """Causes that are drawn, the strongest alone first."""
 
 
-def before_after_figure(found: Diagnosis) -> str:
+def prediction_figure(found: Diagnosis) -> Figure:
+    """Of the first log, the measured motion, and free runs of the model without the causes and with
+    them."""
+    body = found.explained.bodies[0]
+    run = run_to_show(found.free_runs, body)
+    return drawn_motion(body.motion, run, before="before", after="after")
+
+
+def left_figure(found: Diagnosis) -> Figure:
+    """Of the first log, the residual of each stream, without the causes and with them."""
+    accounts = [(found.baseline.account, BUILT, "before"), (found.explained.account, BEST, "after")]
+    return drawn_residuals(found.explained.bodies[0], accounts)
+
+
+def before_after_figure(found: Diagnosis) -> Figure:
     """Chi-square a sample of each stream over time, without the causes and with them."""
     with mpl.rc_context(FIGURE):
         before = found.baseline.account.misfits
@@ -38,10 +53,10 @@ def before_after_figure(found: Diagnosis) -> str:
             panel.set_ylabel(f"{stream}\nchi² a sample")
         panels[0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         panels[-1].set_xlabel("time [s]")
-        return svg(figure)
+        return figure
 
 
-def evidence_figure(found: Diagnosis) -> str:
+def evidence_figure(found: Diagnosis) -> Figure:
     """What each cause explains on its own, and what it still adds beside those that were found."""
     with mpl.rc_context(FIGURE):
         rows = [(c.effect.label, c.alone, c.evidence, True) for c in found.causes]
@@ -69,4 +84,4 @@ def evidence_figure(found: Diagnosis) -> str:
             panel.plot([], [], "s", color=color, label=label)
         panel.legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         panel.set_xlabel("evidence: fall of −2 log likelihood, less the price of its numbers")
-        return svg(figure)
+        return figure

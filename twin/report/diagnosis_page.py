@@ -19,7 +19,14 @@ from twin.report.diagnosed import (
     validated,
     verdict_sentence,
 )
-from twin.report.diagnosis_figures import before_after_figure, evidence_figure
+from twin.report.diagnosis_figures import (
+    before_after_figure,
+    evidence_figure,
+    left_figure,
+    prediction_figure,
+)
+from twin.report.figures import run_caption, run_to_show
+from twin.report.foot import foot
 from twin.report.next_experiment import experiment_sentence
 from twin.report.one_clock import one_clock_sentences
 from twin.report.style import bullets, framed, page, table, typeset
@@ -30,10 +37,16 @@ from twin.whole_file import write_whole
 
 def write_diagnosis(path: Path, found: Diagnosis, gain: Validation | None) -> None:
     """Write the page."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, diagnosis_page(found, gain))
+
+
+def diagnosis_page(found: Diagnosis, gain: Validation | None = None) -> str:
+    """The page as text."""
     names = ", ".join(map(log_name, found.recordings))
     title = f"Diagnosis of {names} on {found.platform.name}"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, page(title, "\n".join(_parts(found, gain, title))))
+    parts = [*_parts(found, gain, title), foot(found.recordings, found.platform)]
+    return page(title, "\n".join(parts))
 
 
 def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
@@ -57,6 +70,12 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
         f"{len(found.tried) + len(found.causes)} causes asked for</p>",
         f"<p class='verdict'>{escape(typeset(verdict))}</p>",
         bullets(own),
+        "<h2>Measured and predicted</h2>",
+        framed(prediction_figure(found), _run_caption(found)),
+        framed(
+            left_figure(found),
+            "Measured less predicted. What lies outside the frame belongs to the worst stretches.",
+        ),
         "<h2>Before and after</h2>",
         framed(
             before_after_figure(found),
@@ -85,6 +104,10 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
         lines = "\n".join(escape(typeset(said)) for said in sizes)
         parts += ["<h2>What would have been found</h2>", f"<pre>{lines}</pre>"]
     return parts
+
+
+def _run_caption(found: Diagnosis) -> str:
+    return run_caption(run_to_show(found.free_runs, found.explained.bodies[0]))
 
 
 def _gain_table(found: Diagnosis) -> str:

@@ -1,4 +1,6 @@
-"""Figures of a comparison, as SVG text to stand in a page."""
+"""Figures of a comparison."""
+
+from collections.abc import Mapping, Sequence
 
 import matplotlib as mpl
 import numpy as np
@@ -12,8 +14,10 @@ from twin.comparison.account import Account
 from twin.comparison.comparison import missing_torque
 from twin.comparison.explanation import FreeRun
 from twin.comparison.symptoms import Domain, standstill
+from twin.predict.body import Body
 from twin.predict.innovations import Unexplained
-from twin.report.style import FIGURE, INK, PALETTE, SOFT, svg
+from twin.predict.logs import Motion
+from twin.report.style import FIGURE, INK, PALETTE, SOFT
 from twin.units import fitting
 
 Array = NDArray[np.float64]
@@ -30,24 +34,23 @@ LISTED = 14
 """Symptoms drawn."""
 
 
-def motion_figure(comparison: Comparison) -> str:
+def motion_figure(comparison: Comparison) -> Figure:
     """Turn from the first position, measured, and in free runs as built and of the best model."""
+    return drawn_motion(
+        comparison.body.motion, shown_run(comparison), before="as built", after="best model"
+    )
+
+
+def drawn_motion(motion: Motion, run: FreeRun | None, *, before: str, after: str) -> Figure:
+    """Turn from the first position, measured, and in free runs of two models."""
     with mpl.rc_context(FIGURE):
-        motion, run = comparison.body.motion, shown_run(comparison)
         width = motion.rate.shape[1]
         figure = Figure(figsize=(9.6, 1.2 + (2.4 if width == 1 else 1.9 * width)))
         panels = figure.subplots(width, 1, sharex=True, squeeze=False)[:, 0]
         factor, unit = fitting(1.0, "rad")
         first = motion.position[0]
         measured = _turned(motion.position, first)
-        drawn = [
-            (runs, color, label)
-            for runs, color, label in (
-                (run.as_built if run else None, BUILT, "as built"),
-                (run.best if run else None, BEST, "best model"),
-            )
-            if runs is not None
-        ]
+        drawn = [] if run is None else [(run.as_built, BUILT, before), (run.best, BEST, after)]
         for k, panel in enumerate(panels):
             axis = "" if width == 1 else f" about {'xyz'[k]}"
             panel.plot(
@@ -66,27 +69,51 @@ def motion_figure(comparison: Comparison) -> str:
             panel.set_ylabel(f"turn{axis} [{unit}]")
         panels[0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         panels[-1].set_xlabel("time [s]")
-        return svg(figure)
+        return figure
 
 
 def shown_run(comparison: Comparison) -> FreeRun | None:
-    """The free runs that a figure shows: as long as leaves them apart."""
-    grid = comparison.body.grid
-    runs = [run for run in comparison.free_runs.values() if run is not None]
-    short = [run for run in runs if run.horizon <= max(2.0 * grid.length, 1.0)]
+    """The free runs that a figure shows."""
+    return run_to_show(comparison.free_runs, comparison.body)
+
+
+def run_to_show(free_runs: Mapping[float, FreeRun | None], body: Body) -> FreeRun | None:
+    """Of free runs by horizon, the longest that do not overlap in a figure."""
+    runs = [run for run in free_runs.values() if run is not None]
+    short = [run for run in runs if run.horizon <= max(2.0 * body.grid.length, 1.0)]
     return (short[-1:] or runs[:1] or [None])[0]
 
 
-def residual_figure(comparison: Comparison) -> str:
-    """Residuals over time, with the band in which 95 % of the sensors' noise lies."""
+def run_caption(run: FreeRun | None) -> str:
+    """What stands under a figure with free runs."""
+    if run is None:
+        return "The log is too short for a free run."
+    return (
+        f"Free runs of {run.horizon:g} s under the recorded commands, each started from what was "
+        "measured before; nothing is fitted to them."
+    )
+
+
+def residual_figure(comparison: Comparison) -> Figure:
+    """Residuals over time, as built and of the best model."""
+    return drawn_residuals(comparison.body, _both(comparison))
+
+
+def drawn_residuals(body: Body, accounts: Sequence[tuple[Account, str, str]]) -> Figure:
+    """Residuals of a log over time, with the band in which 95 % of the sensors' noise lies.
+
+    Args:
+        body: the log, the first of each account.
+        accounts: fits, each with its colour and its label.
+    """
     with mpl.rc_context(FIGURE):
-        outputs = comparison.body.outputs
+        outputs = body.outputs
         figure = Figure(figsize=(9.6, 1.0 + 2.0 * len(outputs)))
         panels = figure.subplots(len(outputs), 1, sharex=True, squeeze=False)[:, 0]
         for index, (panel, output) in enumerate(zip(panels, outputs, strict=True)):
             factor, name = fitting(float(output.noise.max()), output.unit)
             heights: list[float] = []
-            for account, color, label in _both(comparison):
+            for account, color, label in accounts:
                 error = account.left[0][index] * output.noise
                 thin = slice(None, None, max(error.size // POINTS, 1))
                 panel.plot(output.time[thin], error[thin] / factor, ".", ms=2.0, color=color)
@@ -98,10 +125,10 @@ def residual_figure(comparison: Comparison) -> str:
             panel.set_ylabel(f"{output.stream}\nresidual [{name}]")
         panels[0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         panels[-1].set_xlabel("time [s]")
-        return svg(figure)
+        return figure
 
 
-def misfit_figure(comparison: Comparison) -> str:
+def misfit_figure(comparison: Comparison) -> Figure:
     """Chi-square of each stream over time, and autocorrelations, with the bands of a true model."""
     with mpl.rc_context(FIGURE):
         found = comparison.best.explained.misfits
@@ -129,10 +156,10 @@ def misfit_figure(comparison: Comparison) -> str:
                 right.legend(ncols=len(parts), loc="upper right")
         panels[-1, 0].set_xlabel("time [s]")
         panels[-1, 1].set_xlabel("lag [samples]")
-        return svg(figure)
+        return figure
 
 
-def symptom_figure(comparison: Comparison) -> str:
+def symptom_figure(comparison: Comparison) -> Figure:
     """Evidence for each departure where the best model has none yet, and what chance gives."""
     with mpl.rc_context(FIGURE):
         scores = comparison.best.scores[:LISTED]
@@ -160,10 +187,10 @@ def symptom_figure(comparison: Comparison) -> str:
         panel.plot([], [], color=INK, lw=1.6, label="by chance once in 100 logs")
         panel.legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         panel.set_xlabel("evidence: fall of −2 log likelihood, independent samples")
-        return svg(figure)
+        return figure
 
 
-def torque_figure(comparison: Comparison) -> str:
+def torque_figure(comparison: Comparison) -> Figure:
     """Smoothed unexplained torque over time and rate, with the friction found drawn through it."""
     with mpl.rc_context(FIGURE):
         torque = missing_torque(comparison, MEAN)
@@ -191,11 +218,12 @@ def torque_figure(comparison: Comparison) -> str:
             over_time.set_ylabel(f"unexplained torque{axis} [{name}]")
             panel.set_xlabel(f"rate{axis} [{rate_name}]")
         panels[-1, 0].set_xlabel("time [s]")
-        return svg(figure)
+        return figure
 
 
-def balance_figure(comparison: Comparison) -> str:
-    """Angular momentum about the vertical, and energy less the work of the motors."""
+def balance_figure(comparison: Comparison) -> Figure | None:
+    """Angular momentum about the vertical, and energy less the work of the motors; None where the
+    log shows neither."""
     with mpl.rc_context(FIGURE):
         found = comparison.balance
         curves = [
@@ -207,7 +235,7 @@ def balance_figure(comparison: Comparison) -> str:
             if values is not None
         ]
         if not curves:
-            return ""
+            return None
         figure = Figure(figsize=(9.6, 0.6 + 1.9 * len(curves)))
         panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
         for panel, (values, name, unit) in zip(panels, curves, strict=True):
@@ -218,7 +246,7 @@ def balance_figure(comparison: Comparison) -> str:
             panel.axhline(0.0, color=SOFT, lw=0.8)
             panel.set_ylabel(f"{name} [{shown}]")
         panels[-1].set_xlabel("time [s]")
-        return svg(figure)
+        return figure
 
 
 def _draw_friction(

@@ -11,10 +11,12 @@ from twin.report.figures import (
     misfit_figure,
     motion_figure,
     residual_figure,
+    run_caption,
     shown_run,
     symptom_figure,
     torque_figure,
 )
+from twin.report.foot import foot
 from twin.report.style import bullets, framed, page, table, typeset
 from twin.report.words import (
     base_rows,
@@ -32,11 +34,17 @@ def write_page(
     path: Path, comparisons: Sequence[Comparison], transfers: Sequence[Transfer]
 ) -> None:
     """Write the page; the first comparison is the one that the transfers come from."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, comparison_page(comparisons, transfers))
+
+
+def comparison_page(comparisons: Sequence[Comparison], transfers: Sequence[Transfer] = ()) -> str:
+    """The page as text."""
     parts = [_section(comparison) for comparison in comparisons]
     parts += [_transfer(transfer, comparisons[0]) for transfer in transfers]
     title = "What the model gets wrong: " + ", ".join(map(name_of, comparisons))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, page(title, "\n".join(parts)))
+    parts.append(foot([one.recording for one in comparisons], comparisons[0].platform))
+    return page(title, "\n".join(parts))
 
 
 def _section(comparison: Comparison) -> str:
@@ -53,7 +61,7 @@ def _section(comparison: Comparison) -> str:
         f"<p class='verdict'>{escape(typeset(verdict))}</p>",
         bullets(rest),
         "<h2>Measured and predicted</h2>",
-        framed(motion_figure(comparison), _run_caption(comparison)),
+        framed(motion_figure(comparison), run_caption(shown_run(comparison))),
         "<h2>What is left</h2>",
         framed(
             residual_figure(comparison),
@@ -91,7 +99,7 @@ def _section(comparison: Comparison) -> str:
 
 def _balance(comparison: Comparison) -> list[str]:
     drawn = balance_figure(comparison)
-    if not drawn:
+    if drawn is None:
         return []
     caption = (
         "Change since the start, of the smoothed motion. Momentum about the vertical changes by "
@@ -99,16 +107,6 @@ def _balance(comparison: Comparison) -> list[str]:
         "falls where something brakes."
     )
     return ["<h2>Two balances</h2>", framed(drawn, caption)]
-
-
-def _run_caption(comparison: Comparison) -> str:
-    run = shown_run(comparison)
-    if run is None:
-        return "The log is too short for a free run."
-    return (
-        f"Free runs of {run.horizon:g} s under the recorded commands, each started from what was "
-        "measured before; nothing is fitted to them."
-    )
 
 
 def _transfer(transfer: Transfer, source: Comparison) -> str:

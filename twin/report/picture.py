@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from twin.errors import UsageError
 from twin.noise.clock import GAP
 from twin.report.contents import Contents, StreamContents, contents_words
+from twin.report.foot import foot
 from twin.report.style import FIGURE, MISSING, PALETTE, page, svg
 from twin.units import fitting
 from twin.whole_file import whole, write_whole
@@ -23,6 +24,8 @@ BINS = 1000
 """Of a longer stream the least and the greatest value of each bin are drawn: no peak is lost."""
 MARKED = 200
 """Gaps of a stream that are marked, the longest."""
+LEGEND_COLUMNS = 5
+"""Names of columns that fit into a row above a panel."""
 
 
 def draw_contents(contents: Contents, path: Path) -> None:
@@ -35,10 +38,10 @@ def draw_contents(contents: Contents, path: Path) -> None:
         raise UsageError(f"{path}: a picture ends in one of {', '.join(ENDINGS)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        figure = contents_figure(contents)
         with mpl.rc_context(FIGURE):
-            figure = _figure(contents)
             if path.suffix.lower() == ".html":
-                write_whole(path, _page(contents, svg(figure)))
+                write_whole(path, contents_page(contents, figure))
             else:
                 with whole(path) as file:
                     figure.savefig(file, format=path.suffix[1:].lower(), dpi=130)
@@ -46,22 +49,37 @@ def draw_contents(contents: Contents, path: Path) -> None:
         raise UsageError(f"{path} cannot be written ({problem.strerror})") from None
 
 
-def _page(contents: Contents, figure: str) -> str:
+def contents_page(contents: Contents, figure: Figure | None = None) -> str:
+    """The page as text."""
+    drawn = svg(figure or contents_figure(contents))
     return page(
         contents.source,
-        f"<h1>{escape(contents.source)}</h1>\n<figure>{figure}</figure>\n"
-        f"<pre>{escape(contents_words(contents))}</pre>",
+        f"<h1>{escape(contents.source)}</h1>\n<figure>{drawn}</figure>\n"
+        f"<pre>{escape(contents_words(contents))}</pre>\n{foot([contents.recording], None)}",
     )
 
 
-def _figure(contents: Contents) -> Figure:
+def contents_figure(contents: Contents) -> Figure:
+    """One panel a stream."""
+    with mpl.rc_context(FIGURE):
+        return _panels(contents)
+
+
+def _panels(contents: Contents) -> Figure:
     streams = [stream for stream in contents.streams if len(stream.series)]
-    figure = Figure(figsize=(9.6, 0.6 + 1.7 * max(len(streams), 1)))
-    panels = figure.subplots(max(len(streams), 1), 1, sharex=True, squeeze=False)[:, 0]
+    heights = [1.5 + 0.2 * _legend_rows(stream) for stream in streams] or [1.7]
+    figure = Figure(figsize=(9.6, 0.6 + sum(heights)))
+    panels = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[
+        :, 0
+    ]
     for panel, stream in zip(panels, streams, strict=False):
         _draw(panel, stream, contents.recording.stop)
     panels[-1].set_xlabel("time [s]")
     return figure
+
+
+def _legend_rows(stream: StreamContents) -> int:
+    return -(-len(stream.shown[0]) // LEGEND_COLUMNS)
 
 
 def _draw(panel: Axes, stream: StreamContents, stop: float) -> None:
@@ -86,7 +104,10 @@ def _draw(panel: Axes, stream: StreamContents, stop: float) -> None:
     panel.set_title(stream.name, loc="left", fontsize=10)
     panel.set_ylabel("" if name == "1" else name)
     panel.legend(
-        ncols=len(columns), loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1
+        ncols=min(len(columns), LEGEND_COLUMNS),
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=0.1,
     )
 
 

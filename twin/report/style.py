@@ -5,6 +5,7 @@ from html import escape
 from io import StringIO
 from typing import Any
 
+import matplotlib as mpl
 from matplotlib.figure import Figure
 
 INK, SOFT = "#1c2733", "#55626e"
@@ -35,25 +36,33 @@ FIGURE: dict[Any, Any] = {
 """For `matplotlib.rc_context`."""
 
 _PAGE = """
-:root { --ink: #1c2733; --soft: #55626e; --line: #dfe6eb; --accent: #1f6f8b; }
+:root { --ink: #1c2733; --soft: #55626e; --line: #dfe6eb; --accent: #1f6f8b;
+  --paper: #ffffff; --shade: #f4f8fa; color-scheme: light dark; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e3e9ee; --soft: #9fb0bd; --line: #33424e;
+  --accent: #5fb3d1; --paper: #12191f; --shade: #1b252d; } }
 * { box-sizing: border-box; }
-body { margin: 0; color: var(--ink); background: #fff;
+body { margin: 0; color: var(--ink); background: var(--paper); overflow-wrap: anywhere;
   font: 16px/1.55 Inter, "Helvetica Neue", Arial, "DejaVu Sans", sans-serif; }
 main { max-width: 60rem; margin: 0 auto; padding: 3rem 1.5rem 5rem; }
 h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 .3rem; font-weight: 650; }
 h2 { font-size: 1.25rem; margin: 3rem 0 .6rem; font-weight: 650; }
 h3 { font-size: 1rem; margin: 2rem 0 .4rem; font-weight: 650; }
 .under { color: var(--soft); margin: 0 0 2rem; }
-.verdict { border-left: 4px solid var(--accent); background: #f4f8fa; padding: .9rem 1.2rem;
+.verdict { border-left: 4px solid var(--accent); background: var(--shade); padding: .9rem 1.2rem;
   font-size: 1.1rem; margin: 1.2rem 0; }
 li { margin: .35rem 0; }
-figure { margin: 1.2rem 0 0; } figure svg { width: 100%; height: auto; display: block; }
+figure { margin: 1.2rem 0 0; }
+figure svg { width: 100%; height: auto; display: block; background: #fff; border-radius: 4px; }
 figcaption { color: var(--soft); font-size: .9rem; margin-top: .3rem; }
 table { border-collapse: collapse; width: 100%; font-size: .92rem;
   font-variant-numeric: tabular-nums; }
-th { text-align: left; color: var(--soft); font-weight: 500; border-bottom: 1px solid #b8c4cd; }
+th { text-align: left; color: var(--soft); font-weight: 500; border-bottom: 1px solid var(--soft); }
 th, td { padding: .4rem .8rem .4rem 0; vertical-align: top; }
 td { border-bottom: 1px solid var(--line); }
+.wide { overflow-x: auto; } .wide td, .wide th { overflow-wrap: normal; }
+footer { border-top: 1px solid var(--line); color: var(--soft); font-size: .82rem;
+  margin-top: 4rem; padding-top: .8rem; } footer p { margin: .15rem 0; }
+@media (max-width: 40rem) { main { padding: 1.5rem 1rem 3rem; } h1 { font-size: 1.45rem; } }
 pre { font: .85rem/1.5 "DejaVu Sans Mono", Menlo, Consolas, monospace; overflow-x: auto; }
 """
 
@@ -71,13 +80,15 @@ def page(title: str, body: str) -> str:
 def svg(figure: Figure) -> str:
     """A figure as text to stand in a page."""
     text = StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None})
+    with mpl.rc_context(FIGURE):
+        figure.savefig(text, format="svg", metadata={"Date": None})
     return text.getvalue().split("\n", 3)[-1]
 
 
-def framed(svg: str, caption: str) -> str:
-    """A figure with its caption."""
-    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+def framed(drawn: Figure | str, caption: str) -> str:
+    """A figure, or its SVG text, with its caption."""
+    text = drawn if isinstance(drawn, str) else svg(drawn)
+    return f"<figure>{text}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def bullets(items: Sequence[str]) -> str:
@@ -92,7 +103,8 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         "<tr>" + "".join(f"<td>{escape(typeset(cell))}</td>" for cell in row) + "</tr>"
         for row in rows
     )
-    return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
+    rows_and_head = f"<thead><tr>{top}</tr></thead><tbody>{body}</tbody>"
+    return f"<div class='wide'><table>{rows_and_head}</table></div>"
 
 
 def typeset(text: str) -> str:

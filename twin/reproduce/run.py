@@ -13,7 +13,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, cast
 
 from twin import stop
-from twin.processes import end_with_parent
+from twin.processes import beginning, end_with_parent
 from twin.reproduce.judge import Judged, judge, nothing
 from twin.reproduce.part import Found, Part, Say
 from twin.reproduce.rows import Paper, Row
@@ -96,7 +96,7 @@ def _computed(parts: Iterable[Part], jobs: int, say: Say) -> Iterator[tuple[Part
                 part = waiting.popleft()
                 ours, theirs = _SPAWN.Pipe(duplex=False)
                 process = _SPAWN.Process(target=_work, args=(part, theirs), daemon=True)
-                with stop.blocked():
+                with beginning():
                     process.start()
                 theirs.close()
                 running[ours] = part, process

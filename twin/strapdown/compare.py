@@ -25,6 +25,7 @@ from twin.errors import UsageError
 from twin.noise import noise_of
 from twin.noise.cleaning import cleaned
 from twin.recording import Recording
+from twin.shown import Shown
 
 Array = NDArray[np.float64]
 PAIRS = ((0, 1), (0, 2), (1, 2))
@@ -266,7 +267,7 @@ def _sparse(time: Array, spacing: float) -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True)
-class GyroComparison:
+class GyroComparison(Shown):
     """A gyro's errors, in the order of `faults.NAMES`, and what they cost."""
 
     value: Array

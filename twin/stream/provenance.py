@@ -28,7 +28,7 @@ def provenance(
         "schema": SCHEMA,
         "kind": "run",
         "platform": findable(platform.folder, platform.name),
-        "platform_files": _hashes(platform.folder),
+        "platform_files": hashes_of(platform.folder),
         "control_rate": platform.control_rate,
         "step": platform.step,
         "gravity": platform.gravity,
@@ -47,7 +47,7 @@ def provenance(
     }
 
 
-def _hashes(folder: Path) -> dict[str, str]:
+def hashes_of(folder: Path) -> dict[str, str]:
     """SHA-256 of each file that makes the platform; its example logs do not."""
     files = (path for path in sorted(folder.rglob("*")) if path.is_file())
     return {

@@ -1,0 +1,400 @@
+"""How each kind of result prints, draws and is written: what `twin.shown.Shown` asks for."""
+
+from collections.abc import Mapping, Sequence
+from functools import singledispatch
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from twin.campaigns.answers import Answers
+from twin.campaigns.merit import METRICS
+from twin.campaigns.replay import Replayed
+from twin.comparison import Comparison
+from twin.diagnosis import Diagnosis, Validation
+from twin.errors import TwinError, UsageError
+from twin.flight import Run
+from twin.identification import Identification
+from twin.platform import Platform, platform_of
+from twin.procedures.session import Balanced
+from twin.recording import Recording, write_folder
+from twin.report.balanced import balanced
+from twin.report.campaign_document import campaign_document
+from twin.report.campaign_figures import spread_figure
+from twin.report.campaign_page import campaign_page
+from twin.report.campaign_words import summary, verdicts
+from twin.report.contents import Contents, contents_document, contents_of, contents_words
+from twin.report.diagnosed import diagnosed, validated
+from twin.report.diagnosis_document import diagnosis_document
+from twin.report.diagnosis_figures import prediction_figure
+from twin.report.diagnosis_page import diagnosis_page
+from twin.report.document import document
+from twin.report.figures import motion_figure
+from twin.report.flown import flown
+from twin.report.gyro import gyro_document, gyro_sentences
+from twin.report.identified import identified
+from twin.report.page import comparison_page
+from twin.report.picture import contents_figure, contents_page
+from twin.report.style import FIGURE, INK, PALETTE, page, svg
+from twin.report.words import sentences
+from twin.shown import as_json
+from twin.strapdown import GyroComparison
+from twin.stream.runfile import write_recording
+from twin.units import fitting, printed
+from twin.whole_file import whole, write_whole
+
+DRAWN = (".png", ".svg", ".pdf")
+ENDINGS = (".html", ".json", ".txt", *DRAWN)
+LOGS = (".rrd", "")
+"""Of a run or a log, besides; no ending: a folder of tables."""
+
+
+@singledispatch
+def sentences_of(result: object) -> Sequence[str]:
+    """The lines that the command line prints of a result."""
+    raise NotImplementedError(type(result).__name__)
+
+
+@singledispatch
+def document_of(result: object) -> Mapping[str, Any]:
+    """What it prints with `--json`.
+
+    Raises:
+        UsageError: it has none.
+    """
+    raise UsageError(f"a {type(result).__name__} has no document; print it, or save it as .txt")
+
+
+@singledispatch
+def figure_of(result: object) -> Figure:
+    """The main figure of a result.
+
+    Raises:
+        UsageError: it has none.
+    """
+    raise UsageError(f"a {type(result).__name__} has no figure; print it, or save it as .txt")
+
+
+@singledispatch
+def page_of(result: object) -> str:
+    """A page about a result that has none of its own: its figure, if it has one, and its lines."""
+    title, lines = type(result).__name__, "\n".join(sentences_of(result))
+    parts = [f"<h1>{title}</h1>"]
+    if figure_of.dispatch(type(result)) is not figure_of.dispatch(object):
+        parts.append(f"<figure>{svg(figure_of(result))}</figure>")
+    parts.append(f"<pre>{escape(lines)}</pre>")
+    return page(title, "\n".join(parts))
+
+
+def save(result: object, path: Path) -> Path:
+    """Write a result into a file; a run or a log as `.rrd`, too, or into a folder of tables.
+
+    Raises:
+        UsageError: no format has that ending, or the file cannot be written.
+        RecordingError: of a recording.
+    """
+    ending = path.suffix.lower()
+    log = _recording_of(result)
+    if log is not None and ending in LOGS:
+        recording, platform = log
+        if ending:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_recording(recording, path, platform)
+        else:
+            write_folder(recording, path)
+        return path
+    if ending not in ENDINGS:
+        known = ENDINGS if log is None else (*ENDINGS, ".rrd", "a folder")
+        raise UsageError(f"{path}: a result is saved as one of {', '.join(known)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if ending == ".html":
+            write_whole(path, page_of(result))
+        elif ending == ".json":
+            write_whole(path, as_json(document_of(result)) + "\n")
+        elif ending == ".txt":
+            write_whole(path, "\n".join(sentences_of(result)) + "\n")
+        else:
+            with mpl.rc_context(FIGURE), whole(path) as file:
+                figure_of(result).savefig(file, format=ending[1:], dpi=130)
+    except OSError as problem:
+        raise UsageError(f"{path} cannot be written ({problem.strerror})") from None
+    return path
+
+
+def _recording_of(result: object) -> tuple[Recording, Platform | None] | None:
+    """The recording of a run or a log, with the machine that it names."""
+    if isinstance(result, Run):
+        return result.recording, result.platform
+    if not isinstance(result, Recording):
+        return None
+    return result, _named_by(result)[0]
+
+
+def _named_by(recording: Recording) -> tuple[Platform | None, str]:
+    """The machine that a recording names, or why it is not known; None and nothing where it names
+    none."""
+    if recording.provenance.get("platform") is None:
+        return None, ""
+    try:
+        return platform_of(recording), ""
+    except TwinError as problem:
+        return None, str(problem)
+
+
+def contents(recording: Recording) -> Contents:
+    """What is in a recording, held against the machine that it names, where it names one."""
+    return contents_of(recording.source, recording, *_named_by(recording))
+
+
+@sentences_of.register
+def _(result: Diagnosis) -> Sequence[str]:
+    return diagnosed(result)
+
+
+@document_of.register
+def _(result: Diagnosis) -> Mapping[str, Any]:
+    return diagnosis_document(result, None)
+
+
+@figure_of.register
+def _(result: Diagnosis) -> Figure:
+    return prediction_figure(result)
+
+
+@page_of.register
+def _(result: Diagnosis) -> str:
+    return diagnosis_page(result)
+
+
+@sentences_of.register
+def _(result: Comparison) -> Sequence[str]:
+    return sentences(result)
+
+
+@document_of.register
+def _(result: Comparison) -> Mapping[str, Any]:
+    return document([result], [])
+
+
+@figure_of.register
+def _(result: Comparison) -> Figure:
+    return motion_figure(result)
+
+
+@page_of.register
+def _(result: Comparison) -> str:
+    return comparison_page([result])
+
+
+@sentences_of.register
+def _(result: Identification) -> Sequence[str]:
+    return identified(result)
+
+
+@document_of.register
+def _(result: Identification) -> Mapping[str, Any]:
+    return result.document()
+
+
+@figure_of.register
+def _(result: Identification) -> Figure:
+    """Each parameter with its interval, as stated at 0, in parts of the base's scale."""
+    base = result.base
+    count = len(base.names)
+    off = (result.theta - base.as_stated) / base.scale
+    half = result.half_widths / base.scale
+    with mpl.rc_context(FIGURE):
+        figure = Figure(figsize=(9.6, 1.2 + 0.35 * count))
+        panel = figure.subplots()
+        places = -np.arange(count)
+        panel.errorbar(off, places, xerr=half, fmt="o", color=PALETTE[0], capsize=4)
+        panel.axvline(0.0, color=INK, lw=0.8)
+        panel.set_yticks(places, list(base.names))
+        panel.set_xlabel("identified less stated, in parts of J's mean or of the mass 1 m off")
+        panel.grid(visible=False, axis="y")
+    return figure
+
+
+@sentences_of.register
+def _(result: Contents) -> Sequence[str]:
+    return contents_words(result).splitlines()
+
+
+@document_of.register
+def _(result: Contents) -> Mapping[str, Any]:
+    return contents_document(result)
+
+
+@figure_of.register
+def _(result: Contents) -> Figure:
+    return contents_figure(result)
+
+
+@page_of.register
+def _(result: Contents) -> str:
+    return contents_page(result)
+
+
+@sentences_of.register
+def _(result: Recording) -> Sequence[str]:
+    return sentences_of(contents(result))
+
+
+@document_of.register
+def _(result: Recording) -> Mapping[str, Any]:
+    return document_of(contents(result))
+
+
+@figure_of.register
+def _(result: Recording) -> Figure:
+    return contents_figure(contents(result))
+
+
+@page_of.register
+def _(result: Recording) -> str:
+    return contents_page(contents(result))
+
+
+@sentences_of.register
+def _(result: Run) -> Sequence[str]:
+    warned = [f"warning: {warning}" for warning in result.warnings]
+    return [*warned, *flown(result.platform, result.outcome, result.metrics, result.settle)]
+
+
+@document_of.register
+def _(result: Run) -> Mapping[str, Any]:
+    outcome = result.outcome
+    return {
+        "ended": outcome.ended.value,
+        "reason": outcome.reason or None,
+        "duration": outcome.duration,
+        "overruns": outcome.timing.overruns,
+        "warnings": list(result.warnings),
+        "metrics": result.metrics,
+        "seconds": outcome.timing.seconds,
+    }
+
+
+@figure_of.register
+def _(result: Run) -> Figure:
+    return figure_of(result.recording.without_truth())
+
+
+@sentences_of.register
+def _(result: Balanced) -> Sequence[str]:
+    lines: list[str] = []
+    for run in range(result.session.runs):
+        told = result.run(run)
+        which = f"run {run}: " if result.session.runs > 1 else ""
+        end = f"{which}{told['ended']} after {told['duration']:.0f} s"
+        end += f", offset identified {told['identified']} times"
+        lines.append(f"{end}: {told['reason']}" if told["reason"] else end)
+        statement = result.statements[run]
+        if statement is not None:
+            lines += balanced(statement, result.platform, result.target)
+    if result.rrd is not None:
+        lines.append(f"recorded in {result.rrd}: look at it with `twin view {result.rrd}`")
+    return lines
+
+
+@document_of.register
+def _(result: Balanced) -> Mapping[str, Any]:
+    runs = [result.run(run) for run in range(result.session.runs)]
+    return runs[0] if len(runs) == 1 else {"runs": runs}
+
+
+@figure_of.register
+def _(result: Balanced) -> Figure:
+    """Gravity's torque that is left of each run, with its interval, and the target."""
+    stated = [(run, one) for run, one in enumerate(result.statements) if one is not None]
+    if not stated:
+        raise UsageError("nothing was stated of what is left, so there is nothing to draw")
+    left = [one.residual_torque for _, one in stated]
+    factor, unit = fitting(max(one.high for one in left), "N m")
+    with mpl.rc_context(FIGURE):
+        figure = Figure(figsize=(9.6, 1.2 + 0.35 * len(left)))
+        panel = figure.subplots()
+        for (run, _), one in zip(stated, left, strict=True):
+            ends = [[(one.value - one.low) / factor], [(one.high - one.value) / factor]]
+            panel.errorbar(
+                one.value / factor, -run, xerr=ends, fmt="o", color=PALETTE[0], capsize=4
+            )
+        panel.axvline(result.target / factor, color=PALETTE[1], lw=1.4, label="target")
+        panel.set_yticks([-run for run, _ in stated], [f"run {run}" for run, _ in stated])
+        panel.set_xlim(left=0.0)
+        panel.set_xlabel(f"gravity's torque at the worst attitude [{unit}], with 95 % intervals")
+        panel.grid(visible=False, axis="y")
+        panel.legend(loc="upper right")
+    return figure
+
+
+@sentences_of.register
+def _(result: Answers) -> Sequence[str]:
+    return [*summary(result), *verdicts(result)]
+
+
+@document_of.register
+def _(result: Answers) -> Mapping[str, Any]:
+    return campaign_document(result)
+
+
+@figure_of.register
+def _(result: Answers) -> Figure:
+    return spread_figure(result)
+
+
+@page_of.register
+def _(result: Answers) -> str:
+    return campaign_page(result)
+
+
+@sentences_of.register
+def _(result: Replayed) -> Sequence[str]:
+    came = result.came
+    end = f"run {result.run}, {result.arm}: {came.ended} after {came.duration:g} s"
+    lines = [f"{end}: {came.reason}" if came.reason else end]
+    lines += [f"  {name} {printed(v, result.units[name])}" for name, v in result.values.items()]
+    lines += [
+        f"  {name} {printed(v, METRICS[name].unit) if v == v else 'none'}"
+        for name, v in came.metrics.items()
+    ]
+    if result.differs is None:
+        lines.append("the campaign has not written this run yet")
+    elif result.differs:
+        lines.append("not what the campaign wrote: " + ", ".join(result.differs))
+    else:
+        lines.append("to the last bit what the campaign wrote")
+    return lines
+
+
+@document_of.register
+def _(result: Replayed) -> Mapping[str, Any]:
+    return {
+        "run": result.run,
+        "arm": result.arm,
+        "ended": result.came.ended,
+        "reason": result.came.reason or None,
+        "duration": result.came.duration,
+        "factors": result.values,
+        "metrics": result.came.metrics,
+        "same_bits": None if result.differs is None else not result.differs,
+    }
+
+
+@sentences_of.register
+def _(result: GyroComparison) -> Sequence[str]:
+    return gyro_sentences(result)
+
+
+@document_of.register
+def _(result: GyroComparison) -> Mapping[str, Any]:
+    return gyro_document("", result)
+
+
+@sentences_of.register
+def _(result: Validation) -> Sequence[str]:
+    return [validated(result)]
