@@ -12,7 +12,7 @@ from twin.diagnosis.baseline import baseline_of
 from twin.diagnosis.candidates import Candidate, candidates_of
 from twin.diagnosis.engine import search_from
 from twin.diagnosis.explanation import Explanation
-from twin.identification.calibrate import calibrated
+from twin.identification.identification import calibrated
 from twin.platform import load_platform
 from twin.recording import open_log
 

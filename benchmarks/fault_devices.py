@@ -15,21 +15,18 @@ from unittest.mock import patch
 
 import numpy as np
 
-from twin.emulate.emulated import EmulatedDevice
-from twin.emulate.faults import LINE_FAULTS, schedule
+from twin.emulate.emulated import LINE_FAULTS, EmulatedDevice, schedule
 from twin.emulate.line import EmulatedLine
-from twin.emulate.mdrive import EmulatedDrive
-from twin.emulate.mdrive_line import EmulatedMDrives
+from twin.emulate.mdrive import EmulatedDrive, EmulatedMDrives
 from twin.emulate.mti import EmulatedMti
 from twin.emulate.solar2 import EmulatedSolar2
 from twin.errors import DeviceError
 from twin.plant.devices.device import Device, DeviceSettings, Sample
-from twin.plant.devices.mdrive.mdrive import MDrive, MDriveSettings
-from twin.plant.devices.mdrive.settings import DriveSettings
-from twin.plant.devices.mdrive.setup import HOMED
+from twin.plant.devices.mdrive import HOMED, MDrive, MDriveSettings
+from twin.plant.devices.mdrive_line import DriveSettings
+from twin.plant.devices.mti import MtiSettings
 from twin.plant.devices.port import Port
-from twin.plant.devices.solar2.solar2 import Solar2Settings
-from twin.plant.devices.xbus.mti import MtiSettings
+from twin.plant.devices.solar2 import Solar2Settings
 
 SPAN = 4.0
 """Of one session [s]."""

@@ -16,11 +16,10 @@ import numpy as np
 
 from twin.bench import Bench
 from twin.controller import load_controller
-from twin.emulate.emulated import EmulatedDevice
-from twin.emulate.faults import LINE_FAULTS, Fault
+from twin.emulate.emulated import LINE_FAULTS, EmulatedDevice, Fault
+from twin.emulate.line import Server
 from twin.emulate.microcontroller import FAULTS, EmulatedMicrocontroller
 from twin.emulate.platform import EmulatedPlatform
-from twin.emulate.server import Server
 from twin.errors import TwinError
 from twin.estimators import load_estimator
 from twin.loop import Observer, fly

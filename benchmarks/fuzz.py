@@ -21,10 +21,9 @@ from benchmarks.link import SCHEMA
 from benchmarks.measure import table
 from twin.plant.devices.device import Counters
 from twin.plant.devices.link import Frame, MessageType, Parser, SampleRows, packed
-from twin.plant.devices.mdrive.codec import Answer, State, checksum
-from twin.plant.devices.solar2.replies import LineParser, decode_text
-from twin.plant.devices.xbus.data import decode_data
-from twin.plant.devices.xbus.frames import FrameParser, Message, encode
+from twin.plant.devices.mdrive_line import Answer, ExchangeState, checksum
+from twin.plant.devices.solar2 import LineParser, decode_text
+from twin.plant.devices.xbus import FrameParser, XbusMessage, decode_data, encode
 
 BYTES = 10_000_000
 BLOCK = 20_000
@@ -125,7 +124,7 @@ class Xbus(Fuzzed):
         )
 
     def good(self, number: int) -> bytes:
-        return encode(Message(0x36, self.data(number)))
+        return encode(XbusMessage(0x36, self.data(number)))
 
     def feed(self, data: bytes) -> None:
         for message in self.parser.feed(data):
@@ -141,7 +140,7 @@ class Xbus(Fuzzed):
     def hears(self, number: int) -> bool:
         # a false length waits for its bytes until the line is quiet, as it is between packets
         found = [*self.parser.feed(self.good(number)), *self.parser.idle()]
-        return Message(0x36, self.data(number)) in found
+        return XbusMessage(0x36, self.data(number)) in found
 
 
 class MDriveReplies(Fuzzed):
@@ -160,18 +159,18 @@ class MDriveReplies(Fuzzed):
     def feed(self, data: bytes) -> None:
         state = self.answer.feed(data)
         self.most = max(self.most, len(self.answer._buffer))
-        if state is State.waiting:
+        if state is ExchangeState.waiting:
             return
         values = self.answer.values
-        if state is State.done:
+        if state is ExchangeState.done:
             self.passed += len(values) != 3 or values[1] != -values[0] or values[2] != 1
-        self.refused += state is State.corrupt
+        self.refused += state is ExchangeState.corrupt
         self.answer = Answer(self.answer._tag.decode(), checked=True)
 
     def hears(self, number: int) -> bool:
         # a question of its own, as after each answer that did not come
         self.answer = Answer(f"1{97 + number % 26:c}", checked=True)
-        return self.answer.feed(self.good(number)) is State.done
+        return self.answer.feed(self.good(number)) is ExchangeState.done
 
 
 class Solar2Text(Fuzzed):

@@ -26,7 +26,7 @@ from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.procedures import Balancing, Fits, Lab, balancing, random_offsets, usual_target
-from twin.procedures.fits import Found, found_in
+from twin.procedures.fits import MomentFit, found_in
 from twin.recording import Recording
 from twin.reference import Hold
 
@@ -74,10 +74,10 @@ class Answered(Fits):
     def ask(self, run: int, recordings: Sequence[Recording], guesses: Array) -> None:
         """Answer; the logs are made all the same."""
         del recordings, guesses
-        future: Future[Found] = Future()
+        future: Future[MomentFit] = Future()
         spread_out = self._variance * np.eye(3)
         noise = Misfit("", 1.0, 0.0, 2.0)
-        told = Found(self._offsets[run], spread_out, 1.96, self._machine.inertia, noise)
+        told = MomentFit(self._offsets[run], spread_out, 1.96, self._machine.inertia, noise)
         future.set_result(told)
         self._asked[run] = future
 
@@ -92,7 +92,7 @@ class Timed(Fits):
 
     def ask(self, run: int, recordings: Sequence[Recording], guesses: Array) -> None:
         """Fit, and note how long it took."""
-        future: Future[Found] = Future()
+        future: Future[MomentFit] = Future()
         start = time.perf_counter()
         future.set_result(found_in(recordings, self._machine, guesses))
         self.took.append(time.perf_counter() - start)

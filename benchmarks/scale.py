@@ -16,14 +16,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from benchmarks.measure import median, seconds, table
-from twin.campaigns.cluster import AHEAD
+from twin.campaigns.cluster import AHEAD, packed
+from twin.campaigns.distribution import Sampling
 from twin.campaigns.draw import draw
+from twin.campaigns.execute import forecast
 from twin.campaigns.folder import Folder
-from twin.campaigns.forecast import forecast
-from twin.campaigns.parcel import packed
 from twin.campaigns.read import read_spec
-from twin.campaigns.rows import write_rows
-from twin.campaigns.sampling import Sampling
+from twin.campaigns.results import write_rows
 from twin.campaigns.spec import Spec
 from twin.campaigns.worker import rows_of_shard
 

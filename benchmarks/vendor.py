@@ -6,10 +6,9 @@ from collections.abc import Callable
 
 from benchmarks.measure import seconds, spread, table
 from twin.plant.devices.device import Counters
-from twin.plant.devices.mdrive.codec import Answer, State, checksum
-from twin.plant.devices.solar2.replies import LineParser, decode_binary, decode_text
-from twin.plant.devices.xbus.data import decode_data
-from twin.plant.devices.xbus.frames import FrameParser, Message, encode
+from twin.plant.devices.mdrive_line import Answer, ExchangeState, checksum
+from twin.plant.devices.solar2 import LineParser, decode_binary, decode_text
+from twin.plant.devices.xbus import FrameParser, XbusMessage, decode_data, encode
 
 ROUNDS = 9
 TARGET = 50 * 115_200 / 10
@@ -26,7 +25,7 @@ def xbus_stream() -> bytes:
         data += struct.pack(">HBI", 0x1060, 4, 100 * number)
         for kind, count in ((0x2010, 4), (0x8020, 3), (0x4020, 3), (0xC020, 3)):
             data += struct.pack(f">HB{count}f", kind, 4 * count, *[0.1] * count)
-        out += encode(Message(0x36, data))
+        out += encode(XbusMessage(0x36, data))
     return bytes(out)
 
 
@@ -45,7 +44,7 @@ def mdrive(line: bytes) -> int:
     for reply in line.split(b"\n"):
         answer = Answer("1a", checked=True)
         answer.feed(reply[: len(reply) // 2])
-        found += answer.feed(reply[len(reply) // 2 :] + b"\n") is State.done
+        found += answer.feed(reply[len(reply) // 2 :] + b"\n") is ExchangeState.done
     return found
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin.controller import Controller
-from twin.controller.gyros import DAMPING, DITHER, REGULARITY, Gyros
+from twin.controller.exchange import DAMPING, DITHER, REGULARITY, Gyros
 from twin.controller.pointing import pointing_error
 from twin.platform import Platform
 from twin.rotation import cross
@@ -23,8 +23,8 @@ class CmgPD(Controller[Gyros]):
     A      = columns H_i (b_i cos delta_i - a_i sin delta_i)
 
     The inverse is exact away from singular angles and bounded near them, at the price of a torque
-    that errs there; lambda and E are in `twin.controller.gyros.Gyros.rates`. With damping 0 it is
-    the source's plain inverse, which cannot leave a singular state. E leads out
+    that errs there; lambda and E are in `twin.controller.exchange.Gyros.rates`. With damping 0 it
+    is the source's plain inverse, which cannot leave a singular state. E leads out
     slowly, the sooner the smaller lambda, and not where two directions are lost at once, as at
     delta = 0 with a skew of 90 deg, or where the momentum asked for is beyond the array's.
 

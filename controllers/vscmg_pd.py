@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.controller import Controller
-from twin.controller.gyros import REGULARITY, Gyros
+from twin.controller.exchange import REGULARITY, Gyros
 from twin.controller.pointing import pointing_error
 from twin.errors import ControllerError
 from twin.platform import Platform

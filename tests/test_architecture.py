@@ -90,3 +90,12 @@ def test_a_module_says_what_it_is_for_and_stays_short(file: Path):
     text = file.read_text(encoding="utf-8")
     assert ast.get_docstring(ast.parse(text)), "its first lines say what it is for"
     assert text.count("\n") <= 800, "split it: a module is one subject"
+
+
+def test_no_two_classes_share_a_public_name():
+    places: dict[str, list[str]] = {}
+    for file in FILES:
+        for node in ast.parse(file.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places.setdefault(node.name, []).append(module_of(file))
+    assert {name: where for name, where in places.items() if len(where) > 1} == {}

@@ -16,8 +16,7 @@ from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, Series
 from twin.reference import Hold, Multisine
-from twin.stream.flight_recorder import FlightRecorder
-from twin.stream.recorder import MemoryRecorder
+from twin.stream.recorder import FlightRecorder, MemoryRecorder
 
 
 @pytest.fixture(scope="module")

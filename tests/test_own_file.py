@@ -8,7 +8,7 @@ import pytest
 
 from tests.processes import PATIENCE
 from twin.cli.main import main
-from twin.own_file import import_alone
+from twin.files import import_alone
 from twin.recording import open_log
 
 EFFECT = '''

@@ -13,8 +13,8 @@ import pytest
 
 from tests.signals import hear
 from twin import stop
+from twin.files import whole, whole_folder
 from twin.processes import Pool, first_completed, run
-from twin.whole_file import whole, whole_folder
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are other signals there")
 
@@ -73,7 +73,7 @@ STUCK = """
 import sys, time
 from pathlib import Path
 from twin import stop
-from twin.whole_file import whole
+from twin.files import whole
 
 stop.GRACE, stop.SHIELDED = float(sys.argv[1]), 0.5
 stop.listen()

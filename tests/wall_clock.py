@@ -15,10 +15,10 @@ BUSY = 0.05
 """For which processes of the computer have waited for a core during a test of a busy one [s]."""
 
 PATIENT = {
-    "mdrive.line._OWN_TIME": 0.3,
+    "mdrive_line._OWN_TIME": 0.3,
     "microcontroller._ANSWER": 3.0,
-    "solar2.solar2._ANSWER": 0.3,
-    "xbus.mti._TRIES": 100,
+    "solar2._ANSWER": 0.3,
+    "mti._TRIES": 100,
 }
 """What drivers give a device to answer [s], or as often as they ask."""
 

@@ -45,7 +45,7 @@ from twin.metrics import Metrics, settled
 from twin.plant.guard.guarded import Held
 from twin.plant.initial import InitialState
 from twin.platform import Platform, common_platform, in_gravity_of, load_platform, platform_of
-from twin.procedures.session import CAP, Balanced, Session
+from twin.procedures.session import CAP, Balanced, BalancingSession
 from twin.recording import Recording, open_log, restricted
 from twin.reference import Reference
 from twin.report.contents import Contents
@@ -380,7 +380,7 @@ def balance(
         TwinError: options that do not go together, a machine that lacks a part, or an offset
             beyond the masses' reach.
     """
-    session = Session(
+    session = BalancingSession(
         procedure=procedure,
         target=target,
         plant=plant,

@@ -14,7 +14,7 @@ from twin import rotation
 from twin.clock import SimulatedClock
 from twin.controller import Controller
 from twin.effects import Effect, ScatterEffect, able, effect_named, with_effects
-from twin.estimators.passthrough import Passthrough
+from twin.estimators.estimator import Passthrough
 from twin.loop import fly
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
@@ -38,7 +38,7 @@ _PERIODS = (7.0, 11.0, 13.0, 17.0)
 
 
 @dataclass(frozen=True)
-class Excitation(Controller[Platform]):
+class ExcitingLaw(Controller[Platform]):
     """Moves everything that a machine has, whatever the motion."""
 
     wheel_torque: float = 0.1
@@ -189,7 +189,7 @@ def moved(
     fly(
         plant,
         Passthrough(),
-        law or Excitation(),
+        law or ExcitingLaw(),
         Hold(),
         SimulatedClock(),
         duration=seconds,

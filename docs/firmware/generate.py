@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from twin.plant.devices.link import (
-    Arm,
+    ArmRequest,
     Channel,
     Frame,
     Hello,
@@ -23,8 +23,8 @@ from twin.plant.devices.link import (
     TimeSync,
     packed,
 )
-from twin.plant.devices.link.c_header import c_header
 from twin.plant.devices.link.far_end import FarEnd
+from twin.plant.devices.link.schema import c_header
 
 SCHEMA = Schema(
     (
@@ -64,14 +64,14 @@ def conversation() -> list[Step]:
         return SetPoint(4, valid_for, 2e-6 * np.array([counts, -1, 0])).packed(SCHEMA)
 
     hello = Hello(SCHEMA.hash, 0, "twin").packed()
-    arm = Arm(SCHEMA.hash, 200).packed()
+    arm = ArmRequest(SCHEMA.hash, 200).packed()
     said.append((1000, b"", "it starts, and greets"))
     say(1500, MessageType.arm, arm, "armed before the greeting: refused")
     say(2000, MessageType.hello, Hello(7, 0, "twin").packed(), "another schema: refused")
     say(3000, MessageType.hello, hello, "the greeting")
     say(4000, MessageType.timesync, TimeSync(10**12 + 1).packed(), "clocks")
     say(5000, MessageType.setpoint, dipole(0.5, 100), "a set-point, but it is not armed")
-    say(6000, MessageType.arm, Arm(SCHEMA.hash, 501).packed(), "armed for too long: refused")
+    say(6000, MessageType.arm, ArmRequest(SCHEMA.hash, 501).packed(), "armed for too long: refused")
     say(7000, MessageType.arm, arm, "armed")
     say(8000, MessageType.setpoint, dipole(0.5, 100), "a dipole for 0.1 s")
     say(9000, MessageType.setpoint, dipole(np.nan, 100), "not a number: refused")

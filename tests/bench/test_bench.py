@@ -14,7 +14,7 @@ from tests.processes import running
 from twin.bench import Bench, open_bench
 from twin.cli.main import main
 from twin.controller.load import load_controller
-from twin.emulate.faults import Fault
+from twin.emulate.emulated import Fault
 from twin.emulate.microcontroller import EmulatedMicrocontroller
 from twin.emulate.platform import Devices, EmulatedPlatform
 from twin.errors import DeviceError, PlatformError, SafetyError, UnknownName, UsageError

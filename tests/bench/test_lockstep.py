@@ -10,7 +10,7 @@ from twin.bench import open_bench
 from twin.cli.main import main
 from twin.clock import WallClock
 from twin.controller.load import load_controller
-from twin.emulate.faults import Fault
+from twin.emulate.emulated import Fault
 from twin.estimators.named import load_estimator
 from twin.loop import Ended, Outcome, fly
 from twin.plant.guard.guarded import Held

@@ -14,7 +14,7 @@ import pytest
 from tests.processes import running
 from twin.bench import Bench, captured, carried, open_bench
 from twin.cli.main import main
-from twin.emulate.faults import Fault
+from twin.emulate.emulated import Fault
 from twin.emulate.platform import EmulatedPlatform
 from twin.errors import TwinError
 from twin.plant.guard.guarded import Held

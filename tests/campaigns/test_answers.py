@@ -8,8 +8,7 @@ import pytest
 from scipy import stats
 
 from tests.campaigns.conftest import GOOD
-from twin.campaigns.answers import Answers, answers
-from twin.campaigns.conditions import conditions
+from twin.campaigns.answers import Answers, answers, conditions
 from twin.campaigns.draw import draw
 from twin.campaigns.read import read_spec
 from twin.campaigns.results import Results, read_results

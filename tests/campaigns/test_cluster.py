@@ -17,7 +17,6 @@ from tests.campaigns.conftest import GOOD, shards, silent
 from tests.campaigns.dask_processes import PATIENCE, Processes
 from tests.signals import hear
 from twin.campaigns import cluster as clusters
-from twin.campaigns import guest
 from twin.campaigns.cluster import Cluster, ClusterError, connected
 from twin.campaigns.execute import execute
 from twin.campaigns.folder import Folder
@@ -266,7 +265,7 @@ def test_processors_that_round_otherwise_are_told(file, tmp_path, monkeypatch, c
     words = ["campaign", str(file), str(tmp_path / "out"), "--cluster", "tcp://lab:8786"]
     assert main(words) == 0
     assert "another kind" not in capsys.readouterr().err
-    monkeypatch.setattr(guest, "arithmetic", lambda: "otherwise")
+    monkeypatch.setattr(clusters, "arithmetic", lambda: "otherwise")
     Folder(tmp_path / "out").shard(0).unlink()
     assert main([*words, "--resume"]) == 0
     assert "processors of another kind than this machine's" in capsys.readouterr().err

@@ -10,12 +10,11 @@ from scipy import stats
 
 from tests.campaigns.conftest import GOOD
 from twin.campaigns import statistics
-from twin.campaigns.comparison import between_arms, between_campaigns
-from twin.campaigns.conditions import conditions
-from twin.campaigns.dependence import dependences
+from twin.campaigns.answers import conditions, dependences
 from twin.campaigns.draw import draw
 from twin.campaigns.read import read_spec
 from twin.campaigns.results import Results
+from twin.campaigns.statistics import between_arms, between_campaigns
 
 GAIN, OTHER, WIDTH = "gains.derivative", "gains.proportional", "effects.stage_backlash.width"
 ARMS = '[[arms]]\nname = "a"\n\n[[arms]]\nname = "b"\ncontroller = "mass_pid"\n\n[gains]'

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
+from twin.campaigns.distribution import shares
 from twin.campaigns.draw import draw, start_of_runs
-from twin.campaigns.sampling import shares
 from twin.plant.initial import hanging
 from twin.rotation import rotate
 

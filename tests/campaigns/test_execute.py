@@ -23,7 +23,7 @@ from twin.campaigns import execute as executing
 from twin.campaigns.execute import execute
 from twin.campaigns.folder import Folder
 from twin.campaigns.read import read_spec
-from twin.campaigns.rows import schema_of
+from twin.campaigns.results import schema_of
 from twin.campaigns.spec import Spec
 from twin.campaigns.worker import Done, fly_shard
 from twin.cli.main import main

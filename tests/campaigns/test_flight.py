@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.campaigns import laws
+from twin.campaigns import flight
 from twin.campaigns.draw import draw
 from twin.campaigns.flight import flown
 from twin.controller import load_controller
@@ -169,7 +169,7 @@ LAWS = {
 def test_gains_that_differ_fly_in_one_batch(name, spec_of):
     machine, gains = LAWS[name]
     law = load_controller(name)
-    assert laws._passes(law, load_platform(machine), gains), "no Python for each run"
+    assert flight._passes(law, load_platform(machine), gains), "no Python for each run"
 
 
 OWN = """
@@ -201,7 +201,7 @@ def test_a_law_that_cannot_have_its_gains_as_columns_flies_in_batches(kind, tmp_
     )
     drawn = draw(spec, range(4))
     gains = {"gain": drawn.values["gains.gain"]}
-    assert laws.batches(spec.arms[0], gains, 4) == [[0], [1], [2], [3]]
+    assert flight.batches(spec.arms[0], gains, 4) == [[0], [1], [2], [3]]
     came = flown(spec, drawn)
     assert len({one.metrics["rate_rms"] for one in came.values()}) == 4
 

@@ -8,15 +8,13 @@ import pytest
 from scipy import stats
 
 from tests.campaigns.conftest import GOOD
-from twin.campaigns.answers import answers
+from twin.campaigns.answers import answers, indices_of, sobol_indices
+from twin.campaigns.distribution import shares
 from twin.campaigns.draw import draw
-from twin.campaigns.indices import indices_of, sobol_indices
 from twin.campaigns.read import read_spec
 from twin.campaigns.results import Results
-from twin.campaigns.sampling import shares
 from twin.errors import CampaignError
-from twin.report.campaign_document import campaign_document
-from twin.report.campaign_words import markdown
+from twin.report.campaign_words import campaign_document, markdown
 
 NAMES = ("x1", "x2", "x3")
 A, B = 7.0, 0.1

@@ -9,9 +9,8 @@ import pytest
 
 from tests.campaigns.conftest import GOOD
 from tests.conftest import FAN
-from twin.campaigns import parcel
-from twin.campaigns.guest import Refused, Sent, fly_sent
-from twin.campaigns.parcel import packed
+from twin.campaigns import cluster
+from twin.campaigns.cluster import Sent, ShardRefused, fly_sent, packed
 from twin.campaigns.read import read_spec
 from twin.campaigns.spec import Spec
 from twin.campaigns.worker import rows_of_shard
@@ -62,7 +61,7 @@ def test_what_the_mjcf_does_not_name_stays_at_home(own, tmp_path):
 
 
 def test_files_that_are_too_large_to_travel_are_told(own, monkeypatch):
-    monkeypatch.setattr(parcel, "LARGEST", 1000)
+    monkeypatch.setattr(cluster, "LARGEST", 1000)
     with pytest.raises(CampaignError, match="would travel with each shard"):
         packed(own)
 
@@ -72,7 +71,7 @@ def test_a_machine_with_other_versions_refuses_to_fly(own, name):
     made_by, *rest = pickle.loads(zlib.decompress(packed(own)))
     other = zlib.compress(pickle.dumps(({**made_by, name: "1.0"}, *rest)))
     refused = fly_sent(other, 0)
-    assert isinstance(refused, Refused)
+    assert isinstance(refused, ShardRefused)
     assert f"{name} is {made_by[name]} there and 1.0 here" in refused.sentence
 
 
@@ -86,5 +85,5 @@ def test_an_effect_of_ones_own_that_is_not_the_same_there_is_refused(tmp_path, t
     if there:
         fan.write_text(FAN + there)
     refused = fly_sent(campaign, 0)
-    assert isinstance(refused, Refused)
+    assert isinstance(refused, ShardRefused)
     assert f"the effect {fan} is " in refused.sentence

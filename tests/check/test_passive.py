@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from twin.check import Finding, check_platform
-from twin.check.passive import check_foreign, passive_terms
+from twin.check.motion import check_foreign, passive_terms
 from twin.library import library
 from twin.platform import Platform, load_platform
 from twin.platform.mjcf import load_mjcf

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 
-from twin.comparison.account import Misfit, autocorrelation, correlation_time, whiteness
+from twin.comparison.account import ColumnMisfit, autocorrelation, correlation_time, whiteness
 from twin.identification.prediction_error import fit
 from twin.model import compile_model
 from twin.platform import Platform
@@ -40,9 +40,11 @@ def test_a_slow_wobble_of_half_the_noise_is_called_coloured():
 
 
 def test_noise_that_was_stated_too_large_is_told_unless_chance_or_a_few_percent_explain_it():
-    def part(column: str, chi2: float, sigmas: float) -> Misfit:
+    def part(column: str, chi2: float, sigmas: float) -> ColumnMisfit:
         none = np.zeros(0)
-        return Misfit("gyro", column, 1000, chi2, 0.9, 1.1, sigmas, none, 1.0, none, none, none)
+        return ColumnMisfit(
+            "gyro", column, 1000, chi2, 0.9, 1.1, sigmas, none, 1.0, none, none, none
+        )
 
     (said,) = quiet_sentences([part("x", 0.25, -30.0), part("y", 0.7, -1.0), part("z", 0.95, -9.0)])
     assert "gyro x (chi-square 0.25)" in said

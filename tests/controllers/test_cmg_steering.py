@@ -7,7 +7,7 @@ import pytest
 
 from tests.controllers.flight import simulate
 from twin.controller import load_controller
-from twin.controller.gyros import Gyros
+from twin.controller.exchange import Gyros
 from twin.errors import ControllerError
 from twin.plant.initial import InitialState
 from twin.platform import load_platform

@@ -22,14 +22,19 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.controller import load_controller
 from twin.conventions import convention_advice, corrected
-from twin.conventions.axes import signed_permutations
-from twin.conventions.changes import TURNED, axes_change, frames_of
-from twin.conventions.correction import angles_of, attitude_of
-from twin.conventions.euler import angle_changes
-from twin.conventions.finding import ConventionFinding
+from twin.conventions.correction import (
+    TURNED,
+    angle_changes,
+    angles_of,
+    attitude_of,
+    axes_change,
+    frames_of,
+    signed_permutations,
+)
+from twin.conventions.evidence import ConventionFinding
 from twin.noise import noise_of
-from twin.plant.derived import specific_force
 from twin.plant.initial import InitialState
+from twin.plant.truth import specific_force
 from twin.platform import Platform, Sensor, load_platform
 from twin.recording import Recording, Series
 from twin.reference import Hold, Multisine, Reference, Slew

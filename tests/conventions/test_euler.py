@@ -11,10 +11,15 @@ from scipy.spatial.transform import Rotation
 
 from tests.conventions.flights import flights, misread
 from twin.conventions import check_conventions, convention_advice, corrected
-from twin.conventions.changes import attitude_changes, frames_of
-from twin.conventions.correction import Correction, angles_of, attitude_of
-from twin.conventions.euler import angle_changes
-from twin.conventions.log_toml import corrected_lines
+from twin.conventions.advice import corrected_lines
+from twin.conventions.correction import (
+    Correction,
+    angle_changes,
+    angles_of,
+    attitude_changes,
+    attitude_of,
+    frames_of,
+)
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, Series, read_log
 

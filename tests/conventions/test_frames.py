@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tests.conventions.flights import flights, misread
 from twin import rotation
 from twin.conventions import check_conventions, convention_advice, corrected
-from twin.conventions.changes import axes_change
+from twin.conventions.correction import axes_change
 from twin.conventions.search import brings_together
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, Series

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from twin.conventions import convention_advice
-from twin.conventions.axes import signed_permutations
-from twin.conventions.changes import attitude_changes, axes_change, lag_change
-from twin.conventions.log_toml import corrected_lines
+from twin.conventions.advice import corrected_lines
+from twin.conventions.correction import (
+    attitude_changes,
+    axes_change,
+    lag_change,
+    signed_permutations,
+)
 from twin.recording import Recording, Series, read_log
 
 ATTITUDE = {"wxyz": "w,x,y,z", "xyzw": "x,y,z,w"}

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from twin import rotation
 from twin.conventions import check_conventions, convention_advice, corrected
-from twin.conventions.axes import signed_permutations
-from twin.conventions.correction import angles_of, attitude_of
+from twin.conventions.correction import angles_of, attitude_of, signed_permutations
 from twin.conventions.room_vectors import Rates, RoomVector, relative_axes, room_vector
-from twin.plant.derived import specific_force
+from twin.plant.truth import specific_force
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]

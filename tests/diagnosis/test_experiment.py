@@ -11,9 +11,9 @@ from twin.diagnosis import diagnosis
 from twin.diagnosis.candidates import candidate
 from twin.diagnosis.cause import Cause, Tie
 from twin.diagnosis.experiment import (
-    Excitation,
     Experiment,
-    Sensitivity,
+    ExperimentSensitivity,
+    SimulatedRun,
     behind,
     excitations,
     next_experiment,
@@ -23,7 +23,7 @@ from twin.effects import parse_effects, with_effects
 from twin.effects.catalogue import effect_named
 from twin.platform import load_platform
 from twin.recording import open_log
-from twin.report.next_experiment import experiment_document
+from twin.report.diagnosed import experiment_document
 
 NAMED, RIVAL = "bearing_viscous_friction", "bearing_coulomb_friction"
 HIDDEN = f"{NAMED}=0.005"
@@ -41,7 +41,7 @@ def two_causes(angle, *, sign=1.0):
     rival = sign * (np.cos(angle) * one + np.sin(angle) * other)
     # what the base could take of either makes no difference
     columns = np.column_stack([one, rival]) + 3.0 * base - 2.0 * own
-    return Sensitivity(base, own, columns)
+    return ExperimentSensitivity(base, own, columns)
 
 
 def split(logs, size, low=-np.inf):
@@ -83,7 +83,7 @@ def platform():
 def tied(platform):
     """A machine with a weak friction in it, found; of which kind it is the log cannot tell."""
     effects = parse_effects(HIDDEN)
-    usual = Excitation(platform, "quaternion_pd", 40.0, "multisine")
+    usual = SimulatedRun(platform, "quaternion_pd", 40.0, "multisine")
     log = usual.flown(with_effects(platform, effects))
     return diagnosis.baseline_of([log], platform).instead(effects)
 

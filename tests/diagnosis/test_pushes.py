@@ -9,7 +9,7 @@ from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.diagnosis import diagnose
 from twin.diagnosis.baseline import baseline_of
-from twin.diagnosis.pushes import Push, but_for, pushes_of
+from twin.diagnosis.pushes import PushInterval, but_for, pushes_of
 from twin.effects import BodyEffect, Domain, Effect, effect_named, parameter, with_effects
 from twin.effects.on_body import State, TorqueLaw
 from twin.estimators import load_estimator
@@ -126,7 +126,11 @@ def test_what_is_at_work_all_the_time_is_no_push(sads, draw):
 
 def test_what_is_left_of_a_log_are_its_parts_between_pushes_long_enough_to_be_logs(sads, draw):
     log = flown(sads, draw)
-    pushes = [Push(0, "a", 20.0, 20.5), Push(0, "a", 22.0, 23.0), Push(0, "a", 58.0, 58.5)]
+    pushes = [
+        PushInterval(0, "a", 20.0, 20.5),
+        PushInterval(0, "a", 22.0, 23.0),
+        PushInterval(0, "a", 58.0, 58.5),
+    ]
     first, second = but_for(pushes, [log])
     assert first["gyro"].time[-1] <= 20.0
     assert second["gyro"].time[0] >= 23.0

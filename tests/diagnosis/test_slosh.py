@@ -9,7 +9,7 @@ from tests.effects.motion import Kicks
 from twin.contrast import moved
 from twin.diagnosis import diagnose
 from twin.effects import able, effect_named
-from twin.effects.errors import EffectError
+from twin.effects.effect import EffectError
 from twin.platform import Platform, load_platform
 
 SEED = 20261127

@@ -8,7 +8,7 @@ import pytest
 
 from twin.diagnosis.baseline import baseline_of
 from twin.diagnosis.cause import Cause, uncertainties_of
-from twin.diagnosis.experiment import Excitation
+from twin.diagnosis.experiment import SimulatedRun
 from twin.effects import effect_named, with_effects
 from twin.identification.prediction_error import NORMAL
 from twin.platform import load_platform
@@ -22,7 +22,7 @@ SADS = load_platform("sads")
 
 def fitted(hidden, guess, seconds=40.0):
     """An effect of the catalogue as a log of it has it, begun from a guess."""
-    excitation = Excitation(SADS, "quaternion_pd", seconds, "multisine:5")
+    excitation = SimulatedRun(SADS, "quaternion_pd", seconds, "multisine:5")
     log = excitation.flown(with_effects(SADS, (hidden,)), seed=1)
     assert log is not None
     return baseline_of([log.without_truth()], SADS).instead([guess])

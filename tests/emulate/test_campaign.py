@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from twin.emulate.actuators import EmulatedStages
-from twin.emulate.faults import Wire, schedule
-from twin.emulate.microcontroller import EmulatedMicrocontroller
-from twin.plant.devices.link import Channel, Schema, State
+from twin.emulate.emulated import Wire, schedule
+from twin.emulate.microcontroller import EmulatedMicrocontroller, EmulatedStages
+from twin.plant.devices.link import Channel, FarEndState, Schema
 from twin.plant.devices.link.near_end import NearEnd
 
 SCHEMA = Schema(
@@ -63,9 +62,9 @@ def test_no_session_believes_what_is_false_or_leaves_an_actuator_on():
             if step % 5 == 0:
                 if near.greeting is None:
                     line += near.greet(now)
-                elif near.state is State.fault:
+                elif near.state is FarEndState.fault:
                     line += near.disarm(now)
-                elif near.state is State.safe:
+                elif near.state is FarEndState.safe:
                     line += near.arm(500, now)
                 else:
                     wish = {
@@ -83,7 +82,7 @@ def test_no_session_believes_what_is_false_or_leaves_an_actuator_on():
         dead = round((0.8 + VALID_MS * 1e-3 + 0.5) / STEP)
         for step in range(dead):
             board.advance(SPAN + step * STEP)
-        assert board.far_end.state is not State.armed, seed
+        assert board.far_end.state is not FarEndState.armed, seed
         np.testing.assert_array_equal(board.dipole, 0.0)
         held = board.stages.position.copy() if board.stages else np.zeros(3)
         board.advance(SPAN + dead * STEP + 2.0)

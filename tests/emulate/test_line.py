@@ -7,10 +7,9 @@ import pytest
 import serial
 
 import twin.emulate.line as line_module
-from twin.emulate.faults import LINE_FAULTS, Fault, Wire, schedule
-from twin.emulate.line import EmulatedLine
+from twin.emulate.emulated import LINE_FAULTS, Fault, Wire, schedule
+from twin.emulate.line import EmulatedLine, PacedQueue
 from twin.emulate.mti import EmulatedMti
-from twin.emulate.pacing import PacedQueue
 from twin.emulate.solar2 import EmulatedSolar2
 from twin.errors import DeviceError, UnknownName, UsageError
 
@@ -28,7 +27,7 @@ def test_no_emulation_is_written_with_the_drivers_code(file):
         if isinstance(node, ast.ImportFrom)
         and not all(alias.name.endswith("Settings") for alias in node.names)
     }
-    vendors = ("xbus", "mdrive", "solar2", "port", "sensor")
+    vendors = ("xbus", "mti", "mdrive", "solar2", "port", "sensor")
     drivers = tuple(f"twin.plant.devices.{vendor}" for vendor in vendors)
     assert not [source for source in sources if source and source.startswith(drivers)]
 

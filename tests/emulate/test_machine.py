@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.emulate.faults import Fault
-from twin.emulate.machine import Machine
+from twin.emulate.emulated import Fault
+from twin.emulate.machine import EmulatedMachine
 from twin.emulate.platform import EmulatedPlatform, with_port
 from twin.errors import UnknownName, UsageError
 from twin.plant.hardware_setup import HardwareSetup, read_hardware
@@ -41,7 +41,7 @@ def test_masses_on_drives_of_their_own_turn_the_table_as_those_of_the_machines_d
 
 
 def test_each_device_gets_its_own_streams_of_the_one_machine(astros, setup):
-    machine = Machine(astros, setup.measured, setup.commanded, seed=1).simulated()
+    machine = EmulatedMachine(astros, setup.measured, setup.commanded, seed=1).simulated()
     imu, tilt, stages = (machine.share(name) for name in ("imu", "tilt", "stages"))
     seen = imu.step({}, 1.0)
     assert {shown.source for shown in seen} == {"gyro", "accelerometer", "magnetometer"}
@@ -55,7 +55,7 @@ def test_a_drive_moves_its_own_column_and_the_others_stand(astros, setup):
     (route,) = setup.commanded
     columns = tuple(reversed(route.columns))
     turned = replace(route, columns=columns, scale=-1.0)
-    machine = Machine(astros, setup.measured, (turned,)).simulated()
+    machine = EmulatedMachine(astros, setup.measured, (turned,)).simulated()
     share = machine.share("stages")
     share.drive = lambda time: np.array([1e-3 * min(time, 1.0), 0.0, 0.0])
     share.step({}, 2.0)

@@ -2,9 +2,7 @@
 
 import pytest
 
-from twin.emulate.mdrive import EmulatedDrive
-from twin.emulate.mdrive_axis import Axis
-from twin.emulate.mdrive_line import EmulatedMDrives
+from twin.emulate.mdrive import Axis, EmulatedDrive, EmulatedMDrives
 
 
 class Bench:

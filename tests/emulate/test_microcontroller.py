@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 
-from twin.emulate.actuators import EmulatedStages, EmulatedWheels
-from twin.emulate.microcontroller import FAULTS, EmulatedMicrocontroller
+from twin.emulate.microcontroller import (
+    FAULTS,
+    EmulatedMicrocontroller,
+    EmulatedStages,
+    EmulatedWheels,
+)
 from twin.errors import UnknownName
 from twin.plant.devices.device import Sample
-from twin.plant.devices.link import Channel, Schema, State
+from twin.plant.devices.link import Channel, FarEndState, Schema
 from twin.plant.devices.link.near_end import NearEnd
 
 SCHEMA = Schema(
@@ -57,7 +61,7 @@ class Bench:
     def armed(self) -> "Bench":
         self.say(self.near.greet(HOST + self.now))
         self.say(self.near.arm(500, HOST + self.now))
-        assert self.near.state is State.armed
+        assert self.near.state is FarEndState.armed
         return self
 
     def tell(self, valid_ms: int = 200, **command) -> None:
@@ -88,7 +92,7 @@ def test_a_host_that_falls_silent_leaves_the_stage_held_by_its_ramp():
     bench.fly(0.4, stage_position=[0.02, 0.0, 0.0])
     died = bench.stages.position[0]
     bench.run(2.0)
-    assert bench.near.state is State.safe
+    assert bench.near.state is FarEndState.safe
     assert bench.near.told()[-1] == (
         "bench: no new set-point came in time on channel 3; it is safe"
     )
@@ -117,14 +121,14 @@ def test_one_channel_that_runs_out_makes_all_of_them_safe():
     for _ in range(4):
         bench.tell(valid_ms=500, wheel_torque=[0.1, 0.1])
         bench.run(0.05)
-    assert bench.near.state is State.safe
+    assert bench.near.state is FarEndState.safe
     np.testing.assert_array_equal(bench.micro.dipole, 0.0)
 
 
 def test_armed_and_never_told_anything_it_is_safe_again():
     bench = Bench().armed()
     bench.run(0.6)
-    assert bench.near.state is State.safe
+    assert bench.near.state is FarEndState.safe
     assert "channel 255" in bench.near.told()[-1]
 
 
@@ -178,7 +182,7 @@ def test_deaf_it_runs_out_of_time():
     bench = Bench().armed()
     bench.micro.inject("deaf", 10.0)
     bench.fly(0.6, dipole=[1.0, 0.0, 0.0])
-    assert bench.near.state is State.safe
+    assert bench.near.state is FarEndState.safe
 
 
 def test_hung_it_enforces_nothing_until_it_goes_on():
@@ -197,7 +201,7 @@ def test_after_a_reset_it_is_safe_and_the_host_knows():
     bench.micro.inject("reset")
     bench.run(0.1)
     assert bench.near.restarted
-    assert bench.near.state is State.safe
+    assert bench.near.state is FarEndState.safe
     np.testing.assert_array_equal(bench.micro.dipole, 0.0)
     bench.near = NearEnd(SCHEMA, "the next session")
     bench.run(0.1)
@@ -243,13 +247,13 @@ def test_a_fault_must_be_acknowledged_before_it_can_be_armed_again():
     bench = Bench().armed()
     bench.micro.inject("fault", 2.0)
     bench.run(0.02)
-    assert bench.near.state is State.fault
+    assert bench.near.state is FarEndState.fault
     assert bench.near.told()[-1] == "bench: LIMIT (2)"
     bench.say(bench.near.arm(500, HOST + bench.now))
-    assert bench.near.state is State.fault
+    assert bench.near.state is FarEndState.fault
     bench.say(bench.near.disarm(HOST + bench.now))
     bench.say(bench.near.arm(500, HOST + bench.now))
-    assert bench.near.state is State.armed
+    assert bench.near.state is FarEndState.armed
 
 
 def test_a_clock_that_changes_its_pace_is_fitted_anew():

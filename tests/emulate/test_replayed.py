@@ -11,7 +11,7 @@ from twin.emulate.mti import EmulatedMti
 from twin.emulate.replayed import ReplayedDevice, Said, spied
 from twin.errors import UsageError
 from twin.plant.devices.device import Sample
-from twin.plant.devices.xbus.mti import MtiSettings
+from twin.plant.devices.mti import MtiSettings
 
 pytestmark = pytest.mark.wall_clock
 

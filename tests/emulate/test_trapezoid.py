@@ -2,7 +2,7 @@
 
 import pytest
 
-from twin.emulate.trapezoid import Ramps, at_rest, move, slew, stop
+from twin.emulate.mdrive import Ramps, at_rest, move, slew, stop
 
 FACTORY = Ramps(1000.0, 768_000.0, 1e6, 1e6)
 

@@ -10,7 +10,7 @@ from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.errors import UsageError
 from twin.estimators import OffsetFilter, load_estimator
-from twin.estimators.gyrostat import Gyrostat, Motion, rate_of
+from twin.estimators.offset_filter import Gyrostat, MotionState, rate_of
 from twin.loop import fly
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
@@ -136,7 +136,7 @@ def test_model_arrives_where_mujoco_does_after_all_parts_have_moved(name):
     spins = model.wheel_inertia * (speeds + np.einsum("niw,ni->nw", parts.axes, rate))
     momentum = np.einsum("nij,nj->ni", parts.inertia, rate) + parts.held
     momentum = momentum + np.einsum("niw,nw->ni", parts.axes, spins)
-    motion = Motion(begin["truth_attitude"], momentum, spins)
+    motion = MotionState(begin["truth_attitude"], momentum, spins)
     for tick in range(1, 41):
         works = tick <= 20
         command = {

@@ -16,7 +16,7 @@ import pytest
 from tests.processes import PATIENCE
 from twin.plant.devices.link import (
     LONGEST_PAYLOAD,
-    Arm,
+    ArmRequest,
     Channel,
     Frame,
     Hello,
@@ -28,9 +28,9 @@ from twin.plant.devices.link import (
     checksum,
     packed,
 )
-from twin.plant.devices.link.c_header import c_header
-from twin.plant.devices.link.cobs import stuff, unstuff
 from twin.plant.devices.link.far_end import FarEnd
+from twin.plant.devices.link.frame import stuff, unstuff
+from twin.plant.devices.link.schema import c_header
 
 FIRMWARE = Path(__file__).parents[2] / "docs" / "firmware"
 CC = shutil.which("cc")
@@ -173,7 +173,7 @@ def random_frame(rng: np.random.Generator, number: int) -> bytes:
         MessageType.hello: Hello(known, 0, "twin").packed(),
         MessageType.timesync: TimeSync(int(rng.integers(0, 2**62))).packed(),
         MessageType.setpoint: SetPoint(channel, valid_for, value).packed(SCHEMA),
-        MessageType.arm: Arm(known, valid_for).packed(),
+        MessageType.arm: ArmRequest(known, valid_for).packed(),
         MessageType.disarm: b"",
         MessageType.safe_stop: b"",
         77: rng.integers(0, 256, int(rng.integers(0, LONGEST_PAYLOAD)), dtype=np.uint8).tobytes(),

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from twin.clock import SimulatedClock
-from twin.contrast import Excitation
+from twin.contrast import ExcitingLaw
 from twin.controller import AnyController, load_controller
 from twin.effects import parse_effects, with_effects
 from twin.estimators import load_estimator
-from twin.estimators.passthrough import Passthrough
+from twin.estimators.estimator import Passthrough
 from twin.loop import fly
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
@@ -99,7 +99,7 @@ def fly_machine(
     true = with_effects(true, parse_effects(effects)) if effects else true
     speeds = [0.05 * wheel.speed_limit + wheel.home for wheel in stated.wheels]
     start = InitialState(rate_body=np.array([0.004, -0.002, 0.05]), wheel_speed=np.array(speeds))
-    return open_loop(stated, true, Excitation(), start, runs, seed, duration)
+    return open_loop(stated, true, ExcitingLaw(), start, runs, seed, duration)
 
 
 def swing(stated: Platform, seed: int, duration: float) -> Campaign:

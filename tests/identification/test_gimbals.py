@@ -5,7 +5,7 @@ import secrets
 import numpy as np
 import pytest
 
-from twin.identification.gimbals import as_measured
+from twin.identification.identification import as_measured
 from twin.model import compile_model
 from twin.platform import load_platform
 from twin.predict.profiles import random_walk

@@ -10,9 +10,7 @@ from twin.cli.identify import Method
 from twin.cli.main import main
 from twin.errors import UsageError
 from twin.identification import METHODS, Settings, identify
-from twin.identification.linear.equations import integrated
-from twin.identification.linear.least_squares import least_squares
-from twin.identification.linear.recursive import STEP, recursive
+from twin.identification.linear import STEP, integrated, least_squares, recursive
 from twin.identification.methods import Logs
 from twin.identification.start import base_of
 from twin.model import compile_model

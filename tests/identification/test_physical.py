@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.identification.physical import nearest_body
+from twin.identification.identification import nearest_body
 from twin.model import Machine, carried_properties, compile_model
 from twin.platform import load_platform
 from twin.predict.base import BaseParameters, base_parameters

@@ -5,7 +5,7 @@ import numpy as np
 from twin.identification import identify
 from twin.library import library
 from twin.platform import load_platform
-from twin.recording.open import open_log
+from twin.recording.log import open_log
 from twin.report import identified
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from twin.diagnosis import diagnose
 from twin.identification import identify
-from twin.identification.momentum import momentum_fit
+from twin.identification.start import momentum_fit
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
 from twin.predict.base import base_parameters

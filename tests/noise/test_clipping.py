@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.noise.cleaning import cleaned
-from twin.noise.clipping import range_ends
+from twin.noise.stuck import range_ends
 from twin.recording import Recording, Series
 
 

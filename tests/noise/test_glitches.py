@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin import rotation
-from twin.noise.glitches import glitches
+from twin.noise.cleaning import glitches
 from twin.recording import Series
 
 

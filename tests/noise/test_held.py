@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin import rotation
-from twin.noise.held import slow_sensor
+from twin.noise.stuck import slow_sensor
 from twin.recording import Series
 
 

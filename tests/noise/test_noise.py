@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.noise import measure_noise, noise_left, noise_of
-from twin.noise.white import white_noise
+from twin.noise.stream import white_noise
 from twin.recording import Series
 from twin.rotation import from_rotation_vector, multiply
 

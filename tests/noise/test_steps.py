@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from twin import rotation
-from twin.noise.steps import without_steps
+from twin.noise.cleaning import without_steps
 from twin.recording import Recording, Series
 
 

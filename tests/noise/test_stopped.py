@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.noise.stopped import stopped
+from twin.noise.stuck import stopped
 from twin.recording import Series
 
 

@@ -16,8 +16,8 @@ from twin.estimators import load_estimator
 from twin.loop import fly
 from twin.model import Machine, compile_model
 from twin.plant.initial import InitialState
+from twin.plant.prescribed import plan
 from twin.plant.simulated import SimulatedPlant
-from twin.plant.stages import plan
 from twin.platform import Platform, load_platform
 from twin.reference import Hold
 from twin.rotation import conjugate, from_rotation_vector, rotate

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lsim
 
-from twin.plant.low_pass import LowPass
+from twin.plant.sensors import LowPass
 from twin.platform import load_platform
 
 

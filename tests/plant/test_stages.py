@@ -4,7 +4,7 @@ import secrets
 
 import numpy as np
 
-from twin.plant.stages import plan
+from twin.plant.prescribed import plan
 
 
 def test_stages_go_alone_as_they_do_in_a_batch_to_the_bit():

@@ -17,8 +17,8 @@ from twin.effects import effects_of
 from twin.library import model_names
 from twin.model import compile_model
 from twin.plant import hardware_setup
-from twin.plant.guard.settings import GuardSettings
-from twin.platform import load, load_parts, load_platform, load_sensors
+from twin.plant.guard.rules import GuardSettings
+from twin.platform import load, load_platform
 from twin.recording import environment
 from twin.scaffold import KINDS, new_platform
 
@@ -119,24 +119,24 @@ def test_every_key_that_the_loader_takes_is_on_the_page_with_its_unit_and_defaul
 
 
 def test_no_key_of_the_loader_went_unheard(asked: set[Key]):
-    sources = (load, load_parts, load_sensors, environment)
+    sources = (load, environment)
     by_name = set[str]().union(*(literals(module, TYPES) for module in sources))
     assert len(by_name) > 40
     assert by_name - {key.name for key in asked} == set(), "a machine of tests or models needs it"
 
 
 def test_every_table_that_the_loader_takes_is_on_the_page():
-    tables = literals(load, ("table", "raw")) | literals(load_parts, ("table",))
+    tables = literals(load, ("table", "raw"))
     for name in tables:
         assert re.search(rf"^#+ .*\[{name}\]|`\[{name}[\].]", PAGE, re.MULTILINE), name
-    for name in literals(load_parts, ("tables",)):
+    for name in literals(load, ("tables",)):
         assert f"### [[{name}]]" in PAGE
 
 
 def test_every_stream_that_a_simulation_measures_is_on_the_page():
     rows = re.findall(r"^\| (`.*?) \|", MACHINE, re.MULTILINE)
     names = {name for row in rows for name in re.findall("`(.*?)`", row)}
-    assert set(load_sensors.MEASURED) - names == set()
+    assert set(load.MEASURED) - names == set()
 
 
 def test_every_key_of_hardware_and_of_its_guard_is_on_the_page():

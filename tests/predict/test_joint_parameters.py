@@ -8,7 +8,7 @@ from twin.platform import load_platform
 from twin.predict.base import base_parameters, joint_parameters
 from twin.predict.body import body_of
 from twin.predict.logs import motion_of
-from twin.recording.open import open_log
+from twin.recording.log import open_log
 
 
 def test_slopes_by_damping_and_stiffness_are_those_of_the_prediction():

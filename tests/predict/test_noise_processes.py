@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.predict.kalman import Linearised, Local, Noise, Wander, blocked, chain, whitened
+from twin.predict.kalman import Linearised, Local, NoiseProcess, Wander, blocked, chain, whitened
 
 SEGMENTS, INSTANTS, WIDTH, X, U, C = 3, 8, 2, 2, 2, 2
 STEP = 0.5
 Log = tuple[Linearised, Local]
 TORQUE, GYRO = Wander(0.7, 2.0), Wander(1.3, 5.0)
-NOISE = Noise(torque=TORQUE, errors=(("gyro", GYRO),))
+NOISE = NoiseProcess(torque=TORQUE, errors=(("gyro", GYRO),))
 
 
 @pytest.fixture
@@ -113,7 +113,7 @@ def test_whitening_what_wanders_agrees_with_its_dense_covariance(log: Log):
 def test_blocks_in_which_nothing_wanders_say_the_same(log: Log):
     """With a correlation time far beyond the log's length."""
     linear, local = log
-    slow = Noise(torque=Wander(0.7, 1e9), errors=(("gyro", Wander(1.3, 1e9)),))
+    slow = NoiseProcess(torque=Wander(0.7, 1e9), errors=(("gyro", Wander(1.3, 1e9)),))
     found = []
     for prediction, travels in (log, blocked(linear, local, 4 * STEP)):
         white, own = whitened(prediction, travels, np.zeros(C), slow)

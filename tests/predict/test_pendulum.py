@@ -9,7 +9,7 @@ from twin.platform import Platform
 from twin.predict.base import base_parameters
 from twin.predict.body import Body, body_of
 from twin.predict.logs import motion_of
-from twin.predict.states import Push, States
+from twin.predict.states import PathForces, States
 from twin.recording import Recording, Series
 
 AMPLITUDE = 2.0
@@ -52,7 +52,7 @@ def test_the_predicted_pendulum_keeps_its_energy_and_the_time_of_the_elliptic_in
     push = np.zeros((body.grid.segments, body.grid.steps, body.machine.model.nv))
     model = base_parameters(body.machine).model(base_parameters(body.machine).as_stated)
     there = np.zeros(1, dtype=np.intp)
-    angle = body.rollouts.onward(model, there, start, steps, Push(push))[0, :, 0]
+    angle = body.rollouts.onward(model, there, start, steps, PathForces(push))[0, :, 0]
     exact = passive_log(pendulum, 20.0)["joint_angle"]
     time = body.grid.step * np.arange(steps + 1)
     assert np.max(np.abs(angle - np.interp(time, exact.time, exact.value[:, 0]))) < 1e-4

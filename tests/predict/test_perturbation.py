@@ -18,7 +18,7 @@ from twin.predict.body import Body, body_of
 from twin.predict.forces import Perturbation
 from twin.predict.innovations import Problem
 from twin.predict.logs import motion_of
-from twin.predict.states import Push
+from twin.predict.states import PathForces
 from twin.recording import Recording
 
 SEED = 20261121
@@ -53,8 +53,8 @@ def test_where_a_push_turns_a_body_whatever_its_inertia_a_heavier_one_under_more
     body = predictor(swing(seed=SEED, duration=6.0), pendulum)
     base = base_parameters(body.machine)
     push = 0.3 * against_rate(body)
-    one = body.linearise(base, base.as_stated, np.zeros(0), body.start, Push(push))
-    columns = body.without(base, one, Push(push)).linear.shared
+    one = body.linearise(base, base.as_stated, np.zeros(0), body.start, PathForces(push))
+    columns = body.without(base, one, PathForces(push)).linear.shared
     k = one.path.rate.shape[-1]
     turned = np.einsum("snkf,snf->snk", one.answer[:, :, k : 2 * k], push)
     (place,) = np.flatnonzero([name.startswith("J") for name in base.names])
@@ -62,7 +62,7 @@ def test_where_a_push_turns_a_body_whatever_its_inertia_a_heavier_one_under_more
     theta = base.as_stated + size * np.eye(len(base.as_stated))[place]
     more = push.copy()
     more[..., body.machine.base_dof] += size * turned
-    path = body.rollouts.paths(base.model(theta), body.start.one(), Push(more))
+    path = body.rollouts.paths(base.model(theta), body.start.one(), PathForces(more))
     rolled = (body.rows(path)[0] - one.linear.residual) / size
     np.testing.assert_allclose(columns[..., place], rolled, atol=2e-3 * np.abs(rolled).max())
     with_it = np.abs(one.linear.shared[..., place] - rolled).max()
@@ -75,18 +75,20 @@ def test_a_forces_column_is_what_a_rollout_with_it_gives(swing: Swings, pendulum
     force, size = against_rate(body), 1e-5
     one = body.linearise(base, base.as_stated, np.zeros(0), body.start)
     columns, jumps = body.force_columns(one, force[..., None])
-    path = body.rollouts.paths(base.model(base.as_stated), body.start.one(), Push(size * force))
+    path = body.rollouts.paths(
+        base.model(base.as_stated), body.start.one(), PathForces(size * force)
+    )
     rolled = (body.rows(path)[0] - one.linear.residual) / size
     scale = np.abs(rolled).max()
     np.testing.assert_allclose(columns[..., 0], rolled, atol=2e-3 * scale)
-    pushed = body.linearise(base, base.as_stated, np.zeros(0), body.start, Push(size * force))
+    pushed = body.linearise(base, base.as_stated, np.zeros(0), body.start, PathForces(size * force))
     ends = (pushed.linear.jump - one.linear.jump) / size
     np.testing.assert_allclose(jumps[..., 0], ends, atol=2e-3 * np.abs(ends).max())
 
 
-def dry(size: float, body: Body) -> Push:
+def dry(size: float, body: Body) -> PathForces:
     law = BearingCoulombFriction(size, smoothing=0.05).torque(body.machine.platform)
-    return Push(np.zeros_like(body.rollouts.force), ((1.0, law),))
+    return PathForces(np.zeros_like(body.rollouts.force), ((1.0, law),))
 
 
 def test_what_dry_friction_of_a_size_does_to_a_prediction_is_what_a_rollout_with_it_gives(

@@ -22,7 +22,7 @@ from twin.predict.body import Body, body_of
 from twin.predict.innovations import Problem
 from twin.predict.logs import motion_of
 from twin.predict.sensors import SENSED
-from twin.predict.states import Push
+from twin.predict.states import PathForces
 from twin.recording import Recording
 from twin.reference import parse_reference
 from twin.stream.recorder import MemoryRecorder
@@ -55,7 +55,9 @@ def test_a_forces_column_is_what_a_rollout_with_it_gives(tas2: Body):
     size = 1e-4
     one = tas2.linearise(base, base.as_stated, np.zeros(len(tas2.bias_scale)), tas2.start)
     columns, _ = tas2.force_columns(one, force[..., None])
-    path = tas2.rollouts.paths(base.model(base.as_stated), tas2.start.one(), Push(size * force))
+    path = tas2.rollouts.paths(
+        base.model(base.as_stated), tas2.start.one(), PathForces(size * force)
+    )
     rolled = tas2.cells.gather((tas2.rows(path)[0] - one.linear.residual) / size)
     for output, own, other in zip(
         tas2.outputs, tas2.cells.gather(columns[..., 0]), rolled, strict=True

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twin.diagnosis.experiment import Excitation
+from twin.diagnosis.experiment import SimulatedRun
 from twin.identification import identify
 from twin.model import compile_model
 from twin.platform import Platform, load_platform
@@ -24,7 +24,7 @@ def platform() -> Platform:
 @pytest.fixture(scope="module")
 def log(platform: Platform) -> Recording:
     """Masses and coils bring it level."""
-    tilted = Excitation(platform, "mass_magnetic_pid", 40.0, attitude=(5.0, 3.0, 0.0))
+    tilted = SimulatedRun(platform, "mass_magnetic_pid", 40.0, attitude=(5.0, 3.0, 0.0))
     found = tilted.flown(platform, seed=SEED)
     assert found is not None
     return found

@@ -8,7 +8,7 @@ import pytest
 from twin.controller import load_controller
 from twin.diagnosis.baseline import baseline_of
 from twin.effects import effect_named, with_effects
-from twin.plant.gas import STANDARD_GRAVITY
+from twin.plant.forces import STANDARD_GRAVITY
 from twin.platform import load_platform
 from twin.predict.inputs import pressure
 from twin.reference import parse_reference

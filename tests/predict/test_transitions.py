@@ -11,8 +11,8 @@ from twin.library import library
 from twin.predict import rollouts
 from twin.predict.base import base_parameters
 from twin.predict.body import Body
-from twin.predict.states import STEP, Push
-from twin.recording.open import open_log
+from twin.predict.states import STEP, PathForces
+from twin.recording.log import open_log
 
 SEED = 20261123
 
@@ -77,7 +77,7 @@ def test_neighbours_feel_what_answers_to_the_path(platform: str, monkeypatch: py
         lean = np.sin(state.position) if hinge else rotation.vertical_body(state.position)
         return inertia * (drag + 0.05 * lean + wheels)
 
-    push = Push(np.zeros_like(body.rollouts.force), ((1.0, law),))
+    push = PathForces(np.zeros_like(body.rollouts.force), ((1.0, law),))
     around, _ = body.rollouts.around(model, body.start, push)
     without, _ = body.rollouts.around(model, body.start)
     monkeypatch.setattr(rollouts, "is_gyrostat", lambda *_: False)
@@ -102,6 +102,8 @@ def test_neighbours_of_what_turns_over_within_a_step_are_rolled_out(
     np.testing.assert_array_equal(carried, rolled)
 
 
-def _dry(body: Body) -> Push:
+def _dry(body: Body) -> PathForces:
     """Friction that has its whole size from 1e-5 rad/s on."""
-    return Push(np.zeros_like(body.rollouts.force), ((0.1, lambda s: -np.tanh(s.rate / 1e-5)),))
+    return PathForces(
+        np.zeros_like(body.rollouts.force), ((0.1, lambda s: -np.tanh(s.rate / 1e-5)),)
+    )

@@ -3,6 +3,7 @@
 import re
 import secrets
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,12 @@ import pytest
 from twin.cli.main import main
 from twin.identification import Misfit
 from twin.platform import load_platform
-from twin.procedures import Phase, balancing, rounds
-from twin.procedures.fits import Fits, Found, found_in
-from twin.procedures.statement import Statement, state
+from twin.procedures import Phase, balancing
+from twin.procedures.fits import Fits, MomentFit, found_in
+from twin.procedures.plan import Statement, state
 from twin.recording import open_log
 from twin.reference import Hold
-from twin.report.balanced import balanced
+from twin.report.outcomes import balanced
 from twin.signals import Estimate
 
 CUBESAT = load_platform("cubesat")
@@ -81,15 +82,17 @@ def test_a_torque_that_may_be_nothing_is_told_with_both_ends_of_its_interval():
 class Answered(Fits):
     """Every fit finds an offset that the masses can undo."""
 
-    def answer(self, run: int) -> Found:
+    def answer(self, run: int) -> MomentFit:
         nothing = Misfit("all", 1.0, 0.9, 1.1)
         moment = np.array([0.0, 0.0, -2e-5])
-        return Found(moment, 1e-14 * np.eye(3), 1.96, CUBESAT.inertia, nothing)
+        return MomentFit(moment, 1e-14 * np.eye(3), 1.96, CUBESAT.inertia, nothing)
 
 
 @pytest.mark.parametrize("target", [4.3e-5, 5e-4])
 def test_a_statement_is_there_only_while_the_masses_stand_where_it_was_made(monkeypatch, target):
-    monkeypatch.setattr(rounds, "observed_torque", lambda *_: 1e-5)
+    monkeypatch.setattr(
+        import_module("twin.procedures.balancing"), "observed_torque", lambda *_: 1e-5
+    )
     procedure = balancing(CUBESAT, 1, way="direct", target=target, workers=0)
     procedure = replace(procedure, lab=replace(procedure.lab, fits=Answered(CUBESAT, workers=0)))
     procedure.lab.logs[0] = [None, None]

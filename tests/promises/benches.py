@@ -12,7 +12,7 @@ import numpy as np
 
 from twin.diagnosis import diagnosis
 from twin.diagnosis.candidates import Candidate, candidate, candidates_of
-from twin.diagnosis.experiment import Angles, Excitation
+from twin.diagnosis.experiment import Angles, SimulatedRun
 from twin.diagnosis.explanation import Explanation
 from twin.diagnosis.screen import LinearScreen
 from twin.effects import Effect, Order, SeriesEffect, able, catalogue, with_effects
@@ -127,7 +127,7 @@ def flown(bench: Bench, effects: tuple[Effect, ...], seed: int) -> Recording | N
     platform = replace(platform, step=0.5 * platform.step, sensors=sensors)
     for effect in effects:
         platform = able(platform, effect)
-    excitation = Excitation(
+    excitation = SimulatedRun(
         platform, bench.controller, bench.duration, bench.reference, bench.attitude, bench.turning
     )
     return excitation.flown(with_effects(platform, effects), seed=seed)

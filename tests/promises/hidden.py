@@ -12,8 +12,7 @@ from benches import LIBRARY, Bench, Yardstick, believed, flown, machine, yardsti
 
 from twin.contrast import difference
 from twin.effects import BiasEffect, Effect, Order, SeriesEffect, able, catalogue, with_effects
-from twin.effects.effect import targets
-from twin.effects.errors import EffectError
+from twin.effects.effect import EffectError, targets
 from twin.errors import TwinError
 from twin.model import compile_model
 from twin.platform import Platform, load_platform

@@ -28,8 +28,8 @@ from case import KINDS, Case, run  # noqa: E402
 from page import page, rows_of  # noqa: E402
 
 from twin import stop  # noqa: E402
+from twin.files import write_whole  # noqa: E402
 from twin.processes import Pool, first_completed  # noqa: E402
-from twin.whole_file import write_whole  # noqa: E402
 
 PAGE = Path(__file__).parents[2] / "docs" / "diagnosis.md"
 ROWS = PAGE.with_suffix(".jsonl")

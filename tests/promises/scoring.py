@@ -10,7 +10,7 @@ from twin.diagnosis import Diagnosis
 from twin.diagnosis.screen import TIED, LinearScreen, Search, price
 from twin.effects import Effect
 from twin.effects.body.liquid_slosh import LiquidSlosh
-from twin.effects.errors import EffectError
+from twin.effects.effect import EffectError
 from twin.platform import Platform
 from twin.predict.columns import amplitudes
 

@@ -9,7 +9,7 @@ from twin.errors import LogError
 from twin.recording import open_log
 from twin.recording.formats import ENDINGS
 from twin.recording.log import read_log
-from twin.recording.quaternions import LAYOUTS
+from twin.recording.rows import LAYOUTS
 from twin.signals import LOGGED
 
 GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twin import rotation
+from twin.conventions.advice import corrected_lines
 from twin.conventions.correction import Correction, as_tuple
-from twin.conventions.log_toml import corrected_lines
 from twin.errors import LogError
 from twin.platform import in_order_of, load_platform
 from twin.recording import read_log, write_folder

@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 
 from tests.processes import PATIENCE
 from twin.recording import read_log
-from twin.recording.formats import one_pass
+from twin.recording.formats import array_file
 
 NAMES = ("t", "x", "y", "z", "w", "note")
 COLUMNS = {"gyro": ["x", "y", "z"], "attitude": ["w", "x", "y", "z"], "accelerometer": list("zyx")}
@@ -166,8 +166,8 @@ def test_who_waits_for_a_file_is_told_its_share_and_the_time_left(
     said = list[str]()
     read_log(log, said.append)
     assert said == [], "soon done"
-    monkeypatch.setattr(one_pass, "SOON", 0.0)
-    monkeypatch.setattr(one_pass, "AGAIN", 0.0)
+    monkeypatch.setattr(array_file, "SOON", 0.0)
+    monkeypatch.setattr(array_file, "AGAIN", 0.0)
     read_log(log, said.append)
     shares = [int(words.split(": ")[1].split("%")[0]) for words in said]
     assert all(words.startswith(f"reading a.{ending}: ") for words in said)

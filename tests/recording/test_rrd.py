@@ -11,8 +11,8 @@ import pytest
 from tests.processes import PATIENCE
 from twin.errors import RecordingError
 from twin.recording import Recording, Series, read_recording
+from twin.recording.read import SCHEMA
 from twin.recording.rrd import RrdFile
-from twin.recording.schema import SCHEMA
 from twin.stream.runfile import write_recording
 
 FACTS = {"schema": SCHEMA, "platform": "sads", "seed": 3, "note": "näher als 1 µm"}

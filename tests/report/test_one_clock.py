@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from twin.effects import effect_named
-from twin.report.one_clock import one_clock_sentences
+from twin.report.diagnosed import one_clock_sentences
 
 TURNING, AT_REST = np.array([[0.0], [1.0]]), np.zeros((2, 1))
 

@@ -7,24 +7,24 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from twin.report.style import FIGURE, svg
-from twin.reproduce.part import Found, Ours, Say
+from twin.reproduce.part import Computed, Ours, Say
 
 
-def good(say: Say) -> Found:
+def good(say: Say) -> Computed:
     """A value and a figure."""
     say("counting")
     with mpl.rc_context(FIGURE):
         figure = Figure()
         figure.subplots().plot([0.0, 1.0])
-        return Found({"000.good": Ours(0.5, note="Half of one.")}, {"A line": svg(figure)})
+        return Computed({"000.good": Ours(0.5, note="Half of one.")}, {"A line": svg(figure)})
 
 
-def raises(say: Say) -> Found:
+def raises(say: Say) -> Computed:
     """It divides by zero."""
-    return Found({"000.raises": Ours(1 / 0)})
+    return Computed({"000.raises": Ours(1 / 0)})
 
 
-def dies(say: Say) -> Found:
+def dies(say: Say) -> Computed:
     """As one that the system kills."""
     os._exit(3)
 
@@ -36,6 +36,6 @@ class Constant:
     name: str
     value: float
 
-    def __call__(self, say: Say) -> Found:
+    def __call__(self, say: Say) -> Computed:
         """That value."""
-        return Found({self.name: Ours(self.value)})
+        return Computed({self.name: Ours(self.value)})

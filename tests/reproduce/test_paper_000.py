@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from tests.controllers.test_cmg_steering import standing
-from twin.controller.gyros import Gyros
+from twin.controller.exchange import Gyros
 from twin.platform import load_platform
 from twin.reference import Multisine
 from twin.reproduce.flown import About
-from twin.reproduce.judge import Status, judge
+from twin.reproduce.judge import Agreement, judge
 from twin.reproduce.paper_000 import eq_43, fig_3, fig_7
 from twin.reproduce.paper_000.bench import RollPitch, printed_machine
 from twin.reproduce.rows import paper_named, read_papers
@@ -81,12 +81,12 @@ def test_the_rows_of_the_paper_come_out(monkeypatch):
     monkeypatch.setattr(eq_43, "CAUSES", ("gimbal_backlash",))
     monkeypatch.setattr(fig_3, "MOVING", 150.0)
     rows = {row.id: row for row in paper_named(read_papers(), "000").rows}
-    status = dict[str, Status]()
+    status = dict[str, Agreement]()
     for part in (fig_3.PART, *eq_43.PARTS, fig_7.PART):
         found = part.compute(print)
         assert set(found.rows) == set(part.ids)
         status |= {name: judge(rows[name], ours).status for name, ours in found.rows.items()}
-    assert status["000.eq43.rigid_body"] is Status.differs_explained
+    assert status["000.eq43.rigid_body"] is Agreement.differs_explained
     for name in (
         "fig3.momentum_without_excitation",
         "fig3.offset_without_excitation",
@@ -94,4 +94,4 @@ def test_the_rows_of_the_paper_come_out(monkeypatch):
         "fig7.best_skew",
         "fig7.sphere",
     ):
-        assert status[f"000.{name}"] is Status.agrees
+        assert status[f"000.{name}"] is Agreement.agrees

@@ -6,7 +6,7 @@ import pytest
 from twin.controller import load_controller
 from twin.plant.initial import InitialState, hanging
 from twin.reproduce.flown import flown, perfect
-from twin.reproduce.judge import Status, judge
+from twin.reproduce.judge import Agreement, judge
 from twin.reproduce.paper_003 import tables
 from twin.reproduce.paper_003.bench import (
     ALL_MOTORS,
@@ -95,4 +95,4 @@ def test_a_table_of_the_paper_comes_out(monkeypatch):
     rows = {row.id: row for row in paper_named(read_papers(), "003").rows}
     torque = judge(rows["003.table2.torque"], found.rows["003.table2.torque"])
     print(torque)
-    assert torque.status is Status.agrees
+    assert torque.status is Agreement.agrees

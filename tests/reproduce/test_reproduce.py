@@ -9,9 +9,9 @@ import pytest
 from tests.reproduce import parts as some
 from twin.cli.main import main
 from twin.errors import FileError, UnknownName
-from twin.reproduce.judge import Status, judge
+from twin.reproduce.judge import Agreement, judge
 from twin.reproduce.page import write_html, write_markdown
-from twin.reproduce.part import Ours, Part
+from twin.reproduce.part import Ours, PaperPart
 from twin.reproduce.rows import Paper, Row, paper_named, read_papers
 from twin.reproduce.run import UNCOMPUTED, Reproduced, parts_of, reproduce
 
@@ -35,30 +35,30 @@ def row(kind, bound, published: float | str = 2.0, otherwise="", name="000.a"):
 )
 def test_a_row_agrees_inside_its_criterion_and_differs_outside(kind, bound, inside, outside):
     one = row(kind, bound)
-    assert all(judge(one, Ours(value)).status is Status.agrees for value in inside)
-    assert all(judge(one, Ours(value)).status is Status.differs for value in outside)
+    assert all(judge(one, Ours(value)).status is Agreement.agrees for value in inside)
+    assert all(judge(one, Ours(value)).status is Agreement.differs for value in outside)
 
 
 def test_a_published_value_is_covered_where_our_interval_holds_it():
     covers = row("covers", True)
-    assert judge(covers, Ours(1.5, 1.0, 2.1)).status is Status.agrees
-    assert judge(covers, Ours(1.5, 1.0, 1.9)).status is Status.differs
+    assert judge(covers, Ours(1.5, 1.0, 2.1)).status is Agreement.agrees
+    assert judge(covers, Ours(1.5, 1.0, 1.9)).status is Agreement.differs
     several = row("covers", True, published="all of them")
-    assert judge(several, Ours(True)).status is Status.agrees
+    assert judge(several, Ours(True)).status is Agreement.agrees
 
 
 def test_what_was_said_beforehand_explains_a_difference_and_nothing_else_does():
     one = row("below", 1.0, otherwise="It was known.")
-    assert judge(one, Ours(0.5)).status is Status.agrees
+    assert judge(one, Ours(0.5)).status is Agreement.agrees
     differs = judge(one, Ours(2.0, note="By a run."))
-    assert differs.status is Status.differs_explained
+    assert differs.status is Agreement.differs_explained
     assert differs.note == "It was known. By a run."
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
 @pytest.mark.parametrize(("kind", "bound"), [("below", 1.0), ("above", 1.0), ("within", 0.5)])
 def test_a_number_that_is_not_finite_agrees_with_nothing(kind, bound, value):
-    assert judge(row(kind, bound), Ours(value)).status is Status.differs
+    assert judge(row(kind, bound), Ours(value)).status is Agreement.differs
 
 
 @pytest.mark.parametrize(
@@ -138,9 +138,9 @@ FOUR = Paper(
     tuple(row("below", 1.0, name=f"000.{name}") for name in ("good", "raises", "dies", "missing")),
 )
 PARTS = (
-    Part(("000.raises",), some.raises),
-    Part(("000.good",), some.good),
-    Part(("000.dies",), some.dies),
+    PaperPart(("000.raises",), some.raises),
+    PaperPart(("000.good",), some.good),
+    PaperPart(("000.dies",), some.dies),
 )
 
 
@@ -154,9 +154,9 @@ def four():
 def test_a_part_that_fails_costs_its_rows_and_no_other(four):
     found, _ = four
     good, raises, dies, missing = found.rows
-    assert good.status is Status.agrees
+    assert good.status is Agreement.agrees
     assert good.ours == Ours(0.5, note="Half of one.")
-    assert all(one.status is Status.differs for one in (raises, dies, missing))
+    assert all(one.status is Agreement.differs for one in (raises, dies, missing))
     assert "ZeroDivisionError" in raises.note
     assert "ended with code 3" in dies.note
     assert missing.note == UNCOMPUTED

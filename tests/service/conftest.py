@@ -10,10 +10,9 @@ from twin.emulate.platform import EmulatedPlatform
 from twin.plant.devices.link import Channel
 from twin.plant.devices.microcontroller import MicrocontrollerSettings
 from twin.plant.guard.guarded import Held
-from twin.plant.guard.settings import guard_settings
-from twin.plant.hardware_setup import HardwareSetup, read_hardware
+from twin.plant.guard.rules import guard_settings
+from twin.plant.hardware_setup import HardwareSetup, Route, read_hardware
 from twin.plant.initial import InitialState
-from twin.plant.routes import Route
 from twin.platform import Platform, load_platform
 from twin.signals import stream_named
 

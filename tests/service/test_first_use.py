@@ -10,11 +10,10 @@ import pytest
 
 from twin.bench import Bench
 from twin.errors import SafetyError
-from twin.plant.guard.guarded import Held, Phase
+from twin.plant.guard.guarded import GuardPhase, Held
 from twin.plant.hardware_setup import HardwareSetup, read_hardware
 from twin.service import first_use
-from twin.service.evidence import Evidence, body_evidence
-from twin.service.first_use import armed
+from twin.service.first_use import Evidence, armed, body_evidence
 from twin.service.session import Session
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
@@ -39,7 +38,7 @@ def test_a_machine_that_does_what_is_predicted_goes_on_armed_from_time_0(table):
             bench.read(now)
             bench.write({COILS: np.zeros((1, 3))})
             assert bench.guard.seen.age("gyro") < 0.2, "time began anew for all that was seen"
-        assert bench.guard.phase is Phase.armed
+        assert bench.guard.phase is GuardPhase.armed
         places = bench.guard.seen.stage_position
     np.testing.assert_allclose(places, 0.0, atol=1.5e-5, err_msg="each mass is where it was")
     names = [line.split(" (")[0].removeprefix("first use of ") for line in told]
@@ -56,7 +55,7 @@ def test_nothing_is_tried_on_a_machine_that_nobody_has_armed(table):
     told: list[str] = []
     with table() as bench:
         armed(bench, [STAGES, COILS], told.append)
-        assert bench.guard.phase is Phase.disarmed
+        assert bench.guard.phase is GuardPhase.disarmed
     assert not told
 
 
@@ -79,7 +78,7 @@ def test_what_acts_the_other_way_round_is_refused(cubesat, table, wrong, tried, 
         with pytest.raises(SafetyError, match=sentence):
             armed(bench, [tried], print)
         assert np.abs(bench.guard.seen.stage_position).max() < 1e-3
-    assert bench.guard.phase is Phase.disarmed
+    assert bench.guard.phase is GuardPhase.disarmed
 
 
 def test_a_wheel_is_tried_by_the_body_and_by_its_own_speed(dumbbell):
@@ -124,6 +123,6 @@ def test_set_points_go_on_while_a_push_is_judged(table, monkeypatch: pytest.Monk
         monkeypatch.setattr(Bench, "in_lockstep", False)
         sessions.append(Session(bench))
         first_use.first_use(sessions[0], [COILS])
-        assert bench.guard.phase is Phase.armed
+        assert bench.guard.phase is GuardPhase.armed
     assert len(gone_on) >= 3
     assert min(gone_on) >= 0.5

@@ -7,7 +7,7 @@ import pytest
 
 from twin.errors import SafetyError, UsageError
 from twin.plant.guard.guarded import Held
-from twin.service.wheels import spin_down
+from twin.service.stages import spin_down
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 

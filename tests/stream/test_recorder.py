@@ -20,9 +20,9 @@ from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.recording import read_recording
-from twin.recording.schema import TIMELINE
+from twin.recording.read import TIMELINE
 from twin.signals import Command, Estimate, Reading, Samples, Target, Tick, stream_named
-from twin.stream.plots import SAID
+from twin.stream.blueprint import SAID
 from twin.stream.provenance import provenance
 from twin.stream.recorder import FileRecorder, MemoryRecorder
 

@@ -8,9 +8,8 @@ from rerun.chunk import Chunk
 from twin import rotation
 from twin.platform import Platform, load_platform
 from twin.platform.mjcf import load_mjcf
-from twin.stream import plots
-from twin.stream.plots import Plots
-from twin.stream.scene import Scene
+from twin.stream import blueprint
+from twin.stream.blueprint import Plots, Scene
 
 
 @pytest.fixture(scope="module")
@@ -133,10 +132,10 @@ def test_tilt_and_gravity_torque_are_those_of_the_attitude(sads):
             "truth_center_of_mass_offset": (time, offset),
         }
     )
-    assert derived[plots.TILT][1][0, 0] == pytest.approx(6.0)
+    assert derived[blueprint.TILT][1][0, 0] == pytest.approx(6.0)
     # a pendulum: m g r sin(tilt)
     expected = 1e3 * 2e-3 * sads.gravity * np.sin(np.radians(6.0))
-    assert derived[plots.GRAVITY_TORQUE][1][0, 0] == pytest.approx(expected)
+    assert derived[blueprint.GRAVITY_TORQUE][1][0, 0] == pytest.approx(expected)
 
 
 def test_a_reference_is_held_between_blocks(sads):
@@ -145,5 +144,5 @@ def test_a_reference_is_held_between_blocks(sads):
     drawn = Plots(sads)
     drawn.derived({"reference_attitude": (np.array([0.0]), tenth)})
     derived = drawn.derived({"estimate_attitude": (np.array([1.0]), level)})
-    error = derived[plots.ATTITUDE_ERROR][1]
+    error = derived[blueprint.ATTITUDE_ERROR][1]
     assert np.allclose(error, [[0.0, 0.0, -np.degrees(0.1)]])

@@ -1,25 +1,265 @@
-"""What a campaign says: distributions, sensitivities, worst runs and why, comparisons."""
+"""What a campaign shows: distributions, sensitivities, Sobol indices, worst runs, comparisons.
 
+How a number goes with the factors, where each machine flies every point of the grids.
+Machines are drawn, runs are not: ten gains flown on twenty machines are twenty draws of what
+differs between machines; and what a gain does is seen on twenty machines, however often on each.
+
+On what a comparison of two arms depends: the same ratio in each part of a factor's range.
+A mean over all machines may hide that one way is better on some and worse on others.
+"""
+
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 from scipy.special import ndtri
 
-from twin.campaigns.comparison import Comparison, between_arms, between_campaigns
-from twin.campaigns.conditions import Part, conditions
-from twin.campaigns.dependence import dependences
-from twin.campaigns.indices import Index, sobol_indices
 from twin.campaigns.merit import METRICS
 from twin.campaigns.results import Results
-from twin.campaigns.statistics import bootstrap, holm, mean, quantile
+from twin.campaigns.statistics import (
+    ArmComparison,
+    between_arms,
+    between_campaigns,
+    bootstrap,
+    correlation_within,
+    holm,
+    mean,
+    paired_rows,
+    quantile,
+    rank_correlation,
+    ratio_of_pairs,
+)
 from twin.interval import Interval
 from twin.shown import Shown
 
 Array = NDArray[np.float64]
+
+
+def dependences(
+    results: Results, rows: NDArray[np.intp], numbers: Array
+) -> Iterator[tuple[str, Interval, float]]:
+    """Rank correlation of a number with each factor, and the p-value that there is none.
+
+    Of a factor that is drawn, a machine counts once: with the mean of its ranks, each among the
+    machines at one point of the grids. So each point counts alike, however large the number is
+    there, and a machine that failed where others are bad does not look better for it.
+
+    Of a factor on a grid, it is the mean correlation within the machines: see `correlation_within`.
+    A block are runs that differ in nothing else.
+
+    Args:
+        results: of a campaign.
+        rows: (n,) of one arm, and free.
+        numbers: (n,) finite, of these rows.
+    """
+    machines, place = np.unique(results.machine[rows], return_inverse=True)
+    grids = grids_within(results)
+    shape = tuple(len(values) for values in reversed(grids.values()))  # the first turns fastest
+    table = np.full((len(machines), math.prod(shape)), np.nan)
+    combination = results.run[rows] % results.spec.points // len(results.spec.arms)
+    table[place, combination if grids else 0] = numbers
+    cube, mean_ranks = table.reshape(len(machines), *shape), _mean_ranks(table)
+    axes = {name: -1 - number for number, name in enumerate(grids)}
+    for factor, values in results.causes.items():
+        name = factor.strip("|")
+        if name in grids:
+            levels = np.abs(grids[name]) if name != factor else grids[name]
+            blocks = np.moveaxis(cube, axes[name], -1).reshape(len(cube), -1, len(levels))
+            yield factor, *correlation_within(blocks, levels)
+        else:
+            drawn = np.empty(len(machines))
+            drawn[place] = values[rows]
+            yield factor, *rank_correlation(drawn, mean_ranks)
+
+
+def grids_within(results: Results) -> dict[str, Array]:
+    """Factors that differ within a machine, with their values (k,), in the order of the grids."""
+    if not results.spec.dispersed:
+        return {}  # each run stands for itself
+    return {factor.name: np.array(values) for factor, values in results.spec.grids}
+
+
+def _mean_ranks(table: Array) -> Array:
+    """(machines,) mean over the points (machines, points) of the share of machines below there."""
+    known = np.isfinite(table)
+    ranks = stats.rankdata(table, axis=0, nan_policy="omit")
+    shares = (ranks - 0.5) / np.maximum(np.count_nonzero(known, axis=0), 1)
+    return np.nansum(shares, axis=1) / np.count_nonzero(known, axis=1)
+
+
+PARTS = 5
+"""Of a factor's range, of as many machines each."""
+MIN_MACHINES = 5
+"""Machines of a part."""
+STRONG = 0.3
+"""Rank correlation of the ratio with a factor, from which on it is worth a table."""
+CERTAIN_FACTOR = 0.05
+"""Level of significance, after correction for the number of factors and metrics."""
+
+
+@dataclass(frozen=True)
+class FactorPart:
+    """Of one metric of two arms, on the machines of one part of a factor's range."""
+
+    one: str
+    other: str
+    metric: str
+    factor: str
+    low: float
+    high: float
+    pairs: int
+    ratio: Interval
+    """Of the mean of `other` to that of `one`."""
+
+
+def conditions(results: Results) -> tuple[FactorPart, ...]:
+    """Parts of the factor on which each ratio depends most; none of a ratio that depends on none.
+
+    Only metrics that are above zero have ratios of single machines, whose ranks tell.
+    """
+    asked: list[tuple[int, int, str, str, float, float]] = []
+    arms, grids = range(len(results.spec.arms)), grids_within(results)
+    for a, b in combinations(arms, 2):
+        for metric in results.metrics:
+            left, x, y = _pairs(results, a, b, metric)
+            machines = len(np.unique(results.machine[left]))
+            if machines < MIN_MACHINES or min(x.min(), y.min()) <= 0.0:
+                continue
+            for factor, found, p in dependences(results, left, y / x):
+                # every machine is in each part of a grid
+                enough = factor.strip("|") in grids or machines >= MIN_MACHINES * PARTS
+                if enough and np.isfinite(found.value):
+                    asked.append((a, b, metric, factor, abs(found.value), p))
+    corrected = holm(np.array([one[-1] for one in asked]))
+    strongest: dict[tuple[int, int, str], tuple[float, str]] = {}
+    for (a, b, metric, factor, size, _), p in zip(asked, corrected, strict=True):
+        if p < CERTAIN_FACTOR and size >= STRONG:
+            key = (a, b, metric)
+            strongest[key] = max(strongest.get(key, (0.0, "")), (size, factor))
+    parts: list[FactorPart] = []
+    for (a, b, metric), (_, factor) in strongest.items():
+        parts += _parts(results, a, b, metric, factor)
+    return tuple(parts)
+
+
+def _parts(results: Results, a: int, b: int, metric: str, factor: str) -> list[FactorPart]:
+    left, x, y = _pairs(results, a, b, metric)
+    values = results.causes[factor][left]
+    one, other = (results.spec.arms[number].name for number in (a, b))
+    found: list[FactorPart] = []
+    within = factor.strip("|") in grids_within(results)
+    for rows in _split(values, np.arange(len(left)) if within else results.machine[left]):
+        ratio = ratio_of_pairs(x[rows], y[rows], results.sample[left][rows])
+        ends = float(values[rows].min()), float(values[rows].max())
+        found.append(FactorPart(one, other, metric, factor, *ends, len(rows), ratio))
+    return found
+
+
+def _split(values: Array, together: NDArray[np.int64]) -> list[NDArray[np.intp]]:
+    """Rows of each part; values of a grid, if they are few, are parts of their own.
+
+    Args:
+        values: (n,).
+        together: (n,) rows of one of these have one value, and stay in one part.
+    """
+    different = np.unique(values)
+    if len(different) <= PARTS:
+        return [np.flatnonzero(values == value) for value in different]
+    order = np.argsort(values, kind="stable")
+    _, first, place = np.unique(together, return_index=True, return_inverse=True)
+    parts = np.array_split(np.argsort(values[first], kind="stable"), PARTS)
+    return [order[np.isin(place[order], part)] for part in parts if part.size]
+
+
+def _pairs(results: Results, a: int, b: int, metric: str) -> tuple[NDArray[np.intp], Array, Array]:
+    """Rows of the first arm, and the metric of both where both have it."""
+    left, right = paired_rows(results, a, b)
+    column = results.metrics[metric]
+    known = np.isfinite(column[left]) & np.isfinite(column[right])
+    return left[known], column[left[known]], column[right[known]]
+
+
+MIN_POINTS = 16
+"""Points of a design of which indices are computed."""
+
+
+@dataclass(frozen=True)
+class Index:
+    """What one factor does to one metric, over the runs of an arm."""
+
+    arm: str
+    metric: str
+    factor: str
+    first: Interval
+    """Share of the variance that it explains by itself."""
+    total: Interval
+    """Share that is explained by it and by whatever it does together with others."""
+    count: int
+    """Points of the design of which all runs have the metric."""
+
+
+def sobol_indices(results: Results) -> tuple[Index, ...]:
+    """Of each metric and factor; none where the campaign has no Saltelli design.
+
+    Points of which a run has not come, or failed, are left out whole.
+    """
+    spec = results.spec
+    if spec.sampling != "saltelli":
+        return ()
+    place = (results.run // spec.points) % spec.together
+    found: list[Index] = []
+    for arm in (one.name for one in spec.arms):
+        rows = results.of(arm)
+        points, row_of = np.unique(results.sample[rows], return_inverse=True)
+        for metric, column in results.metrics.items():
+            values = np.full((len(points), spec.together), np.nan)
+            values[row_of, place[rows]] = column[rows]
+            values = values[np.isfinite(values).all(axis=1)]
+            if len(values) < MIN_POINTS or np.ptp(values[:, :2]) == 0.0:
+                continue
+            for number, factor in enumerate(spec.dispersed):
+                first, total = indices_of(values, number)
+                found.append(Index(arm, metric, factor.name, first, total, len(values)))
+    return tuple(found)
+
+
+def indices_of(values: Array, factor: int) -> tuple[Interval, Interval]:
+    """First-order and total index of a factor, each with its bootstrap interval.
+
+    The bootstrap resamples points as if they were independent; those of a Sobol sequence are more
+    even than that, so its intervals are rather too wide.
+
+    Source: A. Saltelli et al., Computer Physics Communications 181, 2010, table 2 (b) and (f).
+
+    Args:
+        values: (points, 2 + factors) of a design: at the first half, at the second, and at the
+            first with each factor from the second.
+        factor: which one.
+    """
+    columns = (values[:, 0], values[:, 1], values[:, 2 + factor])
+    points = np.arange(len(values))
+    return bootstrap(columns, points, _first), bootstrap(columns, points, _total)
+
+
+def _first(one: Array, other: Array, mixed: Array) -> Array:
+    middle = 0.5 * (one.mean(axis=-1, keepdims=True) + other.mean(axis=-1, keepdims=True))
+    return np.mean((other - middle) * (mixed - one), axis=-1) / _variance(one, other)
+
+
+def _total(one: Array, other: Array, mixed: Array) -> Array:
+    return 0.5 * np.mean((one - mixed) ** 2, axis=-1) / _variance(one, other)
+
+
+def _variance(one: Array, other: Array) -> Array:
+    """Of the two halves, which are independent."""
+    return np.var(np.concatenate([one, other], axis=-1), axis=-1)
+
 
 WORST = 5
 """Runs named of each metric."""
@@ -61,7 +301,7 @@ class AtPoint:
 
 
 @dataclass(frozen=True)
-class Sensitivity:
+class MetricSensitivity:
     """How one metric goes with one factor, over the machines of an arm."""
 
     arm: str
@@ -110,12 +350,12 @@ class Answers(Shown):
     """Of each arm, metric by metric; none without a grid."""
     at_stop: dict[str, int]
     """Runs of each arm that touched the tilt stop, where a metric tells."""
-    sensitivities: tuple[Sensitivity, ...]
+    sensitivities: tuple[MetricSensitivity, ...]
     indices: tuple[Index, ...]
     """Where the campaign has a Saltelli design."""
     worst: tuple[Worst, ...]
-    comparisons: tuple[Comparison, ...]
-    conditions: tuple[Part, ...]
+    comparisons: tuple[ArmComparison, ...]
+    conditions: tuple[FactorPart, ...]
     """On what they depend."""
     against: Results | None = None
     """The campaign that these are held against."""
@@ -144,7 +384,8 @@ def answers(results: Results, against: Results | None = None) -> Answers:
                     links.append((arm, metric, factor, found, p))
     corrected = holm(np.array([link[-1] for link in links]))
     sensitivities = tuple(
-        Sensitivity(*link[:-1], bool(p < CERTAIN)) for link, p in zip(links, corrected, strict=True)
+        MetricSensitivity(*link[:-1], bool(p < CERTAIN))
+        for link, p in zip(links, corrected, strict=True)
     )
     comparisons = between_arms(results) if len(names) > 1 else ()
     if against is not None:
@@ -226,7 +467,7 @@ def _without_numbers(reason: str) -> str:
     return " ".join(words)
 
 
-def _worst(results: Results, links: Sequence[Sensitivity]) -> tuple[Worst, ...]:
+def _worst(results: Results, links: Sequence[MetricSensitivity]) -> tuple[Worst, ...]:
     found: list[Worst] = []
     for metric, column in results.metrics.items():
         side = METRICS[metric].worse
@@ -243,7 +484,7 @@ def _worst(results: Results, links: Sequence[Sensitivity]) -> tuple[Worst, ...]:
 
 
 def _blamed(
-    results: Results, row: int, links: Sequence[Sensitivity], side: int
+    results: Results, row: int, links: Sequence[MetricSensitivity], side: int
 ) -> tuple[Blamed, ...]:
     """The strongest first."""
     rows, causes = results.of(str(results.arm[row])), results.causes

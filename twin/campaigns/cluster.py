@@ -1,33 +1,227 @@
 """Shards flown by the workers of a Dask scheduler, wherever they are; the extra `cluster`.
 
+A campaign in one piece: what a machine without its files needs to fly any of its shards.
+The specification as it was read, with the files of its machines and of its laws, and what else its
+bits depend on, so that a machine with another version of it can be told.
+
+What a worker of a cluster does: fly a shard of a campaign that was sent, and send back its rows.
+The worker may be any machine with this package; nothing of the campaign is written there.
+
 A worker is sent the campaign and the number of a shard, and sends back its rows: it needs no
 folder, and this process alone writes. A shard whose worker dies is given to another one by the
 scheduler.
 """
 
+import hashlib
 import logging
+import pickle
 import re
 import socket
 import time
+import zlib
+from collections import OrderedDict
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from importlib import import_module
+from pathlib import Path
 from queue import SimpleQueue
+from tempfile import TemporaryDirectory
+from threading import Lock
 from typing import TYPE_CHECKING, cast
 from uuid import uuid4
 
-from twin.campaigns.folder import Folder
-from twin.campaigns.guest import Refused, Sent
-from twin.campaigns.parcel import packed
-from twin.campaigns.rows import write_rows
-from twin.campaigns.spec import Spec
-from twin.campaigns.worker import Done
-from twin.errors import TwinError, UsageError
+import pyarrow as pa
+
+import twin
+from twin.campaigns.arithmetic import arithmetic
+from twin.campaigns.folder import Folder, hash_of, versions
+from twin.campaigns.results import write_rows
+from twin.campaigns.spec import Arm, Spec
+from twin.campaigns.worker import Done, rows_of_shard
+from twin.effects import file_of
+from twin.errors import CampaignError, TwinError, UsageError
+from twin.library import find_controller
+from twin.platform import Platform, files_of
 from twin.stop import sleep, until
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+
+
+LARGEST = 1 << 25
+"""Bytes of all files: they travel with each shard."""
+
+_SHIPPED = ("models", "controllers")
+"""In an installed package; in a checkout they lie beside it, and those of a campaign travel."""
+
+
+class OtherVersions(TwinError):
+    """A machine on which the same runs might not come to the same bits."""
+
+
+def packed(spec: Spec) -> bytes:
+    """The campaign, to be sent.
+
+    Raises:
+        CampaignError: its machines' files are more than can travel.
+    """
+    files: dict[str, bytes] = {}
+    arms = [_packed_arm(spec, arm, files) for arm in spec.arms]
+    total = sum(map(len, files.values()))
+    if total > LARGEST:
+        raise CampaignError(
+            spec.path,
+            f"its machines' files hold {total / 1e6:.0f} MB, which would travel with each shard",
+            f"make the meshes and textures that its MJCF names smaller, below "
+            f"{LARGEST / 1e6:.0f} MB in all",
+        )
+    # apart, so that it is opened only where its classes are those that it was made of
+    inner = pickle.dumps(replace(spec, arms=tuple(arms)))
+    return zlib.compress(pickle.dumps((code_of(), _effects_of(spec), files, inner)))
+
+
+def unpacked(data: bytes, folder: Path) -> Spec:
+    """The campaign, with its files laid out in a folder.
+
+    Raises:
+        OtherVersions: this machine's packages are not those that it was packed with, or it lacks
+            an effect's file.
+    """
+    made_by: dict[str, str]
+    effects: dict[Path, str]
+    files: dict[str, bytes]
+    made_by, effects, files, inner = pickle.loads(zlib.decompress(data))
+    here = code_of()
+    for name, wanted in made_by.items():
+        if (found := here.get(name)) != wanted:
+            raise OtherVersions(
+                f"{name} is {found} there and {wanted} here; install the same, for others come to "
+                "other bits"
+            )
+    for path, wanted in effects.items():
+        if not path.is_file() or hash_of(path) != wanted:
+            what = "another file there" if path.is_file() else "not there"
+            raise OtherVersions(
+                f"the effect {path} is {what}; effects of one's own do not travel: put the same "
+                "file in the same place"
+            )
+    for name, content in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    spec: Spec = pickle.loads(inner)
+    return replace(spec, arms=tuple(_laid_out(arm, folder) for arm in spec.arms))
+
+
+def code_of() -> dict[str, str]:
+    """What runs depend on beside their files: packages by version, our own code by its hash."""
+    root = Path(twin.__file__).parent
+    sources = hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        name = path.relative_to(root)
+        if name.parts[0] not in _SHIPPED:
+            sources.update(f"{name.as_posix()}\0".encode() + path.read_bytes() + b"\0")
+    return {**versions(), "code of airbearing-twin": sources.hexdigest()[:12]}
+
+
+def _effects_of(spec: Spec) -> dict[Path, str]:
+    """Files of effects that are not in the package, whose classes are found by them."""
+    own = (file_of(effect.kind) for arm in spec.arms for effect in arm.effects)
+    return {path: hash_of(path) for path in own if path is not None}
+
+
+def _packed_arm(spec: Spec, arm: Arm, files: dict[str, bytes]) -> Arm:
+    """The arm with paths from where its files are laid out; those are added to `files`."""
+    platform = _packed_platform(arm.platform, files)
+    known = replace(arm.known, folder=platform.folder, model_path=platform.model_path)
+    if spec.procedure == "balance":
+        return replace(arm, platform=platform, known=known)
+    content = (law := find_controller(arm.controller)).read_bytes()
+    name = f"laws/{hashlib.sha256(content).hexdigest()[:12]}/{law.name}"
+    files[name] = content
+    return replace(arm, platform=platform, known=known, controller=name)
+
+
+def _packed_platform(platform: Platform, files: dict[str, bytes]) -> Platform:
+    mark = hashlib.sha256(str(platform.folder).encode()).hexdigest()[:12]
+    place = Path("machines") / mark / platform.folder.name
+    for name, path in files_of(platform).items():
+        files[(place / name).as_posix()] = path.read_bytes()
+    model = place / platform.model_path.relative_to(platform.folder)
+    return replace(platform, folder=place, model_path=model)
+
+
+def _laid_out(arm: Arm, folder: Path) -> Arm:
+    def moved(platform: Platform) -> Platform:
+        return replace(
+            platform, folder=folder / platform.folder, model_path=folder / platform.model_path
+        )
+
+    law = folder / arm.controller
+    return replace(
+        arm,
+        platform=moved(arm.platform),
+        known=moved(arm.known),
+        controller=str(law) if law.is_file() else arm.controller,
+    )
+
+
+_REMEMBERED = 2
+"""Campaigns whose files are kept."""
+
+_one_at_a_time = Lock()
+"""Flights of one process share caches; a worker with threads flies no faster for them."""
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A shard that is flown and not yet written."""
+
+    done: Done
+    rows: pa.Table
+    arithmetic: str
+    """The mark of who flew it."""
+
+
+@dataclass(frozen=True)
+class ShardRefused:
+    """Why it cannot be flown there, and where that is."""
+
+    host: str
+    sentence: str
+
+
+def fly_sent(campaign: bytes, shard: int) -> Sent | ShardRefused:
+    """Fly a shard of a packed campaign."""
+    try:
+        with _one_at_a_time:
+            return Sent(*rows_of_shard(_opened(campaign), shard), arithmetic())
+    except (TwinError, OSError) as problem:
+        return ShardRefused(socket.gethostname(), str(problem))
+
+
+_campaigns: OrderedDict[bytes, tuple[Spec, TemporaryDirectory[str]]] = OrderedDict()
+"""Opened ones by what was sent, the one used last at the end."""
+
+
+def _opened(campaign: bytes) -> Spec:
+    """Once a process; its folder is there as long as the campaign is remembered."""
+    if campaign not in _campaigns:
+        folder = TemporaryDirectory(prefix="twin-campaign-", ignore_cleanup_errors=True)
+        try:
+            spec = unpacked(campaign, Path(folder.name))
+        except BaseException:
+            folder.cleanup()
+            raise
+        _campaigns[campaign] = spec, folder
+    _campaigns.move_to_end(campaign)
+    while len(_campaigns) > _REMEMBERED:
+        _, (_, oldest) = _campaigns.popitem(last=False)
+        oldest.cleanup()
+    return _campaigns[campaign][0]
+
 
 PATIENCE = 10.0
 """For an answer of the scheduler [s]."""
@@ -73,8 +267,8 @@ class Cluster:
         name = f"campaign-{uuid4().hex[:8]}"
         self._refuse_threads()
         waiting = list(reversed(shards))
-        asked: dict[str, tuple[int, Future[Sent | Refused]]] = {}
-        came: SimpleQueue[Future[Sent | Refused]] = SimpleQueue()
+        asked: dict[str, tuple[int, Future[Sent | ShardRefused]]] = {}
+        came: SimpleQueue[Future[Sent | ShardRefused]] = SimpleQueue()
         try:
             while waiting or asked:
                 with self._there():
@@ -100,12 +294,12 @@ class Cluster:
         finally:
             self._client.cancel([future for _, future in asked.values()], force=True)
 
-    def _result(self, spec: Spec, shard: int, future: "Future[Sent | Refused]") -> Sent:
+    def _result(self, spec: Spec, shard: int, future: "Future[Sent | ShardRefused]") -> Sent:
         from distributed import KilledWorker
 
         try:
             with self._there():
-                got: Sent | Refused = future.result()
+                got: Sent | ShardRefused = future.result()
         except KilledWorker as lost:
             runs = spec.runs_of(shard)
             deaths = lost.allowed_failures + 1
@@ -119,7 +313,7 @@ class Cluster:
                 f"a worker of {self.address} cannot import {problem.name}; install "
                 "the extra `cluster` where the workers run"
             ) from None
-        if isinstance(got, Refused):
+        if isinstance(got, ShardRefused):
             raise ClusterError(f"a worker on {got.host} cannot fly the campaign: {got.sentence}")
         return got
 
@@ -186,10 +380,10 @@ def connected(address: str) -> Generator[Cluster]:
         yield Cluster(address, client)
 
 
-def _task() -> Callable[[bytes, int], Sent | Refused]:
+def _task() -> Callable[[bytes, int], Sent | ShardRefused]:
     """A function that travels as its code, for it has no name that could be imported: a scheduler
     then needs nothing of ours, and a worker without it says so where it would die of a name."""
-    return lambda campaign, shard: import_module("twin.campaigns.guest").fly_sent(campaign, shard)
+    return lambda campaign, shard: import_module("twin.campaigns.cluster").fly_sent(campaign, shard)
 
 
 def _listen(host: str, port: int, *, greets: bool) -> None:

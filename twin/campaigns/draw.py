@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.campaigns.sampling import shares
+from twin.campaigns.distribution import shares
 from twin.campaigns.spec import Arm, Initial, Spec
 from twin.effects import Effect
 from twin.plant.initial import InitialState, check_within_stop, hanging

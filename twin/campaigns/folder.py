@@ -20,9 +20,9 @@ from typing import Any
 from twin.campaigns.spec import Spec
 from twin.effects import file_of
 from twin.errors import CampaignError
+from twin.files import write_whole
 from twin.library import find_controller
 from twin.platform import files_of
-from twin.whole_file import write_whole
 
 if sys.platform != "win32":
     import fcntl

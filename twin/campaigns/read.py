@@ -1,20 +1,498 @@
 """A specification from its TOML file: every mistake is a sentence before any run starts."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import Field, fields, replace
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.campaigns.distribution import (
+    SAMPLINGS,
+    Distribution,
+    Fixed,
+    GridValues,
+    LogUniform,
+    Normal,
+    Sampling,
+    Uniform,
+)
 from twin.campaigns.merit import METRICS, metric_names
-from twin.campaigns.read_arms import gain_fields, read_arms
-from twin.campaigns.read_initial import read_initial
-from twin.campaigns.read_values import read_values
-from twin.campaigns.sampling import SAMPLINGS, Sampling
-from twin.campaigns.spec import LEAST, PARTS, SHARD, Arm, Factor, Keep, Procedure, Spec
+from twin.campaigns.spec import (
+    LEAST,
+    PARTS,
+    SHARD,
+    Arm,
+    DispersedEffect,
+    Factor,
+    Initial,
+    Keep,
+    Procedure,
+    Spec,
+)
 from twin.clock import LONGEST
-from twin.config import Table, read_toml
-from twin.controller import load_controller
-from twin.errors import CampaignError, UnknownName
+from twin.config import Table, as_number, read_toml
+from twin.controller import AnyController, load_controller
+from twin.effects import Effect, Parameter, effect_named, effects_of, with_effects
+from twin.errors import CampaignError, TwinError, UnknownName
+from twin.estimators import load_estimator, usual_estimator
+from twin.plant.each import cannot_differ
+from twin.platform import Platform, load_platform
+from twin.procedures import WAYS, balancing, usual_target
+from twin.procedures.setup import REACH
+from twin.reference import parse_reference
+
+Array = NDArray[np.float64]
+
+KINDS = ("uniform", "log_uniform", "normal", "grid")
+"""Of distributions, by their keys."""
+
+_SHAPES = {
+    "uniform": "two values, lowest and highest",
+    "log_uniform": "two values above 0, lowest and highest",
+    "normal": "two values, mean and standard deviation",
+}
+
+
+def read_values(
+    table: Table,
+    key: str,
+    size: int,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    unit: str = "",
+) -> tuple[Distribution, ...]:
+    """The distribution of each of `size` components of a key.
+
+    A number or a list is the same in all runs; `{ uniform = [low, high] }` and its like are spread,
+    each component for itself. Low, high and the others are numbers or lists of `size`; a component
+    of a vector that is left no room is the same in all runs.
+
+    Args:
+        table: that holds the key.
+        key: is there.
+        size: components.
+        low: bound of every component; a normal distribution is cut off there.
+        high: bound of every component.
+        unit: of the values.
+
+    Raises:
+        CampaignError: no distribution, or values that do not fit.
+    """
+    if not isinstance(table.raw(key), dict):
+        return tuple(map(Fixed, table.numbers(key, size, low=low, high=high, unit=unit).tolist()))
+    spread = table.table(key)
+    kinds = [kind for kind in KINDS if kind in spread]
+    if len(kinds) != 1:
+        said = " and ".join(kinds) or "no distribution"
+        raise table.fail(key, f"has {said}", "give one of " + ", ".join(KINDS))
+    (kind,) = kinds
+    if kind == "grid":
+        if size != 1:
+            raise table.fail(key, "is a vector on a grid", "put a single number on a grid")
+        values = spread.numbers(kind, None, low=low, high=high, unit=unit)
+        if len(set(values.tolist())) < len(values):
+            raise spread.fail(kind, "has a value twice", "give each once")
+        found: tuple[Distribution, ...] = (GridValues(tuple(values.tolist())),)
+    else:
+        first, second = _pair(spread, kind, size)
+        found = tuple(
+            Fixed(a)
+            if size > 1 and low <= a <= high and (b == 0.0 if kind == "normal" else a == b)
+            else _distribution(spread, kind, a, b, (low, high), unit)
+            for a, b in zip(first.tolist(), second.tolist(), strict=True)
+        )
+    spread.close()
+    return found
+
+
+def usual(known: Parameter) -> tuple[Distribution, ...]:
+    """How a parameter is spread where nobody says so, one distribution a component.
+
+    An amplitude of either sign is normal about 0 with its typical size as standard deviation, one
+    of a single sign uniform from 0 to twice its typical size; a shape stays as it typically is.
+    """
+    return tuple(_usual(known, value) for value in np.atleast_1d(known.typical).tolist())
+
+
+def _usual(known: Parameter, typical: float) -> Distribution:
+    if not known.amplitude or typical == 0.0:
+        return Fixed(typical)
+    if known.low < 0.0 < known.high:
+        return Normal(0.0, abs(typical), known.low, known.high)
+    return Uniform(*sorted((0.0, float(np.clip(2.0 * typical, known.low, known.high)))))
+
+
+def _pair(spread: Table, kind: str, size: int) -> tuple[Array, Array]:
+    given = spread.raw(kind)
+    each = f", each a number or a list of {size}" if size > 1 else ""
+    problem = spread.fail(kind, f"is {given!r}", f"give {_SHAPES[kind]}{each}, as in [1.0, 2.0]")
+    if not isinstance(given, list) or len(given) != 2:
+        raise problem
+    ends: list[Array] = []
+    for end in given:
+        numbers = end if isinstance(end, list) else [end] * size
+        if len(numbers) != size or not all(math.isfinite(as_number(x)) for x in numbers):
+            raise problem
+        ends.append(np.array(numbers, dtype=np.float64))
+    return ends[0], ends[1]
+
+
+def _distribution(
+    spread: Table, kind: str, a: float, b: float, bounds: tuple[float, float], unit: str
+) -> Distribution:
+    low, high = bounds
+    of = f" {unit}" if unit else ""
+    if kind == "normal":
+        if b <= 0.0:
+            raise spread.fail(kind, f"has a standard deviation of {b:g}{of}", "give one above 0")
+        if not low <= a <= high:
+            raise spread.fail(kind, f"has a mean of {a:g}{of}", _within(low, high, of))
+        return Normal(a, b, low, high)
+    if not a < b:
+        raise spread.fail(kind, f"goes from {a:g} to {b:g}{of}", "give the lower value first")
+    for end in (a, b):
+        if not low <= end <= high:
+            raise spread.fail(kind, f"holds {end:g}{of}", _within(low, high, of))
+    if kind == "uniform":
+        return Uniform(a, b)
+    if a <= 0.0:
+        raise spread.fail(kind, f"begins at {a:g}{of}", "decades begin above 0")
+    return LogUniform(a, b)
+
+
+def _within(low: float, high: float, of: str) -> str:
+    if math.isinf(high):
+        return f"it must be at least {low:g}{of}"
+    return f"it must lie between {low:g} and {high:g}{of}"
+
+
+_OWN = ("name", "platform", "controller", "estimator", "reference", "gains")
+"""What an arm may have otherwise than the campaign."""
+
+
+def read_arms(table: Table, procedure: Procedure, target: float | None) -> tuple[Arm, ...]:
+    """The arms of [[arms]], or the one of a campaign without.
+
+    Raises:
+        CampaignError: parts that are unknown, or do not fit together.
+    """
+    rows = table.tables("arms")
+    for row in rows:
+        for key in row.keys:
+            if key not in _OWN:
+                raise row.fail(key, "is no key of an arm", "an arm has " + ", ".join(_OWN))
+    sources = [(row, row.text("name")) for row in rows] or [(table, "")]
+    names = [name for _, name in sources]
+    for (row, name), count in zip(sources, map(names.count, names), strict=True):
+        if count > 1:
+            raise row.fail("name", f"{name!r} is that of {count} arms", "give each its own")
+    arms = tuple(_arm(row, table, name, procedure, target) for row, name in sources)
+    for (row, _), arm in zip(sources, arms, strict=True):
+        if [e.label for e in effects_of(arm.platform)] != [
+            e.label for e in effects_of(arms[0].platform)
+        ]:
+            raise row.fail(
+                "platform",
+                f"{arm.platform.name} states other effects than {arms[0].platform.name}",
+                "name in [effects] what only one of them states, so that all have it",
+            )
+    for key in ("platform", "controller", "estimator", "reference"):
+        table.raw(key)  # asked for, also where every arm has its own
+    return arms
+
+
+def gain_fields(law: AnyController) -> dict[str, str]:
+    """Units of a law's gains, by name."""
+    known: tuple[Field[Any], ...] = fields(cast(Any, law))
+    return {entry.name: entry.metadata.get("unit", "") for entry in known if entry.init}
+
+
+def _arm(row: Table, table: Table, name: str, procedure: Procedure, target: float | None) -> Arm:
+    def text(key: str, default: Any) -> str:
+        source = row if key in row else table
+        return source.text(key, default) if default is not None else source.text(key)
+
+    def owner(key: str) -> Table:
+        return row if key in row else table
+
+    machine = text("platform", None)
+    platform = _named(owner("platform"), "platform", load_platform, machine)
+    effects = _effects(table, platform)
+    with_all = _with_effects(table, platform, effects)
+    estimator = text("estimator", usual_estimator(platform))
+    _named(owner("estimator"), "estimator", load_estimator, estimator)
+    reference = text("reference", "")
+    if reference:
+        _named(owner("reference"), "reference", parse_reference, reference)
+    torque = usual_target(platform) if target is None else target
+    controller = text("controller", None)
+    gains = _gains_of_arm(row) if row is not table else {}
+    if procedure == "balance":
+        if gains:
+            raise row.fail("gains", "are of a law", "a balancing has its own: leave them out")
+        source = owner("controller")
+        if controller not in WAYS:
+            raise source.fail(
+                "controller", f"is {controller!r}, no way of balancing", f"use {_among(WAYS)}"
+            )
+
+        def begun(way: str) -> object:
+            return balancing(platform, 2, way=way, target=torque, workers=0)
+
+        _named(source, "controller", begun, controller)
+    else:
+        source = owner("controller")
+
+        def loaded(law: str) -> AnyController:
+            return load_controller(law, gains)
+
+        law = _named(source, "controller", loaded, controller)
+        _named(source, "controller", lambda _: law.init(with_all, 2), controller)
+    _named(
+        owner("estimator"), "estimator", lambda e: load_estimator(e).init(with_all, 2), estimator
+    )
+    return Arm(
+        name=name or controller,
+        machine=machine,
+        platform=with_all,
+        known=platform,
+        controller=controller,
+        target=torque if procedure == "balance" else 0.0,
+        gains=gains,
+        estimator=estimator,
+        reference=reference,
+        effects=effects,
+    )
+
+
+def _gains_of_arm(row: Table) -> Mapping[str, float]:
+    if "gains" not in row:
+        return {}
+    table = row.table("gains")
+    return {key: table.number(key) for key in table.keys}
+
+
+def _effects(table: Table, platform: Platform) -> tuple[DispersedEffect, ...]:
+    """Those that the platform states and the specification does not, then the specification's."""
+    given = _given(table.table("effects", required=False))
+    labels = [_label(effect) for effect in given]
+    own = [_as_stated(effect) for effect in effects_of(platform) if effect.label not in labels]
+    return (*own, *given)
+
+
+def _given(table: Table) -> list[DispersedEffect]:
+    found: list[DispersedEffect] = []
+    for name in table.keys:
+        kind = _named(table, name, effect_named, name)
+        inner = table.table(name)
+        known = {one.name for one in (*kind.parameters(), *kind.settings())}
+        shown = table.table(name)  # what is only looked at counts as asked for
+        aims = [key for key in inner.keys if key not in known and isinstance(shown.raw(key), dict)]
+        if kind.takes and aims:
+            found += [_dispersed(name, kind, aim, inner.table(aim)) for aim in aims]
+            inner.close()
+        else:
+            found.append(_dispersed(name, kind, "", inner))
+    return found
+
+
+def _dispersed(called: str, kind: type[Effect], target: str, table: Table) -> DispersedEffect:
+    factors: list[Factor] = []
+    stem = f"effects.{kind.name}" + (f".{target}" if target else "")
+    for known in kind.parameters():
+        spread = (
+            read_values(
+                table, known.name, known.size, low=known.low, high=known.high, unit=known.unit
+            )
+            if known.name in table
+            else usual(known)
+        )
+        pairs = zip(known.names, spread, strict=True)
+        factors += [Factor(f"{stem}.{name}", known.unit, one) for name, one in pairs]
+    names = [entry.name for entry in kind.settings()]
+    settings = {name: _setting(table.raw(name)) for name in names if name in table}
+    for known in kind.parameters():
+        table.raw(known.name)  # those that are not given are known, too
+    table.close()
+    return DispersedEffect(called, kind, target, settings, tuple(factors))
+
+
+def _setting(value: Any) -> Any:
+    return tuple(cast(list[Any], value)) if isinstance(value, list) else value
+
+
+def _as_stated(effect: Effect) -> DispersedEffect:
+    stem = f"effects.{effect.name}" + (f".{effect.target}" if effect.target else "")
+    units = [known.unit for known in effect.parameters() for _ in known.names]
+    rows = zip(effect.names, units, effect.values.tolist(), strict=True)
+    factors = tuple(Factor(f"{stem}.{name}", unit, Fixed(v)) for name, unit, v in rows)
+    settings = {entry.name: getattr(effect, entry.name) for entry in effect.settings()}
+    return DispersedEffect(effect.name, type(effect), effect.target, settings, factors)
+
+
+def _with_effects(
+    table: Table, platform: Platform, effects: tuple[DispersedEffect, ...]
+) -> Platform:
+    """The platform with all of them at their middle, refused where it cannot have one."""
+    bare = replace(platform, effects=())
+    whole = bare
+    for effect in effects:
+        try:
+            one = effect.at({})
+            whole = with_effects(whole, [one])
+            differs = any(not isinstance(f.distribution, Fixed) for f in effect.factors)
+            why = cannot_differ(one, bare) if differs else ""
+        except TwinError as problem:
+            raise _about(table, effect, str(problem)) from None
+        if why:
+            raise _about(table, effect, f"{why}; give it one value")
+    return whole
+
+
+def _about(table: Table, effect: DispersedEffect, said: str) -> CampaignError:
+    sentence, told, remedy = said.rpartition("; ")
+    inner = table.table("effects", required=False)
+    problem = inner.fail(
+        effect.kind.name, f"cannot be: {sentence or said}", remedy if told else "remove it"
+    )
+    return cast(CampaignError, problem)
+
+
+def _label(effect: DispersedEffect) -> str:
+    return f"{effect.kind.name}:{effect.target}" if effect.target else effect.kind.name
+
+
+def _among(names: Mapping[str, Any]) -> str:
+    return ", ".join(map(repr, names))
+
+
+def _named(table: Table, key: str, find: Any, name: str) -> Any:
+    """What a name stands for; what is wrong about it is said with the key's line."""
+    try:
+        return find(name)
+    except CampaignError:
+        raise
+    except TwinError as problem:
+        said, _, remedy = str(problem).rpartition("; ")
+        raise table.fail(
+            key, f"is {name!r}: {said or problem}", remedy if said else "change it"
+        ) from None
+
+
+_XYZ = ("x", "y", "z")
+_ANGLES = ("roll", "pitch", "yaw")
+
+_ALLOWED = {
+    "attitude": "the tilt stop allows {} (angles are in radians)",
+    "stage_position": "its travel is {}",
+    "wheel_speed": "its speeds are {}",
+}
+
+Row = tuple[str, tuple[str, ...]]
+
+
+def known_starts(platform: Platform) -> dict[str, Row]:
+    """What can be given of a start on that platform: unit and components, by key."""
+    rows: dict[str, Row] = {"center_of_mass_offset": ("kg m", _XYZ)}
+    if platform.base.kind == "hinge":
+        rows |= {"joint_angle": ("rad", ("",)), "joint_rate": ("rad/s", ("",))}
+    else:
+        rows |= {"attitude": ("rad", _ANGLES), "rate": ("rad/s", _XYZ)}
+    if platform.base.travels:
+        rows["velocity"] = ("m/s", _XYZ)
+    if platform.wheels:
+        rows["wheel_speed"] = ("rad/s", tuple(wheel.name for wheel in platform.wheels))
+    if platform.stages:
+        rows["stage_position"] = ("m", tuple(stage.name for stage in platform.stages))
+    if platform.gimbals:
+        rows["gimbal_angle"] = ("rad", tuple(gimbal.name for gimbal in platform.gimbals))
+    return rows
+
+
+def read_initial(table: Table, arms: Sequence[Arm]) -> Initial:
+    """The table [initial]; at rest and level without.
+
+    Raises:
+        CampaignError: keys or values that no such machine can start from.
+    """
+    own = table.table("initial", required=False)
+    platform = arms[0].platform
+    rows = known_starts(platform)
+    hangs = own.raw("hangs", False)
+    if not isinstance(hangs, bool):
+        raise own.fail("hangs", f"is {hangs!r}", "give true or false")
+    if hangs and platform.base.kind != "ball":
+        raise own.fail("hangs", f"is true, but {platform.name} hangs on no ball", "remove it")
+    factors: dict[str, tuple[Factor, ...]] = {}
+    reach = isinstance(own.raw("center_of_mass_offset"), str)
+    for key, (unit, names) in rows.items():
+        # asked of every key, so that one that is misspelt is told which it may have meant
+        if own.raw(key) is None or (key == "center_of_mass_offset" and reach):
+            continue
+        spread = read_values(own, key, len(names), unit=unit)
+        bounds = _bounds(platform, key, hangs=hangs)
+        if bounds:
+            spread = tuple(
+                _held(own, key, name, one, ends, unit)
+                for name, one, ends in zip(names, spread, bounds, strict=True)
+            )
+        factors[key] = tuple(
+            Factor(f"initial.{key}" + (f".{name}" if name else ""), unit, one)
+            for name, one in zip(names, spread, strict=True)
+        )
+    if reach:
+        own.text("center_of_mass_offset", among=("within_reach",))
+        if not platform.stages:
+            raise own.fail(
+                "center_of_mass_offset", "is what masses reach, of which there are none", "give m r"
+            )
+        factors["center_of_mass_offset"] = tuple(
+            Factor(f"initial.reach.{stage.name}", "1", Uniform(-REACH, REACH))
+            for stage in platform.stages
+        )
+    own.close()
+    return Initial(factors, hangs, reach)
+
+
+def _bounds(platform: Platform, key: str, *, hangs: bool) -> list[tuple[float, float]]:
+    """Between what each component of a start must lie, as far as the machine limits it."""
+    if key == "attitude" and platform.base.kind == "ball" and math.isfinite(platform.stop_angle):
+        # what hangs at the stop may begin at the other side's
+        most = min((2.0 if hangs else 1.0) * platform.stop_angle, math.pi)
+        every = (-math.inf, math.inf)
+        tilted = (-most, most)
+        if platform.pitch_stop is not None:
+            return [every, every, every]
+        return [tilted, tilted, every]
+    if key == "stage_position":
+        return [stage.travel for stage in platform.stages]
+    if key == "wheel_speed":
+        return [(-wheel.speed_limit, wheel.speed_limit) for wheel in platform.wheels]
+    return []
+
+
+def _held(
+    table: Table, key: str, name: str, one: Distribution, ends: tuple[float, float], unit: str
+) -> Distribution:
+    """The distribution, refused beyond the ends; a normal one is cut off there."""
+    low, high = ends
+    least, most = one.ends
+    if isinstance(one, Normal):
+        # what is cut off should be its tails
+        least, most = one.mean - one.deviation, one.mean + one.deviation
+    for value in (least, most):
+        if not low <= value <= high:
+            raise table.fail(
+                key,
+                f"goes to {value:.4g} {unit} in {name}",
+                _ALLOWED[key].format(f"{low:.4g} to {high:.4g} {unit}"),
+            )
+    return replace(one, low=low, high=high) if isinstance(one, Normal) else one
+
 
 MOST = 10**9
 """Runs of a campaign; a Sobol sequence ends at 2^30 samples."""
@@ -56,7 +534,7 @@ def read_spec(path: Path) -> Spec:
     tick = max(arm.platform.tick for arm in arms)
     if duration < tick:
         raise table.fail("duration", f"is {duration:g} s", f"give a tick of {tick:g} s at least")
-    gains = _gains(table, arms, procedure)
+    gains = _gain_factors(table, arms, procedure)
     initial = read_initial(table, arms)
     names = metric_names(arms[0].platform, procedure)
     metrics = _metrics(table, "metrics", names)
@@ -102,7 +580,7 @@ def _target(table: Table, procedure: Procedure) -> float | None:
     return target
 
 
-def _gains(table: Table, arms: Sequence[Arm], procedure: Procedure) -> tuple[Factor, ...]:
+def _gain_factors(table: Table, arms: Sequence[Arm], procedure: Procedure) -> tuple[Factor, ...]:
     if "gains" not in table:
         return ()
     own = table.table("gains")

@@ -12,7 +12,7 @@ from twin.campaigns.draw import draw
 from twin.campaigns.flight import Came, flown
 from twin.campaigns.folder import Folder
 from twin.campaigns.merit import METRICS
-from twin.campaigns.rows import read_rows, table_of
+from twin.campaigns.results import read_rows, table_of
 from twin.campaigns.spec import Spec
 from twin.errors import UsageError
 from twin.loop import Observer

@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from twin.campaigns.distribution import Distribution, Fixed, Grid
-from twin.campaigns.sampling import Sampling, of_a_point
+from twin.campaigns.distribution import Distribution, Fixed, GridValues, Sampling, of_a_point
 from twin.effects import Effect
 from twin.platform import Platform
 
@@ -35,7 +34,7 @@ class Factor:
     @property
     def dispersed(self) -> bool:
         """Whether it differs by a distribution, and not by a grid."""
-        return not isinstance(self.distribution, Fixed | Grid)
+        return not isinstance(self.distribution, Fixed | GridValues)
 
 
 @dataclass(frozen=True)
@@ -143,7 +142,9 @@ class Spec:
     def grids(self) -> tuple[tuple[Factor, tuple[float, ...]], ...]:
         """Factors on a grid, with their values."""
         return tuple(
-            (f, f.distribution.values) for f in self.factors if isinstance(f.distribution, Grid)
+            (f, f.distribution.values)
+            for f in self.factors
+            if isinstance(f.distribution, GridValues)
         )
 
     @property

@@ -10,7 +10,7 @@ from twin.campaigns.draw import draw
 from twin.campaigns.flight import flown
 from twin.campaigns.folder import Folder
 from twin.campaigns.read import read_spec
-from twin.campaigns.rows import read_rows, table_of, write_rows
+from twin.campaigns.results import read_rows, table_of, write_rows
 from twin.campaigns.spec import Spec
 
 _spec: Spec | None = None

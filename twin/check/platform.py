@@ -1,14 +1,14 @@
-"""Hold platform.toml and its MJCF against each other."""
+"""Hold platform.toml and its MJCF against each other; a picture of the machine."""
+
+from pathlib import Path
 
 import mujoco
 
 from twin.check.finding import Finding, compare, judge
-from twin.check.masses import check_masses, check_whole
-from twin.check.motion import check_step, check_stop
-from twin.check.parts import check_joints, check_parts
-from twin.check.passive import check_foreign, passive_terms
+from twin.check.motion import check_foreign, check_step, check_stop, passive_terms
+from twin.check.parts import check_joints, check_masses, check_parts, check_whole
 from twin.config import read_toml
-from twin.errors import PlatformError
+from twin.errors import PlatformError, TwinError
 from twin.model import compile_model, mass_properties
 from twin.platform import Platform, load_platform, variants_of
 from twin.platform.mjcf import load_mjcf
@@ -88,3 +88,37 @@ def _compiled(platform: Platform) -> list[Finding]:
         return [Finding(f"{platform.name}: can be compiled", False, "yes", "no", "", str(problem))]
     found = mass_properties(machine.model, machine.base_body)
     return [*check_whole(platform, found, platform.name), *check_step(platform)]
+
+
+def draw(platform: Platform, path: Path) -> None:
+    """Write a PNG of the machine, from its first camera, in the MJCF's offscreen size.
+
+    It is drawn at its first keyframe, or at rest without one.
+
+    Raises:
+        TwinError: this computer has nothing to draw with, or the file cannot be written.
+        PlatformError: MuJoCo refuses the MJCF.
+    """
+    import mujoco
+    from matplotlib.image import imsave
+
+    model = load_mjcf(platform.model_path)
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    size = model.vis.global_.offheight, model.vis.global_.offwidth
+    try:
+        with mujoco.Renderer(model, *size) as renderer:
+            renderer.update_scene(data, camera=0 if model.ncam else -1)
+            pixels = renderer.render()
+    except Exception as problem:  # each of MuJoCo's OpenGL back ends raises its own kind
+        raise TwinError(
+            f"MuJoCo cannot draw here ({problem}): without a screen, install libegl1 or "
+            "libosmesa6 and set MUJOCO_GL=egl or MUJOCO_GL=osmesa"
+        ) from problem
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        imsave(path, pixels, format="png")
+    except OSError as problem:
+        raise TwinError(f"cannot write {path}: {problem.strerror}") from None

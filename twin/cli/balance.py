@@ -17,7 +17,7 @@ def _arg(metavar: str) -> object:
 
 
 @dataclass(frozen=True)
-class Balance:
+class BalanceVerb:
     """Balance a machine by its sliding masses, to a stated residual torque.
 
     The vertical mass goes down first, so that the body hangs. Then it is made to swing, J and m r
@@ -73,10 +73,10 @@ class Balance:
         from twin.cli.output import check_writable, print_json, tell
         from twin.effects import parse_effects
         from twin.platform import load_platform
-        from twin.procedures.session import Session
+        from twin.procedures.session import BalancingSession
         from twin.stop import Stopped
 
-        session = Session(
+        session = BalancingSession(
             procedure=self.procedure,
             target=self.target,
             plant=self.plant,

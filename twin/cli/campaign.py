@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 if TYPE_CHECKING:
-    from twin.campaigns.execute import Progress
+    from twin.campaigns.execute import Forecast, Progress
     from twin.campaigns.folder import Folder
-    from twin.campaigns.forecast import Forecast
     from twin.campaigns.spec import Spec
 
 
@@ -40,8 +39,8 @@ class Campaign:
 
     def run(self) -> int:
         """Fly; 1 where no run came to its end."""
+        from twin.campaigns.execute import forecast
         from twin.campaigns.folder import Folder
-        from twin.campaigns.forecast import forecast
         from twin.campaigns.read import read_spec
         from twin.campaigns.replay import record_kept
         from twin.cli.output import print_json, progress
@@ -131,7 +130,7 @@ def _cores() -> int:
 def _ends(folder: "Folder", spec: "Spec") -> dict[str, int]:
     from collections import Counter
 
-    from twin.campaigns.rows import read_rows
+    from twin.campaigns.results import read_rows
 
     count: Counter[str] = Counter()
     for shard in range(spec.shards):

@@ -66,7 +66,7 @@ def _platform(name: str, picture: Path | None) -> "tuple[str, list[Finding]]":
         headless = sys.platform == "linux" and "DISPLAY" not in os.environ
         os.environ["MUJOCO_GL"] = "egl" if headless else ""
     from twin.check import Finding, check_platform
-    from twin.check.picture import draw
+    from twin.check.platform import draw
     from twin.errors import PlatformError
     from twin.platform import load_platform
 

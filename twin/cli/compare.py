@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from twin.cli.part import Part, Restricted
+from twin.cli.output import LogPart, Restricted
 
 if TYPE_CHECKING:
     from twin.recording import Recording
@@ -36,7 +36,7 @@ class Compare:
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
     """Write the first log with its prediction and residual as a Rerun recording; one that exists is
     written anew."""
-    part: Restricted = Part()
+    part: Restricted = LogPart()
     json: bool = False
     """Print one JSON document instead of sentences."""
 

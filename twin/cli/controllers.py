@@ -36,7 +36,7 @@ class Controllers:
 
 def _header(name: str) -> str:
     from twin.controller.remote import LONGEST_VALID_MS, schema_of
-    from twin.plant.devices.link.c_header import c_header
+    from twin.plant.devices.link.schema import c_header
     from twin.platform import load_platform
 
     platform = load_platform(name)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from twin.cli.part import Part, Restricted
+from twin.cli.output import LogPart, Restricted
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Diagnose:
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
     """Write the first log, what the explained model predicts and what it leaves, for Rerun; a file
     that exists is written anew."""
-    part: Restricted = Part()
+    part: Restricted = LogPart()
     json: bool = False
     """Print one JSON document instead of sentences."""
 

@@ -26,11 +26,10 @@ class Export:
 
     def run(self) -> int:
         """Export; the exit code."""
-        from twin.cli.output import print_json
-        from twin.cli.part import Part
+        from twin.cli.output import LogPart, print_json
         from twin.recording import write_folder
 
-        recording = Part().open(self.log)
+        recording = LogPart().open(self.log)
         files = write_folder(recording, self.out, format=self.format, truth=self.truth)
         rows = {name: len(recording[name]) for name in files}
         if self.json:

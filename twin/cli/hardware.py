@@ -71,9 +71,8 @@ class Hardware:
     def _done(self, bench: "Bench") -> tuple[dict[str, Any], list[str]]:
         """What is printed, as a document and as lines."""
         from twin.service.jog import jog
-        from twin.service.stages import gather, home, parked
+        from twin.service.stages import gather, home, parked, spin_down
         from twin.service.status import status
-        from twin.service.wheels import spin_down
 
         if self.action == "status":
             found = status(bench)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from twin.cli.part import Part, Restricted
+from twin.cli.output import LogPart, Restricted
 
 Method = Literal[
     "prediction-error",
@@ -55,7 +55,7 @@ class Identify:
     """Give the nearest rigid body; prediction-error always does."""
     platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """The machine, by name or folder; default: the one that the first log names."""
-    part: Restricted = Part()
+    part: Restricted = LogPart()
     json: bool = False
     """Print one JSON document instead of sentences."""
 

@@ -37,8 +37,7 @@ class Import:
         if self.rate is not None and not 0.0 < self.rate < float("inf"):
             raise UsageError(f"--rate is {self.rate:g} Hz; it must be above 0")
 
-        from twin.cli.output import print_json
-        from twin.cli.part import Part
+        from twin.cli.output import LogPart, print_json
         from twin.cli.show import platform_of_log
         from twin.intake import import_files
         from twin.platform import load_platform
@@ -51,7 +50,7 @@ class Import:
             name = str(Path(name).resolve())
         done = import_files(files, folder, platform, name, self.rate)
         unsure = [(one.stream, question) for one in done.proposals for question in one.unsure]
-        recording = Part().open(folder)
+        recording = LogPart().open(folder)
         contents = contents_of(str(folder), recording, *platform_of_log(recording))
         if self.json:
             document = contents_document(contents)

@@ -6,17 +6,18 @@ SIGTERM or SIGHUP ended it. A verb whose usual end is Ctrl-C (`run`, `emulate`) 
 """
 
 import importlib
+import math
 import os
 import sys
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from twin import stop
 from twin.errors import TwinError, UnknownName, UsageError
 
 VERBS: dict[str, tuple[str, str, str]] = {
-    "run": ("twin.cli.run", "Run", "fly a platform under a control law and record it"),
-    "balance": ("twin.cli.balance", "Balance", "bring the CM into the CR, to a stated torque"),
+    "run": ("twin.cli.run", "RunVerb", "fly a platform under a control law and record it"),
+    "balance": ("twin.cli.balance", "BalanceVerb", "bring the CM into the CR, to a stated torque"),
     "emulate": ("twin.cli.emulate", "Emulate", "a platform's devices on pseudo-terminals"),
     "hardware": ("twin.cli.hardware", "Hardware", "a machine before and after a session"),
     "doctor": ("twin.cli.doctor", "Doctor", "whether this computer is fit to fly a machine"),
@@ -26,7 +27,7 @@ VERBS: dict[str, tuple[str, str, str]] = {
     "compare": ("twin.cli.compare", "Compare", "what the model gets wrong about a log"),
     "diagnose": ("twin.cli.diagnose", "Diagnose", "why the model is wrong, and by how much"),
     "campaign": ("twin.cli.campaign", "Campaign", "thousands of runs that differ as a file says"),
-    "replay": ("twin.cli.replay", "Replay", "one run of a campaign again, to the same bits"),
+    "replay": ("twin.cli.replay", "ReplayVerb", "one run of a campaign again, to the same bits"),
     "report": ("twin.cli.report", "Report", "what came of a campaign, with intervals and figures"),
     "reproduce": ("twin.cli.reproduce", "Reproduce", "the papers' tables and figures beside ours"),
     "check": ("twin.cli.check", "Check", "hold a platform's or a control law's files to account"),
@@ -119,8 +120,6 @@ def _dispatch(words: list[str]) -> int:
 def _run(name: str, words: list[str]) -> int:
     import tyro
 
-    from twin.cli.numbers import check_numbers
-
     module, class_name, _ = VERBS[name]
     arguments: type[Verb] = getattr(importlib.import_module(module), class_name)
     try:
@@ -151,3 +150,35 @@ def _help() -> str:
         f"verbs:\n{verbs}\n\n"
         "`twin VERB --help` tells a verb's arguments; `twin --version` tells the version."
     )
+
+
+def check_numbers(verb: object) -> None:
+    """Refuse numbers that are not finite, or a seed below 0, before the verb meets them.
+
+    Raises:
+        UsageError: which argument, and what it is.
+    """
+    for name, value in vars(verb).items():
+        numbers = _numbers(value)
+        if not all(map(math.isfinite, numbers)):
+            given = " ".join(f"{number:g}" for number in numbers)
+            wanted = "finite numbers" if len(numbers) > 1 else "a finite number"
+            raise UsageError(f"{_written(verb, name)} is {given}; give {wanted}")
+        if name == "seed" and value < 0:
+            raise UsageError(f"--seed is {value}; give 0 or more")
+
+
+def _numbers(value: Any) -> tuple[float, ...]:
+    """Those of an argument: itself, or its entries."""
+    entries = value if isinstance(value, tuple) else (value,)
+    return tuple(entry for entry in entries if isinstance(entry, int | float))
+
+
+def _written(verb: object, name: str) -> str:
+    """How the command line calls a field."""
+    import tyro
+
+    marks: tuple[Any, ...] = getattr(type(verb).__annotations__[name], "__metadata__", ())
+    if tyro.conf.Positional in marks:
+        return next(mark.metavar for mark in marks if hasattr(mark, "metavar")).strip("[]")
+    return "--" + name.replace("_", "-")

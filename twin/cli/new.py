@@ -29,9 +29,9 @@ class New:
 
         log = None
         if self.from_log is not None:
-            from twin.cli.part import Part
+            from twin.cli.output import LogPart
 
-            log = Part().open(self.from_log)
+            log = LogPart().open(self.from_log)
         folder = new_platform(Path(self.name), self.kind, log)
         print(f"{folder}: {KINDS[self.kind]}")
         print((folder / "README.md").read_text(encoding="utf-8").split("```")[1].strip())

@@ -8,7 +8,7 @@ import tyro
 
 
 @dataclass(frozen=True)
-class Replay:
+class ReplayVerb:
     """Fly one run of a campaign alone, to the same bits, and record it in full."""
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]

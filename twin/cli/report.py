@@ -29,10 +29,9 @@ class Report:
         from twin.campaigns.answers import answers
         from twin.campaigns.results import read_results
         from twin.cli.output import check_writable, print_json, progress
-        from twin.report.campaign_document import campaign_document
+        from twin.files import write_whole
         from twin.report.campaign_page import write_campaign_page
-        from twin.report.campaign_words import markdown, summary, verdicts
-        from twin.whole_file import write_whole
+        from twin.report.campaign_words import campaign_document, markdown, summary, verdicts
 
         page = self.html or self.folder / "report.html"
         results = read_results(self.folder)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from twin.metrics import Metrics
     from twin.plant.initial import InitialState
     from twin.platform import Platform
-    from twin.stream.flight_recorder import FlightRecorder
+    from twin.stream.recorder import FlightRecorder
 
 Angles = tuple[float, float, float]
 
@@ -27,7 +27,7 @@ def _arg(metavar: str) -> object:
 
 
 @dataclass(frozen=True)
-class Run:
+class RunVerb:
     """Fly a platform under a control law: simulated, emulated, real, or as a log has it.
 
     On hardware and on its emulation nothing leaves unless --arm says so: without it the sensors are
@@ -96,11 +96,10 @@ class Run:
         from twin.metrics import Metrics, settled
         from twin.plant.guard.guarded import Held
         from twin.rehearsal import check_lean, identified_box
-        from twin.report.flown import flown
+        from twin.report.outcomes import flown
         from twin.stop import Stopped
-        from twin.stream.flight_recorder import FlightRecorder
         from twin.stream.provenance import provenance
-        from twin.stream.recorder import FileRecorder
+        from twin.stream.recorder import FileRecorder, FlightRecorder
 
         effects = () if self.effects is None else parse_effects(self.effects)
         self._check()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from twin.cli.part import Part, Restricted
+from twin.cli.output import LogPart, Restricted
 
 if TYPE_CHECKING:
     from twin.errors import TwinError
@@ -29,7 +29,7 @@ class Show:
     """A recording (.rrd) or a folder with a log.toml."""
     picture: Annotated[Path | None, tyro.conf.arg(metavar="OUT.png|html")] = None
     """Draw it, too, one panel a stream: a picture, or a page."""
-    part: Restricted = Part()
+    part: Restricted = LogPart()
     json: bool = False
     """Print one JSON document instead of text."""
 

@@ -29,10 +29,10 @@ class View:
 
     def run(self) -> int:
         """Show it; the exit code."""
-        from twin.cli.part import Part
+        from twin.cli.output import LogPart
         from twin.stream.runfile import write_recording
 
-        recording = Part().open(self.log)
+        recording = LogPart().open(self.log)
         for repair in recording.repairs:
             print(f"repaired: {repair}", file=sys.stderr)
         if self.log.suffix == ".rrd" and not recording.repairs:

@@ -12,7 +12,7 @@ from scipy.stats import t as student
 
 from twin.comparison.symptoms import Symptom
 from twin.identification.prediction_error import NORMAL, fit
-from twin.noise.quantisation import resolution_of
+from twin.noise.stream import resolution_of
 from twin.predict.body import Exact
 from twin.predict.independent_segments import (
     IndependentSegments,
@@ -42,7 +42,7 @@ STANDS_OUT = 10.0
 
 
 @dataclass(frozen=True)
-class Misfit:
+class ColumnMisfit:
     """Of one column of one stream."""
 
     stream: str
@@ -72,14 +72,14 @@ class Misfit:
         return float(norm.ppf(0.975) / np.sqrt(self.samples))
 
 
-def misfits(problem: Problem, now: Innovations) -> tuple[Misfit, ...]:
+def misfits(problem: Problem, now: Innovations) -> tuple[ColumnMisfit, ...]:
     """Of a motion that follows the model exactly; the blocks are those of the first log that has
     the stream."""
     left = [body.cells.gather(rows) for body, rows in zip(problem.bodies, now.left(), strict=True)]
     return misfits_of(problem, left, now.columns.shape[1] + sum(s.width for s in now.at.starts))
 
 
-def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[Misfit, ...]:
+def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[ColumnMisfit, ...]:
     """Of residuals in units of the noise, log by log and output by output.
 
     Args:
@@ -88,7 +88,7 @@ def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[
         fitted: how many numbers were fitted to them.
     """
     total = sum(body.samples for body in problem.bodies)
-    found: list[Misfit] = []
+    found: list[ColumnMisfit] = []
     of_stream: dict[str, tuple[Output, list[Array]]] = {}
     for body, parts in zip(problem.bodies, left, strict=True):
         for output, part in zip(body.outputs, parts, strict=True):
@@ -113,19 +113,19 @@ def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[
     return tuple(found)
 
 
-def is_noise(found: Sequence[Misfit]) -> bool:
+def is_noise(found: Sequence[ColumnMisfit]) -> bool:
     """Whether no column leaves more than noise, beyond the chance of a false alarm."""
     limit = float(norm.ppf(1.0 - FALSE_ALARM / max(len(found), 1)))
     return all(part.sigmas < limit for part in found)
 
 
-def quiet(found: Sequence[Misfit]) -> list[Misfit]:
+def quiet(found: Sequence[ColumnMisfit]) -> list[ColumnMisfit]:
     """Columns that leave far less than their stated noise, which was stated too large."""
     limit = float(norm.isf(FALSE_ALARM / max(len(found), 1)))
     return [part for part in found if part.sigmas < -limit and part.chi2 < QUIET]
 
 
-def coloured(found: Sequence[Misfit]) -> list[Misfit]:
+def coloured(found: Sequence[ColumnMisfit]) -> list[ColumnMisfit]:
     """Columns whose residual is not white, beyond the chance of a false alarm."""
     return [part for part in found if part.whiteness < FALSE_ALARM / len(found)]
 
@@ -139,7 +139,7 @@ def _misfit(
     unsure: float,
     *,
     rounded: bool,
-) -> Misfit:
+) -> ColumnMisfit:
     """Of one column.
 
     Args:
@@ -165,7 +165,7 @@ def _misfit(
     squares = np.bincount(block, np.square(values[: len(own)]), minlength=BLOCKS)
     counts = np.maximum(counts, 1.0)
     band = np.stack([chi2.ppf(p, counts) / counts for p in (0.025, 0.975)], axis=-1)
-    return Misfit(
+    return ColumnMisfit(
         stream,
         column,
         count,
@@ -247,7 +247,7 @@ class Account:
     chosen: tuple[Symptom, ...]
     """Fitted, in the order of the strengths."""
     prediction: Innovations | IndependentSegments
-    misfits: tuple[Misfit, ...]
+    misfits: tuple[ColumnMisfit, ...]
     """Stream by stream and column by column."""
     follows: bool
     """Whether the motion follows the model exactly, to within the noise."""

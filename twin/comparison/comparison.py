@@ -10,12 +10,17 @@ from scipy.integrate import cumulative_trapezoid
 from twin import rotation
 from twin.comparison.account import Account, coloured, follow, is_noise, loosen
 from twin.comparison.explanation import HORIZONS, TIED, FreeRun, Side, Strength, free_run, side
-from twin.comparison.symptoms import Domain, Symptom, symptoms_of
+from twin.comparison.symptoms import Symptom, SymptomDomain, symptoms_of
 from twin.conventions import ConventionFinding, check_conventions, corrected
-from twin.identification.momentum import momentum_fit
 from twin.identification.prediction_error import fit, most_likely
-from twin.identification.ringing import along_what_rings, rings
-from twin.identification.start import base_of, first_biases, first_theta
+from twin.identification.start import (
+    along_what_rings,
+    base_of,
+    first_biases,
+    first_theta,
+    momentum_fit,
+    rings,
+)
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of, in_order_of
 from twin.predict.base import ENTRIES, BaseParameters, hinge_axis
@@ -34,7 +39,7 @@ Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Balance:
+class MomentumBalance:
     """Of one log, on the grid of its smoothed motion."""
 
     time: Array
@@ -45,7 +50,7 @@ class Balance:
     """(m,) less the work of the motors [J]; None where sliding masses moved."""
 
 
-def balance(account: Account) -> Balance:
+def balance(account: Account) -> MomentumBalance:
     """Balance a log's measured motion with the base and the biases of an account."""
     body, base = account.problem.bodies[0], account.problem.base
     machine, motion = body.machine, body.motion
@@ -83,7 +88,7 @@ def balance(account: Account) -> Balance:
     height = platform.gravity * vertical @ entries[6:]
     driven = bool(np.any(torque)) or not platform.wheels
     about = None if hinge else np.sum(vertical * momentum, axis=1)
-    return Balance(time, about, kinetic + height - work if still and driven else None)
+    return MomentumBalance(time, about, kinetic + height - work if still and driven else None)
 
 
 @dataclass(frozen=True)
@@ -103,7 +108,7 @@ class Comparison(Shown):
     """None where the base was to stay as built."""
     free_runs: Mapping[float, FreeRun | None]
     """By horizon [s]; None where the log is too short."""
-    balance: Balance
+    balance: MomentumBalance
 
     @property
     def best(self) -> Side:
@@ -129,7 +134,7 @@ class Comparison(Shown):
         return self.best if self.best.strengths else self.as_built
 
     @property
-    def where(self) -> tuple[tuple[Domain, ...], tuple[Domain, ...]]:
+    def where(self) -> tuple[tuple[SymptomDomain, ...], tuple[SymptomDomain, ...]]:
         """Where the discrepancy lives, and where it could live as well by this log.
 
         Where the laws live that were found, and what ties with them; without any law, what stands
@@ -147,7 +152,7 @@ class Comparison(Shown):
         return ((first,), tuple(others)) if first else ((), ())
 
 
-def _domains(symptoms: Iterable[Symptom]) -> tuple[Domain, ...]:
+def _domains(symptoms: Iterable[Symptom]) -> tuple[SymptomDomain, ...]:
     return tuple(dict.fromkeys(symptom.domain for symptom in symptoms))
 
 

@@ -52,7 +52,7 @@ UNSURE = 0.05
 
 
 @dataclass(frozen=True)
-class Score:
+class SymptomScore:
     """What one symptom promises beside what a fit has."""
 
     symptom: Symptom
@@ -89,17 +89,17 @@ class Screen:
         self._known: dict[frozenset[str], tuple[float, Array]] = {}
         self.symptoms = tuple(s for s in more if not self._hidden(s))
 
-    def scores(self) -> list[Score]:
+    def scores(self) -> list[SymptomScore]:
         """Of all symptoms that the fit lacks, the best first."""
         chosen = self.account.chosen
         before, _ = self._weigh(chosen)
-        found: list[Score] = []
+        found: list[SymptomScore] = []
         for symptom in self.symptoms:
             after, change = self._weigh((*chosen, symptom))
             strengths = change[self._columns[symptom.name]]
             odd = symptom.dissipative and bool(np.all(strengths < 0.0))
             evidence = 0.0 if odd else max(before - after, 0.0)
-            found.append(Score(symptom, evidence, strengths, self._needed(symptom)))
+            found.append(SymptomScore(symptom, evidence, strengths, self._needed(symptom)))
         return sorted(found, key=lambda score: -score.evidence)
 
     def select(self) -> tuple[Symptom, ...]:
@@ -355,7 +355,7 @@ class Side:
     explained: Account
     """`plain` itself where nothing pays."""
     strengths: tuple[Strength, ...]
-    scores: tuple[Score, ...]
+    scores: tuple[SymptomScore, ...]
     """Of every symptom, where `plain` stands, the best first; empty where none was asked for."""
 
     @property
@@ -409,7 +409,7 @@ def side(
 
 def _explained(
     plain: Account, pose: Pose, symptoms: Sequence[Symptom], refit: Refit
-) -> tuple[Account, tuple[Score, ...], tuple[Symptom, ...]]:
+) -> tuple[Account, tuple[SymptomScore, ...], tuple[Symptom, ...]]:
     """The account with the symptoms that pay; what each promised at first; those that are seen."""
     screen = Screen(plain, symptoms)
     # what another base does as well is not asked again: beside a friction it would seem to differ

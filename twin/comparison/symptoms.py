@@ -232,7 +232,7 @@ def _only(output: Output, column: int) -> Array:
     return shown
 
 
-class Domain(Enum):
+class SymptomDomain(Enum):
     """Where a departure lives."""
 
     torque = "an external torque"
@@ -249,7 +249,7 @@ class Symptom:
 
     name: str
     """The effect's canonical name (docs/design.md 4.4), or what it would be called there."""
-    domain: Domain
+    domain: SymptomDomain
     looks: str
     """What it looks like, in a sentence: "a torque against the rate (viscous friction)"."""
     words: str
@@ -278,7 +278,7 @@ def _torque(
 ) -> Symptom:
     return Symptom(
         name,
-        Domain.torque,
+        SymptomDomain.torque,
         looks,
         words,
         unit,
@@ -388,7 +388,14 @@ def _inside(body: Body) -> list[Symptom]:
     ) -> Symptom:
         own = tuple(Perturbation(name, unit, force=law) for law in laws)
         return Symptom(
-            name, Domain.exchange, looks, words, unit, own, dissipative=dissipative, offset=offset
+            name,
+            SymptomDomain.exchange,
+            looks,
+            words,
+            unit,
+            own,
+            dissipative=dissipative,
+            offset=offset,
         )
 
     found = [
@@ -450,11 +457,11 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
         words: str,
         unit: str,
         make: Callable[[int], Perturbation],
-        domain: Domain = Domain.sensor,
+        domain: SymptomDomain = SymptomDomain.sensor,
         count: int = len(columns),
     ) -> None:
         perturbations = tuple(make(index) for index in range(count))
-        name = f"{kind}:{stream}" if domain is Domain.clock else f"{stream}_{kind}"
+        name = f"{kind}:{stream}" if domain is SymptomDomain.clock else f"{stream}_{kind}"
         found.append(Symptom(name, domain, looks, words, unit, perturbations))
 
     stated = {o.stream: o.bias for o in body.outputs}[stream]
@@ -508,7 +515,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
         f"{stream} late by {{}}",
         "s",
         lambda _: clock_lag(stream),
-        Domain.clock,
+        SymptomDomain.clock,
         1,
     )
     fault(
@@ -517,7 +524,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
         f"a clock of {stream} that runs fast by {{}}",
         "s/s",
         lambda _: clock_drift(stream),
-        Domain.clock,
+        SymptomDomain.clock,
         1,
     )
     return found

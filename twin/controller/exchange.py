@@ -1,16 +1,154 @@
-"""What exchanges momentum with the body, wheels or control moment gyros, behind one interface."""
+"""Momentum exchange with the body: wheels or control moment gyros, behind one interface."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.controller.gyros import Gyros
 from twin.errors import ControllerError
 from twin.platform import Platform
+from twin.rotation import cross
 from twin.signals import Command, Estimate
 
 Array = NDArray[np.float64]
+
+
+DAMPING, REGULARITY, DITHER = 0.05, 1e-3, 0.1
+"""Of the steering, see `Gyros.rates`; good for any array, since they have no unit."""
+
+_PHASES = np.pi * np.array([0.0, 0.5, 1.0])
+
+
+@dataclass(frozen=True)
+class Gyros:
+    """The array of gyros: at gimbal angle delta, h_i = H_i (a_i cos delta + b_i sin delta).
+
+    H_i is that of a rotor at constant speed, or of a wheel as measured.
+    """
+
+    spin: Array
+    """(gimbals, 3) a_i, at angle 0."""
+    across: Array
+    """(gimbals, 3) b_i = g_i x a_i."""
+    fixed: Array
+    """(gimbals,) momentum of a rotor at constant speed, 0 for a wheel [N m s]."""
+    wheel: Array
+    """(gimbals, wheels) inertia of the wheel that a gimbal carries [kg m^2]."""
+    most: float
+    """(sum of H_i^2)^(1/2), or of what the wheels can hold [N m s]."""
+    inertia: Array
+    """(3, 3) of the body about the CR [kg m^2]."""
+
+    @classmethod
+    def of(cls, platform: Platform, law: str) -> "Gyros":
+        """Those of the platform.
+
+        Raises:
+            ControllerError: there are fewer than the three that `law` needs.
+        """
+        gimbals, wheels = platform.gimbals, platform.wheels
+        carried = {part.gimbal: part for part in (*platform.rotors, *wheels)}
+        if len(gimbals) < 3:
+            raise ControllerError(
+                f"{law} turns the body by three gimbals or more; {platform.name} has "
+                f"{len(gimbals)}: choose a platform with control moment gyros"
+            )
+        spin = np.array([carried[gimbal.name].axis for gimbal in gimbals])
+        axis = np.array([gimbal.axis for gimbal in gimbals])
+        rotors = {rotor.gimbal: rotor.momentum for rotor in platform.rotors}
+        fixed = np.array([rotors.get(gimbal.name, 0.0) for gimbal in gimbals])
+        wheel = np.array(
+            [[w.inertia * (w.gimbal == gimbal.name) for w in wheels] for gimbal in gimbals]
+        ).reshape(len(gimbals), len(wheels))
+        most = np.array([w.momentum_limit for w in wheels if w.gimbal is not None])
+        largest = float(np.sqrt(np.sum(fixed**2) + np.sum(most**2)))
+        return cls(spin, cross(axis, spin), fixed, wheel, largest, platform.inertia)
+
+    def sizes(self, estimate: Estimate) -> Array:
+        """H_i, (n, gimbals) [N m s]."""
+        # einsum rather than @: a row's last bits must not depend on how many runs there are.
+        return self.fixed + np.einsum("gw,nw->ng", self.wheel, estimate.wheel_speed)
+
+    def along(self, estimate: Estimate) -> Array:
+        """The rotors' axes a_i cos delta_i + b_i sin delta_i, (n, gimbals, 3)."""
+        sine, cosine = np.sin(estimate.gimbal_angle), np.cos(estimate.gimbal_angle)
+        return cosine[..., None] * self.spin + sine[..., None] * self.across
+
+    def momentum(self, estimate: Estimate) -> Array:
+        """h = sum h_i, (n, 3) [N m s, body]."""
+        return np.einsum("ng,ngi->ni", self.sizes(estimate), self.along(estimate))
+
+    def columns(self, estimate: Estimate) -> Array:
+        """A^T with dh/dt = A d(delta)/dt: H_i (b_i cos delta_i - a_i sin delta_i).
+
+        Shape (n, gimbals, 3) [N m s].
+        """
+        sine, cosine = np.sin(estimate.gimbal_angle), np.cos(estimate.gimbal_angle)
+        turning = cosine[..., None] * self.across - sine[..., None] * self.spin
+        return self.sizes(estimate)[..., None] * turning
+
+    def square(self, estimate: Estimate) -> tuple[Array, Array]:
+        """A A^T / H^2, (n, 3, 3), and H^2 = sum of H_i^2, (n,) [N^2 m^2 s^2]."""
+        columns, sizes = self.columns(estimate), self.sizes(estimate)
+        # Wheels at rest make no gyros: their gimbals cannot be asked for much.
+        scale = np.maximum(np.einsum("ng,ng->n", sizes, sizes), (1e-2 * self.most) ** 2)
+        return np.einsum("ngi,ngj->nij", columns, columns) / scale[:, None, None], scale
+
+    def regularity(self, estimate: Estimate) -> Array:
+        """det(A A^T) / H^6, (n,): 0 where some torque is out of reach of the gimbals."""
+        return np.linalg.det(self.square(estimate)[0])
+
+    def rates(
+        self,
+        change: Array,
+        estimate: Estimate,
+        time: float,
+        *,
+        damping: float = DAMPING,
+        regularity: float = REGULARITY,
+        dither: float = DITHER,
+    ) -> Array:
+        """Gimbal rates for a change of momentum: the singularity-robust inverse.
+
+        d(delta)/dt = A^T (A A^T + lambda E)^-1 dh/dt
+        lambda      = damping H^2 exp(-det(A A^T) / (regularity H^6)),  H^2 = sum of H_i^2
+        E           = [[1, e_3, e_2], [e_3, 1, e_1], [e_2, e_1, 1]],
+        e_i         = dither sin(pi t / 2 + phi_i), phi = (0, pi/2, pi)
+
+        Away from singular angles lambda vanishes and this is the inverse; near them the rates stay
+        bounded, at the price of a torque that errs. At one, no rate at all would answer a torque
+        along the direction that is lost, and the array would be stuck: what E adds beside its
+        diagonal leads it out. With damping 0 it is the plain inverse.
+
+        Source: Y. Nakamura and H. Hanafusa, Inverse kinematic solutions with singularity
+        robustness for robot manipulator control, 1986 (lambda); B. Wie, D. Bailey, C. Heiberg,
+        Singularity robust steering logic for redundant single-gimbal control moment gyros,
+        J. Guidance 24(5), 2001 (E).
+
+        Args:
+            change: dh/dt, (n, 3) [N m, body].
+            estimate: where the gimbals stand.
+            time: [s].
+            damping: lambda at a singular state, in parts of H^2.
+            regularity: det(A A^T) below which the damping sets in, in parts of H^6.
+            dither: of E, below 1/2, or else it may not be positive definite.
+
+        Returns:
+            Shape (n, gimbals) [rad/s].
+        """
+        square, scale = self.square(estimate)
+        near = np.exp(-np.linalg.det(square) / regularity)
+        one, two, three = dither * np.sin(0.5 * np.pi * time + _PHASES)
+        spread = np.array([[1.0, three, two], [three, 1.0, one], [two, one, 1.0]])
+        # What is added to the damping only keeps the plain inverse from dividing by zero.
+        damped = square + (damping * near)[:, None, None] * spread + 1e-14 * np.eye(3)
+        share = np.linalg.solve(damped, change[..., None])[..., 0] / scale[:, None]
+        return np.einsum("ngi,ni->ng", self.columns(estimate), share)
+
+    def command(self, change: Array, estimate: Estimate, time: float) -> Command:
+        """Gimbal rates for a change of momentum (n, 3) [N m, body]; none in a run not yet seen."""
+        rates = self.rates(change, estimate, time)
+        return {"command_gimbal_rate": np.where(estimate.valid[:, None], rates, 0.0)}
 
 
 @dataclass(frozen=True)

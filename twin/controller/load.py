@@ -11,8 +11,8 @@ from typing import Any
 
 from twin.controller.controller import AnyController, Controller
 from twin.errors import ControllerError, TwinError, UnknownName
+from twin.files import file_of, import_alone
 from twin.library import find_controller, findable
-from twin.own_file import file_of, import_alone
 from twin.platform import Platform
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from twin.controller.controller import Controller
 from twin.errors import ControllerError, UsageError
-from twin.plant.devices.link import Channel, Schema, State, told
+from twin.plant.devices.link import Channel, FarEndState, Schema, told
 from twin.plant.devices.link.far_end import ALL_CHANNELS, FarEnd
 from twin.platform import Platform
 from twin.signals import STREAMS, Command, Estimate, Target
@@ -136,7 +136,9 @@ class RemoteLaw(Controller[str]):
         asked = self._far.last_sequence
         self._line.sendall(self._far.take())
         end = time.monotonic() + self._patience
-        while self._far.state is State.armed and not (self._answered(asked) or self._refused()):
+        while self._far.state is FarEndState.armed and not (
+            self._answered(asked) or self._refused()
+        ):
             if not self._hear(now_us, end - time.monotonic()):
                 if self._lockstep:
                     return f"{self._name} did not answer within {self._patience:g} s"
@@ -146,7 +148,7 @@ class RemoteLaw(Controller[str]):
             while self._hear(now_us, QUIET):
                 pass
             self._complete = True
-        return self._refused() if self._far.state is State.armed else self._why_safe()
+        return self._refused() if self._far.state is FarEndState.armed else self._why_safe()
 
     def _refused(self) -> str:
         """What is wrong with a set-point or an ARM that it sent, or nothing."""
@@ -188,7 +190,7 @@ class RemoteLaw(Controller[str]):
         problem = f"has not greeted and armed within {COMES:g} s"
         try:
             self._line.sendall(self._far.take())
-            while self._far.state is not State.armed:
+            while self._far.state is not FarEndState.armed:
                 check()
                 if not self._hear(0, LOOK):
                     if time.monotonic() > end:
@@ -201,7 +203,7 @@ class RemoteLaw(Controller[str]):
                     break
         except OSError:
             problem = "went before it had greeted and armed"
-        if self._far.state is not State.armed:
+        if self._far.state is not FarEndState.armed:
             raise ControllerError(
                 f"{self._name} {problem}: it says HELLO, then ARM, both with the schema hash "
                 f"0x{self.schema.hash:08X} of these channels (docs/link.md)"

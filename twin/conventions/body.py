@@ -8,17 +8,28 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.conventions.axes import LATE
-from twin.conventions.changes import axes_change, axes_changes, lag_change
-from twin.conventions.correction import Correction, apply_all
-from twin.conventions.dating import dated
+from twin.conventions.correction import (
+    LATE,
+    Correction,
+    apply_all,
+    axes_change,
+    axes_changes,
+    lag_change,
+)
 from twin.conventions.evidence import evidence, inflation
 from twin.conventions.gravity import upright_of
+from twin.conventions.grid import dated
 from twin.conventions.hypothesis import Hypothesis
-from twin.conventions.momentum import Exchange, momentum_of
-from twin.conventions.motion import ALIKE, motion_hypotheses, place_of
 from twin.conventions.turning import Turning
-from twin.conventions.wheels import ANSWERED, WheelReading, Wheels, factor_of
+from twin.conventions.vertical import ALIKE, motion_hypotheses, place_of
+from twin.conventions.wheels import (
+    ANSWERED,
+    Exchange,
+    WheelReading,
+    WheelStreams,
+    factor_of,
+    momentum_of,
+)
 from twin.platform import Platform
 from twin.recording import Recording
 
@@ -39,7 +50,7 @@ LATE_WHEELS = 3
 """For so many of the best bodies the wheels may be late too."""
 
 
-class Body:
+class BodyStreams:
     """Ranking is by misfit; `weigh` decides, pair by pair, as `evidence.py` says."""
 
     def __init__(self, recording: Recording, platform: Platform | None, turning: Turning) -> None:
@@ -48,7 +59,7 @@ class Body:
         self._upright = upright_of(recording, platform)
         self._platform = platform
 
-    def with_wheels_in(self, unit: Correction) -> "Body":
+    def with_wheels_in(self, unit: Correction) -> "BodyStreams":
         """The same body beside wheels in another unit; what they have no part in is kept."""
         other = copy(self)
         other._recording = apply_all(self._recording, [unit])
@@ -139,7 +150,7 @@ class Body:
         return wheels is not None and wheels.judge(self._exchange(self.of_motion[0]))
 
     @cached_property
-    def _wheels(self) -> Wheels | None:
+    def _wheels(self) -> WheelStreams | None:
         """Held against the body while that floats freely."""
         recording = self._recording
         best = self._ranked[0]
@@ -148,7 +159,7 @@ class Body:
         momentum = momentum_of(recording, self._platform)
         if self._platform is None or momentum is None:
             return None
-        return Wheels(self._recording, self._platform, momentum)
+        return WheelStreams(self._recording, self._platform, momentum)
 
     def wheel_factor(self) -> float | None:
         """By what the wheel speeds must be multiplied to answer that of the likeliest bodies which
@@ -268,7 +279,7 @@ class Body:
             wheels=reading,
         )
 
-    def _polished(self, h: Hypothesis, wheels: Wheels) -> Hypothesis:
+    def _polished(self, h: Hypothesis, wheels: WheelStreams) -> Hypothesis:
         """The same with the wheels' lag sought more finely."""
         assert h.wheels is not None
         finer = wheels.polished(self._exchange(h), h.wheels)

@@ -11,9 +11,15 @@ For a clear signal, r0 = r1 + s, this is the likelihood ratio |s|^2 / 2 itself; 
 mere noise it is of the order of one.
 """
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+
+from twin.conventions.correction import Correction
 
 Array = NDArray[np.float64]
 
@@ -68,3 +74,123 @@ def without(columns: Array, values: Array) -> Array:
     """Values (n, k) with the columns (n, c) projected out."""
     basis = np.linalg.qr(columns)[0]
     return values - basis @ (basis.T @ values)
+
+
+CLEAR = 7.0
+"""Nats by which another reading must beat the log as read, its cost taken off."""
+TIED = 4.0
+"""Nats by which the best reading must beat another, or both are named."""
+CERTAIN = 100.0
+"""Evidence stated for a unit: a factor of six or more, not a matter of likelihood [nats]."""
+
+
+@dataclass(frozen=True)
+class ConventionFinding:
+    """A stream that looks as if it had been read wrongly."""
+
+    correction: Correction
+    evidence: float
+    """By how much the data prefer it to the log as read [nats], its own improbability taken off."""
+    alternatives: tuple[str, ...] = ()
+    """Other readings that fit as well, in words; the log does not tell which."""
+    others: tuple[Correction, ...] = ()
+    """What the same mistake did to further streams: those of a frame."""
+
+    @property
+    def corrections(self) -> tuple[Correction, ...]:
+        """Of every stream that it concerns."""
+        return (self.correction, *self.others)
+
+    @property
+    def stream(self) -> str:
+        """Which stream; of a frame, the first of them."""
+        return self.correction.stream
+
+    @property
+    def kind(self) -> str:
+        """`unit`, `axes`, `frame`, `order`, `direction`, `angles`, `time_unit`, `clock_lag`
+        or `no_fit`."""
+        return self.correction.kind
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether something else fits as well."""
+        return bool(self.alternatives)
+
+    @property
+    def sentence(self) -> str:
+        """For a person."""
+        words = opened(self.correction.words)
+        if not self.ambiguous:
+            return f"{words}."
+        others = "; or ".join(self.alternatives)
+        return f"{words}; or {others}: the log does not tell which."
+
+
+def findings_of(
+    corrections: Iterable[Correction], evidence: float, alternatives: tuple[str, ...] = ()
+) -> Iterator[ConventionFinding]:
+    """One a correction, and one for all the streams of a frame."""
+    corrections = tuple(corrections)
+    frame = tuple(c for c in corrections if c.kind == "frame")
+    for correction in corrections:
+        if correction.words:
+            others = frame[1:] if correction.kind == "frame" else ()
+            yield ConventionFinding(correction, evidence, alternatives, others)
+
+
+def no_fit(stream: str, words: str) -> ConventionFinding:
+    """Two streams that go together in no reading: nothing is corrected, and nothing is silent."""
+    return ConventionFinding(
+        Correction(stream, "no_fit", f"no reading of {words}"), evidence=CERTAIN
+    )
+
+
+def opened(words: str) -> str:
+    """As a sentence begins; the name of a stream stays as it is written in log.toml."""
+    first = words.split()[0]
+    return words if "_" in first else words[0].upper() + words[1:]
+
+
+class Interpretation(Protocol):
+    """A log put right in one way."""
+
+    @property
+    def corrections(self) -> tuple[Correction, ...]:
+        """Nothing in it: the log as read."""
+        ...
+
+
+R = TypeVar("R", bound=Interpretation)
+
+
+def choose(ranked: Sequence[R], weigh: Callable[[R, R], float]) -> tuple[list[R], float]:
+    """The best reading and its equals, where it clearly beats the log as read.
+
+    Args:
+        ranked: the likeliest first, the log as read among them.
+        weigh: evidence for the one over the other [nats], their costs taken off.
+
+    Returns:
+        The best and what fits as well, none for a log that was read rightly; and the evidence
+        against the log as read [nats].
+    """
+    as_read = [one for one in ranked if not one.corrections]
+    best = ranked[0]
+    for rival in ranked[1:]:
+        best = rival if weigh(rival, best) > 0.0 else best
+    equals = [best, *(h for h in ranked if h is not best and weigh(best, h) < TIED)]
+    # of those that the data cannot tell apart, one that says less than another says enough
+    simplest = [h for h in equals if not any(_signature(other) < _signature(h) for other in equals)]
+    best = simplest[0]
+    certainty = min(weigh(best, one) for one in as_read)
+    return (simplest, certainty) if best.corrections and certainty >= CLEAR else ([], certainty)
+
+
+def words_of(reading: Interpretation) -> str:
+    """What is wrong; empty for the log as read."""
+    return ", and ".join(c.words for c in reading.corrections if c.words)
+
+
+def _signature(reading: Interpretation) -> set[tuple[object, ...]]:
+    return {(c.stream, c.kind, c.axes, c.lag > 0.0) for c in reading.corrections}

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.conventions.axes import signed_permutations
-from twin.conventions.finding import ConventionFinding, no_fit
-from twin.conventions.grid import USUAL, Grid, Means, grid_of
+from twin.conventions.correction import signed_permutations
+from twin.conventions.evidence import ConventionFinding, no_fit
+from twin.conventions.grid import USUAL, CellGrid, Means, grid_of
 from twin.conventions.room_vectors import ARM, Rates
 from twin.platform import Platform
 from twin.recording import Recording, Series
@@ -77,7 +77,7 @@ def shaken_by(recording: Recording) -> float:
     return float(np.hypot(SHAKEN, ARM * Rates(recording[source], grid).acceleration))
 
 
-def apart(shaken: float, grid: Grid) -> int:
+def apart(shaken: float, grid: CellGrid) -> int:
     """Cells between readings of an accelerometer that tell something of their own: where the motion
     itself shakes it, all of them err in one way."""
     few = grid.count // FEW if shaken > OWN * SHAKEN else 0
@@ -114,7 +114,7 @@ class Vertical:
     """One reading of an attitude's angles beside the accelerometer, every two seconds."""
 
     def __init__(
-        self, attitude: Series, accelerometer: Series, grid: Grid, gravity: float, shaken: float
+        self, attitude: Series, accelerometer: Series, grid: CellGrid, gravity: float, shaken: float
     ) -> None:
         self._every, self._edges = apart(shaken, grid), grid.edges
         self._attitude = self._read(attitude)
@@ -187,7 +187,7 @@ class Vertical:
 class Upright:
     """The attitude against the accelerometer and the tilt stop."""
 
-    def __init__(self, recording: Recording, platform: Platform | None, grid: Grid) -> None:
+    def __init__(self, recording: Recording, platform: Platform | None, grid: CellGrid) -> None:
         self._attitude = rotation.normalized(Means(recording["attitude"]).over(grid.edges) + 1e-9)
         self._edges = grid.edges
         self._stop = platform.tilt_limit if platform else np.inf

@@ -1,17 +1,20 @@
-"""Streams of any rate as means over the cells of one grid, so that they can be compared."""
+"""Streams of any rate as means over the cells of one grid, and the offset of a clock."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from weakref import finalize, ref
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from twin import rotation
 from twin.noise import noise_of
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
+
 
 CELLS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Widths of a cell [s]."""
@@ -93,7 +96,7 @@ class Means:
 
 
 @dataclass(frozen=True)
-class Grid:
+class CellGrid:
     """Cells between the latest start and the earliest end of the streams, less the longest lag."""
 
     start: float
@@ -117,7 +120,7 @@ RAREST = 30.0
 another unit."""
 
 
-def grid_of(recording: Recording, *streams: str, narrowest: float | None = None) -> Grid | None:
+def grid_of(recording: Recording, *streams: str, narrowest: float | None = None) -> CellGrid | None:
     """The grid on which these streams can be compared; None where they share too little time.
 
     Its cells are as wide as the body's motion allows, or `narrowest` [s] and a sample wide.
@@ -133,7 +136,7 @@ def grid_of(recording: Recording, *streams: str, narrowest: float | None = None)
     longest = min(LONGEST_LAG, 0.1 * max(stop - start, 0.0))
     margin = longest + max(cell, slowest)
     count = int((stop - start - 2.0 * margin) / cell)
-    return Grid(start + margin, cell, count, longest) if count >= FEWEST else None
+    return CellGrid(start + margin, cell, count, longest) if count >= FEWEST else None
 
 
 def _cell(recording: Recording) -> float:
@@ -169,3 +172,46 @@ def attitude_rates(attitude: Array, cell: float) -> tuple[Array, Array]:
     body = rotation.to_rotation_vector(turn) / cell
     between = rotation.normalized(attitude[:-1] + attitude[1:])
     return body, rotation.rotate(between, body)
+
+
+NARROW, WIDE = 0.02, 0.4
+"""The parabola is laid through lags no nearer and no farther than this [s]."""
+FIRST = 0.05
+"""Where it is laid first [s]."""
+ROUNDS = 3
+POINTS = np.linspace(-1.0, 1.0, 9)
+PARTS = 20
+"""Into which the log is cut."""
+
+
+def dated(residual: Callable[[float], Array], lag: float) -> tuple[float, float]:
+    """The lag near `lag` at which a residual is least, and its 95 % half width [s].
+
+    Args:
+        residual: of a lag: (n, ...) rows in the order of time, in units of their noise.
+        lag: where to begin [s].
+
+    The squared residual is a parabola over the interval; nearer, it ripples with the sampling. Two
+    noisy series held against each other agree by chance as well, at one lag or another: the slopes
+    of the parts of the log, which should all be 0, tell how much (a sandwich variance). Infinite
+    where the residual does not grow.
+    """
+    best, half_width, reach = lag, np.inf, FIRST
+    for _ in range(ROUNDS):
+        tried = np.array([_misfit(residual(float(best + reach * point))) for point in POINTS])
+        bends, slopes, _ = np.polyfit(reach * POINTS, tried, 2)
+        bend = float(bends.sum())
+        if bend <= 0.0:
+            return best, np.inf
+        step = float(np.clip(-0.5 * slopes.sum() / bend, -reach, reach))
+        left = slopes + 2.0 * bends * step
+        scatter = float(left @ left) * PARTS / (PARTS - 1)
+        variance = max(1.0 / (2.0 * bend), scatter / (2.0 * bend) ** 2)
+        best, half_width = best + step, float(student.ppf(0.975, PARTS - 1) * np.sqrt(variance))
+        reach = float(np.clip(half_width, NARROW, WIDE))
+    return best, half_width
+
+
+def _misfit(residual: Array) -> Array:
+    """(PARTS,) [nats] of the parts of the log."""
+    return np.array([0.5 * np.sum(np.square(part)) for part in np.array_split(residual, PARTS)])

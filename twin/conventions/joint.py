@@ -9,13 +9,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.conventions.axes import LATE, SIMPLE
-from twin.conventions.changes import CLOSE, axes_change, lag_change, unit_changes
-from twin.conventions.correction import Correction, apply_all
-from twin.conventions.dating import dated
-from twin.conventions.evidence import evidence, inflation, whitened, without
-from twin.conventions.finding import CERTAIN, CLEAR, TIED, ConventionFinding
-from twin.conventions.grid import Grid, Means, grid_of
+from twin.conventions.correction import (
+    CLOSE,
+    LATE,
+    SIMPLE,
+    Correction,
+    apply_all,
+    axes_change,
+    lag_change,
+    unit_changes,
+)
+from twin.conventions.evidence import (
+    CERTAIN,
+    CLEAR,
+    TIED,
+    ConventionFinding,
+    evidence,
+    inflation,
+    whitened,
+    without,
+)
+from twin.conventions.grid import CellGrid, Means, dated, grid_of
 from twin.conventions.turning import NEAR, far_lags
 from twin.recording import Recording
 
@@ -28,7 +42,7 @@ SIGNIFICANT = 8.0
 class Hinge:
     """joint_angle and joint_rate on one grid."""
 
-    def __init__(self, recording: Recording, grid: Grid) -> None:
+    def __init__(self, recording: Recording, grid: CellGrid) -> None:
         self.grid = grid
         angle, self._rate = Means(recording["joint_angle"]), Means(recording["joint_rate"])
         self._turned = np.diff(angle.over(grid.around_edges), axis=0) / grid.cell

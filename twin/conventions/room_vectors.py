@@ -22,14 +22,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.conventions.axes import LATE, SIMPLE, signed_permutations
-from twin.conventions.changes import axes_changes, lag_change, unit_changes
-from twin.conventions.correction import Correction
-from twin.conventions.dating import dated
-from twin.conventions.evidence import drift, evidence, forgetting, inflation, whitened, without
-from twin.conventions.finding import ConventionFinding, findings_of, no_fit
-from twin.conventions.grid import Grid, Means, attitude_rates, grid_of
-from twin.conventions.selection import choose, words_of
+from twin.conventions.correction import (
+    LATE,
+    SIMPLE,
+    Correction,
+    axes_changes,
+    lag_change,
+    signed_permutations,
+    unit_changes,
+)
+from twin.conventions.evidence import (
+    ConventionFinding,
+    choose,
+    drift,
+    evidence,
+    findings_of,
+    forgetting,
+    inflation,
+    no_fit,
+    whitened,
+    without,
+    words_of,
+)
+from twin.conventions.grid import CellGrid, Means, attitude_rates, dated, grid_of
 from twin.conventions.turning import (
     AMBIGUOUS,
     COMMON,
@@ -87,7 +102,7 @@ CROSS = np.array([np.cross(np.eye(3), one) for one in np.eye(3)]).transpose(1, 0
 class Rates:
     """How the body turns, by one stream. (n, 3) [rad/s] over the cells of a grid."""
 
-    def __init__(self, series: Series, grid: Grid) -> None:
+    def __init__(self, series: Series, grid: CellGrid) -> None:
         self.grid = grid
         self._means, self._world = Means(series), False
         self._of_attitude = series.columns == ("w", "x", "y", "z")

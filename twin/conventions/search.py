@@ -5,15 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.conventions.body import Body
-from twin.conventions.changes import CLOSE, unit_change, unit_changes
-from twin.conventions.correction import Correction, apply_all, stated
-from twin.conventions.finding import CERTAIN, ConventionFinding, findings_of
+from twin.conventions.body import BodyStreams
+from twin.conventions.correction import (
+    CLOSE,
+    Correction,
+    apply_all,
+    stated,
+    unit_change,
+    unit_changes,
+)
+from twin.conventions.evidence import CERTAIN, ConventionFinding, choose, findings_of, words_of
 from twin.conventions.gravity import gravity_as_rate, median_length
 from twin.conventions.hypothesis import Hypothesis
 from twin.conventions.joint import joint_findings
 from twin.conventions.room_vectors import field_findings, gyro_findings
-from twin.conventions.selection import choose, words_of
 from twin.conventions.time_base import time_unit_changes
 from twin.conventions.turning import (
     NEAR,
@@ -87,7 +92,7 @@ def check_conventions(
         else:
             beside = gyro_findings(recording)
         return found + _sound(recording, beside, gravity)
-    body = Body(recording, platform, turning)
+    body = BodyStreams(recording, platform, turning)
     wheels = _wheel_unit(body, recording) if "wheel_speed" in recording else None
     if wheels is not None:
         plain.append(wheels)
@@ -120,7 +125,7 @@ def _scaled(recording: Recording) -> Recording:
     return replace(recording, streams=kept)
 
 
-def _choose(body: Body, ranked: list[Hypothesis]) -> list[ConventionFinding]:
+def _choose(body: BodyStreams, ranked: list[Hypothesis]) -> list[ConventionFinding]:
     """What the best hypothesis says, if it clearly beats the log as read; with its equals."""
     chosen, certainty = choose(ranked, body.weigh)
     if not chosen:
@@ -186,7 +191,7 @@ def _inclinometer_unit(recording: Recording) -> list[Correction]:
     return [one for one in changes if ("unit", "deg") in one.keys]
 
 
-def _wheel_unit(body: Body, recording: Recording) -> Correction | None:
+def _wheel_unit(body: BodyStreams, recording: Recording) -> Correction | None:
     """The unit in which the wheels answer the body; None for the one they were read in.
 
     In too large numbers their noise hides that they answer it: then each unit is tried with its

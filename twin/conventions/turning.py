@@ -15,11 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import rotation
-from twin.conventions.axes import signed_permutations
-from twin.conventions.euler import read_angles
-from twin.conventions.evidence import drift, forgetting, whitened, without
-from twin.conventions.finding import ConventionFinding, no_fit
-from twin.conventions.grid import FEWEST, Grid, Means, attitude_rates, grid_of
+from twin.conventions.correction import read_angles, signed_permutations
+from twin.conventions.evidence import (
+    ConventionFinding,
+    drift,
+    forgetting,
+    no_fit,
+    whitened,
+    without,
+)
+from twin.conventions.grid import FEWEST, CellGrid, Means, attitude_rates, grid_of
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
@@ -76,7 +81,7 @@ class Turning:
     """Gyro and attitude on one grid. Families: 0, the attitude's body rate; 1, its world rate,
     which is the body rate of the inverse attitude but for the sign."""
 
-    def __init__(self, recording: Recording, grid: Grid) -> None:
+    def __init__(self, recording: Recording, grid: CellGrid) -> None:
         self.grid = grid
         self._gyro = Means(recording["gyro"])
         attitude = Means(recording["attitude"])
@@ -311,7 +316,7 @@ def _summed(values: Array, block: int) -> Array:
     return values[: count * block].reshape(count, block, -1).sum(axis=1)
 
 
-def _rates(attitude: Means, grid: Grid) -> tuple[Array, Array]:
+def _rates(attitude: Means, grid: CellGrid) -> tuple[Array, Array]:
     return attitude_rates(rotation.normalized(attitude.over(grid.around_edges) + 1e-9), grid.cell)
 
 

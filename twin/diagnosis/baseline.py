@@ -7,12 +7,17 @@ import numpy as np
 from twin.conventions import ConventionFinding, check_conventions, corrected
 from twin.diagnosis.explanation import Explanation, explain
 from twin.errors import TwinError, UsageError
-from twin.identification.calibrate import calibrated
 from twin.identification.excitation import BLIND
-from twin.identification.momentum import momentum_fit
+from twin.identification.identification import calibrated
 from twin.identification.prediction_error import NORMAL, Fit, fit_disturbed
-from twin.identification.ringing import along_what_rings, rings
-from twin.identification.start import base_of, first_biases, first_theta
+from twin.identification.start import (
+    along_what_rings,
+    base_of,
+    first_biases,
+    first_theta,
+    momentum_fit,
+    rings,
+)
 from twin.platform import Platform
 from twin.predict.base import BaseParameters
 from twin.predict.body import Body, body_of

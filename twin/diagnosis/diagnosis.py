@@ -22,13 +22,13 @@ from twin.diagnosis.cause import (
 from twin.diagnosis.engine import Engine, SearchState, likeliest
 from twin.diagnosis.experiment import Experiment, next_experiment
 from twin.diagnosis.explanation import CROWD, Explanation
-from twin.diagnosis.pushes import Push, but_for, pushed, pushed_look, pushes_of
+from twin.diagnosis.pushes import PushInterval, but_for, pushed, pushed_look, pushes_of
 from twin.diagnosis.residual_test import HeldOut, ResidualTest, held_out, residual_test
 from twin.effects import Effect
 from twin.errors import UsageError
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of
-from twin.predict.kalman import EXACT, Noise
+from twin.predict.kalman import EXACT, NoiseProcess
 from twin.predict.logs import usable
 from twin.predict.rollouts import BeyondBounds
 from twin.recording import Recording
@@ -64,7 +64,7 @@ STRAYS = 2.0
 missed."""
 
 
-def ordinary(noise: Noise) -> bool:
+def ordinary(noise: NoiseProcess) -> bool:
     """Whether all noise processes are within what such rooms and sensors have."""
     torque = 0.0 if noise.torque is None else noise.torque.rms
     return torque <= DRAUGHT and all(
@@ -118,7 +118,7 @@ class Diagnosis(Shown):
     """By horizon [s]; None where the logs are too short."""
     next_experiment: Experiment | None
     """The run that would separate tied causes best; None without ties or a prediction."""
-    pushes: tuple[Push, ...] = ()
+    pushes: tuple[PushInterval, ...] = ()
     """Disturbances from outside, whose time is excluded from all else."""
 
     @property
@@ -128,7 +128,7 @@ class Diagnosis(Shown):
         return not _unexplained(self.baseline, self.explained, self.residual_test, self.held_out)
 
     @property
-    def wander(self) -> Noise:
+    def wander(self) -> NoiseProcess:
         """Noise processes, fitted together with the causes."""
         return self.explained.noise
 
@@ -265,7 +265,7 @@ def _reasoned(baseline: Explanation, logs: Sequence[Recording], say: Say) -> _Re
 
 def _explained(
     baseline: Explanation, logs: Sequence[Recording], say: Say
-) -> tuple[_Reasoned, tuple[Push, ...]]:
+) -> tuple[_Reasoned, tuple[PushInterval, ...]]:
     """Search over whole logs, or over logs without the time of disturbances from outside.
 
     Disturbances are excluded where nothing explains the whole logs and something explains the rest.
@@ -295,7 +295,7 @@ def _is_noise(baseline: Explanation) -> bool:
     return baseline.follows and residual_test(baseline).chance > UNEXPLAINED
 
 
-def _pushes(logs: Sequence[Recording], platform: Platform, say: Say) -> tuple[Push, ...]:
+def _pushes(logs: Sequence[Recording], platform: Platform, say: Say) -> tuple[PushInterval, ...]:
     """Disturbances without which logs follow the model, and that none of the likeliest causes
     explains."""
     say("pushes from outside")

@@ -44,7 +44,7 @@ Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Settings:
+class SearchSettings:
     """All numbers of the search."""
 
     beam: int = 2
@@ -70,7 +70,7 @@ class Settings:
     strong cause responds to a change of the base."""
 
 
-SETTINGS = Settings()
+SETTINGS = SearchSettings()
 
 
 @dataclass(frozen=True)

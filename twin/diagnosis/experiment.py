@@ -66,7 +66,7 @@ LONGEST = 60.0
 
 
 @dataclass(frozen=True)
-class Excitation:
+class SimulatedRun:
     """One run of `twin run`."""
 
     platform: Platform
@@ -138,21 +138,21 @@ class Excitation:
         return log.without_truth()
 
 
-def excitations(platform: Platform, duration: float) -> list[Excitation]:
+def excitations(platform: Platform, duration: float) -> list[SimulatedRun]:
     """The library for a machine; empty where nothing excites it."""
     if platform.base.kind == "free" or platform.base.falls:
         return []
     if platform.base.kind == "hinge":
         swings = [(angle, 0.0, 0.0) for angle in SWINGS]
-        return [Excitation(platform, "free_float", duration, attitude=one) for one in swings]
-    found: list[Excitation] = []
+        return [SimulatedRun(platform, "free_float", duration, attitude=one) for one in swings]
+    found: list[SimulatedRun] = []
     tracker = _first_able(TRACKERS, platform)
     balancer = _first_able(BALANCERS, platform)
     if tracker:
-        found += [Excitation(platform, tracker, duration, motion) for motion in MOTIONS]
+        found += [SimulatedRun(platform, tracker, duration, motion) for motion in MOTIONS]
     elif balancer:
-        found.append(Excitation(platform, balancer, duration, attitude=TILTED))
-    free = Excitation(platform, "free_float", duration, attitude=TILTED, rate=SPINNING)
+        found.append(SimulatedRun(platform, balancer, duration, attitude=TILTED))
+    free = SimulatedRun(platform, "free_float", duration, attitude=TILTED, rate=SPINNING)
     found.append(free)
     found += [replace(free, platform=other) for other in _other_fields(platform)]
     return found
@@ -220,7 +220,7 @@ class Experiment:
 
 
 @dataclass(frozen=True)
-class Sensitivity:
+class ExperimentSensitivity:
     """What a log's whitened innovations depend on."""
 
     base: Array
@@ -262,7 +262,7 @@ def next_experiment(
     traces = [*explanation.traces, *(one.trace for one in rivals)]
     log = sensitivity(explanation, rivals)
     length = max(body.recording.stop - body.recording.start for body in explanation.bodies)
-    best: tuple[Excitation, Mapping[str, float]] | None = None
+    best: tuple[SimulatedRun, Mapping[str, float]] | None = None
     for excitation in excitations(platform, float(np.floor(min(length, LONGEST)))):
         say(f"the next experiment: {excitation.words}")
         try:
@@ -282,7 +282,7 @@ def next_experiment(
 
 
 def behind(
-    logs: Sequence[Sensitivity], strengths: Array, traces: Sequence[Trace], ties: Ties
+    logs: Sequence[ExperimentSensitivity], strengths: Array, traces: Sequence[Trace], ties: Ties
 ) -> dict[str, float]:
     """Evidence by which logs together, free of noise, would leave each tied cause behind.
 
@@ -312,7 +312,7 @@ def behind(
     return found
 
 
-def _base(logs: Sequence[Sensitivity]) -> Array:
+def _base(logs: Sequence[ExperimentSensitivity]) -> Array:
     """What is free in every log, the shared part first, then each log's own."""
     shared = np.concatenate([log.base for log in logs])
     parts = [shared]
@@ -325,19 +325,19 @@ def _base(logs: Sequence[Sensitivity]) -> Array:
     return np.hstack(parts)
 
 
-def sensitivity(explanation: Explanation, rivals: Sequence[Candidate]) -> Sensitivity:
+def sensitivity(explanation: Explanation, rivals: Sequence[Candidate]) -> ExperimentSensitivity:
     """Of an explanation's logs, to its own causes and to rivals, in as few rows as tell it."""
     parts = [part for one in rivals for part in one.perturbations]
     columns = explanation.rows_with(parts).columns
     small = np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
     p, causes = len(explanation.at.theta), len(explanation.amplitudes) + len(parts)
     edge = columns.shape[1] - causes
-    return Sensitivity(small[:, :p], small[:, p:edge], small[:, edge:])
+    return ExperimentSensitivity(small[:, :p], small[:, p:edge], small[:, edge:])
 
 
 def _foretold(
-    excitation: Excitation, explanation: Explanation, rivals: Sequence[Candidate]
-) -> Sensitivity | None:
+    excitation: SimulatedRun, explanation: Explanation, rivals: Sequence[Candidate]
+) -> ExperimentSensitivity | None:
     """What an experiment's log would depend on; None where the machine hits its limits in it, or
     is one that cannot have all of the causes.
 

@@ -34,7 +34,7 @@ from twin.predict.independent_segments import (
     independent_segments,
 )
 from twin.predict.innovations import Innovations, Problem, Unknowns, retraced
-from twin.predict.kalman import EXACT, Noise
+from twin.predict.kalman import EXACT, NoiseProcess
 
 Array = NDArray[np.float64]
 BLURRED = 1e-2
@@ -74,7 +74,7 @@ more: six explained an inclinometer's misalignment that was removed from it."""
 
 
 @dataclass(frozen=True)
-class Rows:
+class WhitenedRows:
     """Whitened rows: residual + columns u has variance 1 for changes u of base, biases,
     strengths."""
 
@@ -97,7 +97,7 @@ class Rows:
 
 
 @dataclass(frozen=True)
-class Layout:
+class StrengthLayout:
     """Order of strengths: rest angles of springs, undetermined components of each effect, fitted
     components of each effect, coefficients of laws."""
 
@@ -184,7 +184,7 @@ def whole(
     free: Sequence[NDArray[np.bool_]],
     columns: Array,
     strengths: Array,
-    layout: Layout,
+    layout: StrengthLayout,
 ) -> Array:
     """Columns of fitted components, each vector's undetermined amplitudes added to its largest
     determined one.
@@ -318,7 +318,7 @@ class Explanation:
         return replace(bare, misfits=misfits_of(self.problem, bare.left, fitted))
 
     @cached_property
-    def rows(self) -> Rows:
+    def rows(self) -> WhitenedRows:
         """Whitened."""
         return self._rows(self.prediction)
 
@@ -327,21 +327,21 @@ class Explanation:
         """(u, u) of base, biases and strengths."""
         return self.rows.covariance
 
-    def _rows(self, now: Innovations | IndependentSegments) -> Rows:
+    def _rows(self, now: Innovations | IndependentSegments) -> WhitenedRows:
         if isinstance(now, Innovations):
-            return Rows(now.residual, now.columns, now.cluster)
+            return WhitenedRows(now.residual, now.columns, now.cluster)
         # a segment weighs by its own scatter, and less where its residual is correlated
         weights = now.weights / self.account.inflation
         root = np.sqrt(np.where(now.cluster >= 0, weights[now.cluster], 1.0))
-        return Rows(now.residual * root, now.columns * root[:, None], now.cluster)
+        return WhitenedRows(now.residual * root, now.columns * root[:, None], now.cluster)
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> StrengthLayout:
         """Order of its strengths."""
         hidden = _counts(unseen(self.effects, self.free, self.most))
         free, laws = _counts(self.free), len(self.laws)
         taken = sum(hidden) + sum(free) + laws
-        return Layout(len(self.at.strengths) - taken, hidden, free, laws)
+        return StrengthLayout(len(self.at.strengths) - taken, hidden, free, laws)
 
     @property
     def covariances(self) -> tuple[Array, ...]:
@@ -367,7 +367,7 @@ class Explanation:
         return found
 
     @property
-    def noise(self) -> Noise:
+    def noise(self) -> NoiseProcess:
         """Noise processes, beside the stated white noise of sensors."""
         return self.prediction.noise if isinstance(self.prediction, Innovations) else EXACT
 
@@ -468,7 +468,7 @@ class Explanation:
         bare, columns = self.without([part for parts in more for part in parts])
         return LinearScreen(bare.residual, bare.columns, columns, [*self.traces, *traces])
 
-    def without(self, more: Sequence[Perturbation] = ()) -> tuple[Rows, Array]:
+    def without(self, more: Sequence[Perturbation] = ()) -> tuple[WhitenedRows, Array]:
         """The same model without its effects and laws, linearised at this fit.
 
         Returns:
@@ -486,7 +486,7 @@ class Explanation:
         for place, rest in zip(rests, now.columns[:, end:].T, strict=True):
             own[:, place] += rest / strengths[place]
         columns = np.column_stack([own, now.columns[:, edge:end]])
-        left = Rows(now.residual - own @ strengths, now.columns[:, :first], now.cluster)
+        left = WhitenedRows(now.residual - own @ strengths, now.columns[:, :first], now.cluster)
         placed = replace(layout, rests=0)
         return left, whole(self.effects, self.free, columns, strengths, placed)
 
@@ -506,11 +506,13 @@ class Explanation:
         price = unlikely(laws_of(self.bodies)) if self.laws else 0.0
         return mine + [law.trace(price) for law in self.laws]
 
-    def rows_with(self, perturbations: Sequence[Perturbation]) -> Rows:
+    def rows_with(self, perturbations: Sequence[Perturbation]) -> WhitenedRows:
         """Whitened rows with further columns."""
         return self._rows_of(self.prediction.exact, perturbations)
 
-    def _rows_of(self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]) -> Rows:
+    def _rows_of(
+        self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]
+    ) -> WhitenedRows:
         new = [one for one in perturbations if one not in self._formed]
         self._formed.update(
             zip(new, formed(self.following, self.prediction.exact, new), strict=True)
@@ -590,7 +592,7 @@ def explain(
     laws: Sequence[Law] = (),
     *,
     follows: bool = True,
-    noise: Noise = EXACT,
+    noise: NoiseProcess = EXACT,
 ) -> Explanation:
     """Fit a model with these effects.
 
@@ -627,7 +629,7 @@ def _explained(
     start: Unknowns,
     laws: Sequence[Law],
     follows: bool,
-    noise: Noise,
+    noise: NoiseProcess,
 ) -> tuple[Explanation, float]:
     """A fit, and the distance of its effects from where their columns were formed."""
     now = _fitted(bodies, base, effects, tuple(laws), start, follows, noise)
@@ -669,7 +671,7 @@ def _fitted(
     laws: tuple[Law, ...],
     start: Unknowns,
     follows: bool,
-    noise: Noise,
+    noise: NoiseProcess,
     *,
     before: Explanation | None = None,
 ) -> Explanation:
@@ -694,7 +696,7 @@ def _fitted(
     first = [size[places] for size, places in zip([*sizes, *sizes], masks, strict=True)]
     # where columns are only formed again, other strengths are kept
     stays = before.at.strengths if before else np.zeros(len(problem.perturbations))
-    layout = Layout(len(rests), _counts(hidden), _counts(free), len(laws))
+    layout = StrengthLayout(len(rests), _counts(hidden), _counts(free), len(laws))
     strengths = np.concatenate([stays[: layout.rests], *first, stays[layout.of_laws]])
     at = replace(start, strengths=strengths)
     if follows:

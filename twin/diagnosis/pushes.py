@@ -52,7 +52,7 @@ WORTH = 3.0
 
 
 @dataclass(frozen=True)
-class Push:
+class PushInterval:
     """Interval of a push; its samples are excluded."""
 
     log: int
@@ -64,7 +64,7 @@ class Push:
     stop: float
 
 
-def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[Push, ...]:
+def pushes_of(logs: Sequence[Recording], platform: Platform) -> tuple[PushInterval, ...]:
     """Pushes without which logs follow the model; none where they do not.
 
     The residual of a segment is compared with that of all segments; of a few segments, whose common
@@ -82,9 +82,9 @@ def _beyond(
     whole: Sequence[tuple[list[int], Explanation]],
     logs: Sequence[Recording],
     platform: Platform,
-) -> tuple[Push, ...]:
+) -> tuple[PushInterval, ...]:
     """Exclude the largest push and fit again, until no segment exceeds the limit."""
-    pushes: list[Push] = []
+    pushes: list[PushInterval] = []
     for _ in range(TRIES):
         try:
             seen = list(_looks(_parts(pushes, logs), platform)) if pushes else whole
@@ -102,7 +102,7 @@ def _beyond(
         log = of_logs[worst.place]
         start, stop = _span(segments, worst)
         within = max(start, logs[log].start), min(stop, logs[log].stop)
-        pushes = _merged([*pushes, Push(log, logs[log].source, *within)])
+        pushes = _merged([*pushes, PushInterval(log, logs[log].source, *within)])
         left_out = sum(push.stop - push.start for push in pushes)
         if len(pushes) > MOST or left_out > SHARE * sum(log.stop - log.start for log in logs):
             break
@@ -116,12 +116,14 @@ def pushed_look(logs: Sequence[Recording], platform: Platform) -> Explanation | 
     return best if pushed(best) else None
 
 
-def but_for(pushes: Sequence[Push], logs: Sequence[Recording]) -> list[Recording]:
+def but_for(pushes: Sequence[PushInterval], logs: Sequence[Recording]) -> list[Recording]:
     """Parts of logs between their pushes that are long enough to be logs."""
     return [part for _, part in _parts(pushes, logs)]
 
 
-def _parts(pushes: Sequence[Push], logs: Sequence[Recording]) -> list[tuple[int, Recording]]:
+def _parts(
+    pushes: Sequence[PushInterval], logs: Sequence[Recording]
+) -> list[tuple[int, Recording]]:
     """Each part with the number of its log."""
     found: list[tuple[int, Recording]] = []
     for log, recording in enumerate(logs):
@@ -249,9 +251,9 @@ def _left(squares: Array) -> Array:
     return squares[:, -1, -1] - np.einsum("wi,wij,wj->w", across, inverse, across)
 
 
-def _merged(pushes: list[Push]) -> list[Push]:
+def _merged(pushes: list[PushInterval]) -> list[PushInterval]:
     """Pushes with those that overlap, or nearly so, joined."""
-    found: list[Push] = []
+    found: list[PushInterval] = []
     for push in sorted(pushes, key=lambda one: (one.log, one.start)):
         last = found[-1] if found else None
         if last and last.log == push.log and push.start <= last.stop + NEAR:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import periodogram
 from scipy.stats import chi2, gamma, norm
 
-from twin.diagnosis.explanation import Explanation, Rows
+from twin.diagnosis.explanation import Explanation, WhitenedRows
 from twin.diagnosis.screen import LinearScreen, Trace
 from twin.identification.prediction_error import NORMAL
 from twin.predict.body import Body
@@ -235,7 +235,7 @@ def _blocks(segments: int) -> NDArray[np.intp]:
     return np.arange(segments) * min(BLOCKS, segments) // segments
 
 
-def _missed(block: NDArray[np.intp], rows: Rows) -> tuple[float, float]:
+def _missed(block: NDArray[np.intp], rows: WhitenedRows) -> tuple[float, float]:
     """Chi-square and log-determinant of all blocks (segments,), each predicted by what the others
     fit.
 

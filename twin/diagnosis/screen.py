@@ -262,7 +262,7 @@ def _norms(columns: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Score:
+class CauseScore:
     """Evidence of a cause beside a set, by the linear screen."""
 
     index: int
@@ -338,24 +338,24 @@ class Search:
         """Surprise that noise reaches with probability `FALSE_ALARM`."""
         return critical(self.screen, self.asked) if self._limit is None else self._limit
 
-    def scores(self, chosen: tuple[int, ...] = ()) -> list[Score]:
+    def scores(self, chosen: tuple[int, ...] = ()) -> list[CauseScore]:
         """Scores of all other causes beside a set, by falling evidence."""
         found = [self.score(chosen, index) for index in self._others(chosen)]
         return sorted(found, key=lambda score: -score.evidence)
 
-    def score(self, chosen: tuple[int, ...], index: int) -> Score:
+    def score(self, chosen: tuple[int, ...], index: int) -> CauseScore:
         """Score of one cause beside a set."""
         gain = self._gain((*chosen, index)) - self._gain(chosen)
         return self.scored(index, gain, self.surplus((*chosen, index), index))
 
-    def scored(self, index: int, gain: float, surplus: float = 0.0) -> Score:
+    def scored(self, index: int, gain: float, surplus: float = 0.0) -> CauseScore:
         """Score of a cause of known gain, and of known improbability of its size."""
         gain = max(gain, 0.0)
         directions = np.count_nonzero(self.screen.identifiability(index))
         surprise = float(chi2.logsf(gain, max(directions, 1))) + self.screen.traces[index].looked
-        return Score(index, gain, gain - self._worth(index, gain) - surplus, surprise)
+        return CauseScore(index, gain, gain - self._worth(index, gain) - surplus, surprise)
 
-    def pays(self, score: Score) -> bool:
+    def pays(self, score: CauseScore) -> bool:
         """Whether a cause has evidence, and is more surprising than a false alarm."""
         return score.surprise < self.limit and score.evidence > 0.0
 

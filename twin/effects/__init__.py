@@ -6,9 +6,9 @@ from twin.effects.catalogue import effect_names as effect_names
 from twin.effects.catalogue import file_of as file_of
 from twin.effects.effect import Domain as Domain
 from twin.effects.effect import Effect as Effect
+from twin.effects.effect import EffectError as EffectError
 from twin.effects.effect import Parameter as Parameter
 from twin.effects.effect import parameter as parameter
-from twin.effects.errors import EffectError as EffectError
 from twin.effects.on_body import BodyEffect as BodyEffect
 from twin.effects.on_body import CoupleEffect as CoupleEffect
 from twin.effects.on_body import HingeSpring as HingeSpring

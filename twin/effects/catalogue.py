@@ -12,10 +12,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from twin.effects.effect import Effect
-from twin.effects.errors import EffectError
+from twin.effects.effect import Effect, EffectError
 from twin.errors import UnknownName
-from twin.own_file import import_alone
+from twin.files import import_alone
 
 _FOLDER = Path(__file__).parent
 _FOLDERS = (

@@ -16,9 +16,14 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.effects.errors import EffectError
+from twin.errors import UsageError
 from twin.platform import Platform
 from twin.units import printed
+
+
+class EffectError(UsageError):
+    """An effect with a wrong value, or one that a platform cannot have."""
+
 
 Array = NDArray[np.float64]
 Value = float | tuple[float, ...]

@@ -9,8 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from twin.effects.catalogue import effect_named
-from twin.effects.effect import Effect
-from twin.effects.errors import EffectError
+from twin.effects.effect import Effect, EffectError
 from twin.errors import PlatformError, TwinError, UnknownName
 from twin.platform import Platform, StatedEffect
 

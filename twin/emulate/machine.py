@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.plant.hardware_setup import Route
 from twin.plant.initial import InitialState
-from twin.plant.routes import Route
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform
 from twin.signals import Command
@@ -26,7 +26,7 @@ _STAGES = "command_stage_position"
 _EPS = 1e-9
 
 
-class Shown(NamedTuple):
+class DeviceValue(NamedTuple):
     """A value that a device has to send."""
 
     source: str
@@ -38,7 +38,7 @@ class Shown(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Machine:
+class EmulatedMachine:
     """All that a machine is made of; travels to the process that simulates it."""
 
     platform: Platform
@@ -64,9 +64,9 @@ class Share:
     drive: Callable[[float], Array] | None = None
     """Where the device's own stage drives have brought them at a time [s], (columns,) as its
     command of stages has them; None: the machine's drives obey `told`."""
-    shown: list[Shown] = field(default_factory=list[Shown])
+    shown: list[DeviceValue] = field(default_factory=list[DeviceValue])
 
-    def step(self, told: Mapping[str, Array], now: float) -> list[Shown]:
+    def step(self, told: Mapping[str, Array], now: float) -> list[DeviceValue]:
         """Advance the machine to `now` [s], if nobody has yet: what this device is to send.
 
         Args:
@@ -87,7 +87,7 @@ class Share:
 class SimulatedMachine:
     """One machine, moved by what devices tell its actuators."""
 
-    def __init__(self, made_of: Machine) -> None:
+    def __init__(self, made_of: EmulatedMachine) -> None:
         """Compile it.
 
         Raises:
@@ -157,10 +157,10 @@ class SimulatedMachine:
 
     def _seen(
         self, route: Route, times: Array, values: Array, valid: NDArray[np.bool_]
-    ) -> list[Shown]:
+    ) -> list[DeviceValue]:
         away = self._uncounted if route.stream == "stage_position" else 0.0
         return [
-            Shown(
+            DeviceValue(
                 route.source,
                 float(time),
                 route.shown((value - away)[list(route.columns)])

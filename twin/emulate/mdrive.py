@@ -1,35 +1,296 @@
 """An IMS (Schneider) MDrive from the MCode manual's tables and what labs saw.
 
+How a stepper drive moves: at once at its initial speed, up a ramp, along, down a ramp, still.
+MCode manual: the speed jumps to VI, ramps with A to VM, and with D down to VI, then stops. A short
+move has no time to reach VM and turns round at the speed v with v^2 = VI^2 + 2 d A D / (A + D).
+
 What the manual leaves open is a field of the drive, so that a host can be tried with either answer.
 """
 
+import math
 import random
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from twin.emulate.mdrive_axis import STALLED, Axis
-from twin.emulate.mdrive_tables import (
-    ACK,
-    BAD_VALUE,
-    BAUDS,
-    BREAK,
-    BUFFER,
-    BUSY_HOMING,
-    ESC,
-    FAULTS,
-    LOAD_MOVING,
-    MICROSTEPS,
-    NAK,
-    NO_LABEL,
-    NOT_PRINTABLE,
-    READ_ONLY,
-    READ_ONLY_NAMES,
-    SAVE_MOVING,
-    SPEEDS_CROSS,
-    UNKNOWN,
-    WRITABLE,
-)
-from twin.emulate.trapezoid import Ramps
+from twin.emulate.emulated import EmulatedDevice
+from twin.errors import UnknownName
+
+FAULTS: Mapping[str, str] = {
+    "lost_reply": "the next replies are not sent (value: how many)",
+    "double_reply": "the next replies come twice (value: how many)",
+    "garbled_reply": "the next replies have one wrong bit (value: how many)",
+    "late_reply": "the next reply comes late (value: seconds)",
+    "extra_newline": "every reply begins with a CR LF from now on",
+    "wrong_address": "it answers to another name too (value: its code)",
+    "error": "an error is pending (value: its code)",
+    "reboot": "it starts anew of itself, without a word",
+    "stuck_moving": "it says for ever that it moves",
+    "stall": "the motor stands, and the drive knows",
+    "newline_only": "the next replies are empty lines (value: how many)",
+    "completion": "it sends its name of itself",
+    "not_acknowledged": "the next commands are refused with NAK (value: how many)",
+    "baud": "it talks at another rate (value: baud)",
+}
+"""What can go wrong inside it -> what then happens."""
+
+ACK, NAK, ESC, BREAK = 0x06, 0x15, 0x1B, 0x03
+BUFFER = 64
+UNKNOWN, BAD_VALUE, READ_ONLY, NO_LABEL, NOT_PRINTABLE = 20, 21, 25, 30, 35
+SPEEDS_CROSS, SAVE_MOVING, LOAD_MOVING, BUSY_HOMING = (22, 23), 73, 74, 85
+BAUDS = {"48": 4800, "96": 9600, "19": 19200, "38": 38400, "11": 115200}
+MICROSTEPS = (1, 2, 4, 5, 8, 10, 16, 25, 32, 50, 64, 100, 108, 125, 127, 128, 180, 200, 250, 256)
+
+# name: (factory value, lowest, highest)
+WRITABLE: Mapping[str, tuple[int, int, int]] = {
+    "P": (0, -(2**31), 2**31 - 1),
+    "VI": (1000, 1, 5_000_000),
+    "VM": (768_000, 1, 5_000_000),
+    "A": (1_000_000, 91, 1_525_878_997),
+    "D": (1_000_000, 91, 1_525_878_997),
+    "MS": (256, 1, 256),
+    "RC": (25, 1, 100),
+    "HC": (5, 0, 100),
+    "HT": (500, 0, 65535),
+    "MT": (0, 0, 65535),
+    "DE": (1, 0, 1),
+    "LM": (1, 1, 6),
+    "EM": (0, 0, 3),
+    "CK": (0, 0, 2),
+    "PY": (0, 0, 1),
+    "QD": (0, 0, 1),
+    "DG": (1, 0, 1),
+    "EE": (0, 0, 1),
+    "ES": (1, 0, 3),
+    "CE": (1, 0, 2),
+    "ER": (0, 0, 99),
+    "ST": (0, 0, 1),
+    "R1": (0, -(2**31), 2**31 - 1),
+    "R2": (0, -(2**31), 2**31 - 1),
+    "R3": (0, -(2**31), 2**31 - 1),
+    "R4": (0, -(2**31), 2**31 - 1),
+}
+READ_ONLY_NAMES = ("V", "VC", "MV", "MP", "EF", "BY", "VR", "PN", "SN", "C1", "C2")
+
+
+@dataclass(frozen=True)
+class Ramps:
+    """What a drive plans with [microsteps, s]."""
+
+    initial: float
+    """VI."""
+    maximum: float
+    """VM."""
+    up: float
+    """A."""
+    down: float
+    """D."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Constant acceleration for a while."""
+
+    start: float
+    position: float
+    speed: float
+    acceleration: float
+    span: float
+
+    def at(self, now: float) -> tuple[float, float]:
+        """Position and speed."""
+        t = min(max(now - self.start, 0.0), self.span)
+        return (
+            self.position + (self.speed + 0.5 * self.acceleration * t) * t,
+            self.speed + self.acceleration * t,
+        )
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Stretches one after the other, then rest at `target`."""
+
+    stretches: tuple[Stretch, ...]
+    target: float
+
+    @property
+    def end(self) -> float:
+        """When it comes to rest; infinite for a slew."""
+        return self.stretches[-1].start + self.stretches[-1].span if self.stretches else -math.inf
+
+    def at(self, now: float) -> tuple[float, float]:
+        """Position and speed."""
+        if now >= self.end:
+            return self.target, 0.0
+        stretch = next(s for s in self.stretches if now < s.start + s.span)
+        return stretch.at(now)
+
+
+def at_rest(position: float) -> Profile:
+    """Standing still."""
+    return Profile((), position)
+
+
+def move(position: float, target: float, ramps: Ramps, start: float) -> Profile:
+    """From rest to rest."""
+    distance, sign = abs(target - position), 1.0 if target >= position else -1.0
+    if distance == 0.0:
+        return at_rest(position)
+    low, high, up, down = ramps.initial, ramps.maximum, ramps.up, ramps.down
+    ramp = (high**2 - low**2) / 2.0 * (1.0 / up + 1.0 / down)
+    if ramp > distance:
+        high = math.sqrt(low**2 + 2.0 * distance * up * down / (up + down))
+        ramp = distance
+    spans = ((high - low) / up, (distance - ramp) / high, (high - low) / down)
+    speeds, accelerations = (low, high, high), (up, 0.0, -down)
+    stretches: list[Stretch] = []
+    for span, speed, acceleration in zip(spans, speeds, accelerations, strict=True):
+        stretches.append(Stretch(start, position, sign * speed, sign * acceleration, span))
+        position, _ = stretches[-1].at(start + span)
+        start += span
+    return Profile(tuple(stretches), target)
+
+
+def slew(position: float, speed: float, ramps: Ramps, start: float) -> Profile:
+    """From rest to a speed, and on for ever."""
+    sign, high = (1.0 if speed >= 0.0 else -1.0), abs(speed)
+    low = min(ramps.initial, high)
+    ramp = Stretch(start, position, sign * low, sign * ramps.up, (high - low) / ramps.up)
+    reached, _ = ramp.at(start + ramp.span)
+    return Profile((ramp, Stretch(start + ramp.span, reached, speed, 0.0, math.inf)), math.inf)
+
+
+def stop(profile: Profile, ramps: Ramps, now: float) -> Profile:
+    """Down the ramp from whatever goes on at `now`; rests on a whole microstep."""
+    position, speed = profile.at(now)
+    sign, fast = (1.0 if speed >= 0.0 else -1.0), abs(speed)
+    if fast <= ramps.initial:
+        return at_rest(round(position))
+    span = (fast - ramps.initial) / ramps.down
+    ramp = Stretch(now, position, speed, -sign * ramps.down, span)
+    return Profile((ramp,), round(ramp.at(now + span)[0]))
+
+
+LIMIT_PLUS, LIMIT_MINUS, STALLED, NO_HOME, BOTH_LIMITS = 83, 84, 86, 80, 82
+"""Error codes of a motion."""
+
+
+@dataclass
+class Axis:
+    """A stage: what the drive counts, and where the carriage really is."""
+
+    position: int = 0
+    """Where the carriage stands at the start, from the middle of its travel [microsteps]."""
+    travel: int = 503_937
+    """Either way to the limit switches [microsteps]; 25 mm of a 2.54 mm screw."""
+    margin: int = 20_000
+    """From a limit switch to the end stop."""
+    home: int = 0
+    """The home switch is closed from here on towards minus."""
+    profile: Profile = field(default_factory=lambda: at_rest(0.0))
+    homing: int = 0
+    stuck: bool = False
+    """It says that it moves, for ever."""
+
+    def __post_init__(self) -> None:
+        self._offset = self.position
+        """Carriage less counter."""
+        self._phase = 0
+        self._braking = set[int]()
+        """Limit switches on which it brakes."""
+
+    def counter(self, now: float) -> int:
+        """P."""
+        return round(self.profile.at(now)[0])
+
+    def speed(self, now: float) -> int:
+        """V [microsteps/s]."""
+        return round(self.profile.at(now)[1])
+
+    def carriage(self, now: float) -> float:
+        """Where it really is, from the middle of its travel [microsteps]."""
+        return self.profile.at(now)[0] + self._offset
+
+    def moving(self, now: float) -> bool:
+        """MV."""
+        return self.stuck or now < self.profile.end or self.homing > 0
+
+    def count_from(self, value: int, now: float) -> None:
+        """P = value, at rest."""
+        self._offset += self.counter(now) - value
+        self.profile = at_rest(value)
+
+    def go(self, target: int, ramps: Ramps, now: float) -> None:
+        self.profile = move(self.counter(now), target, ramps, now)
+
+    def run(self, speed: float, ramps: Ramps, now: float) -> None:
+        if speed:
+            self.profile = slew(self.counter(now), speed, ramps, now)
+        else:
+            self.homing = 0
+            self.profile = stop(self.profile, ramps, now)
+
+    def halt(self, now: float) -> None:
+        """At once, without a ramp."""
+        self.homing = 0
+        self.profile = at_rest(self.counter(now))
+
+    def seek(self, way: int, ramps: Ramps, now: float) -> None:
+        """HM 1..4: 1 and 2 go to minus, 3 and 4 to plus; 1 and 3 creep back, 2 and 4 on."""
+        self.homing, self._phase = way, 0
+        self.run(-ramps.maximum if way < 3 else ramps.maximum, ramps, now)
+
+    def watch(self, ramps: Ramps, switches: frozenset[int], now: float) -> int:
+        """Follow switches and stops up to `now`; an error code, or 0.
+
+        `switches`: kinds of inputs that are set up: 1 home, 2 limit plus, 3 limit minus.
+        """
+        carriage, speed = self.carriage(now), self.profile.at(now)[1]
+        if abs(carriage) > self.travel + self.margin and speed * carriage > 0.0:
+            # the end stop: the motor slips, the counter goes on
+            self._offset -= round(carriage - math.copysign(self.travel + self.margin, carriage))
+        for kind, sign, code in ((2, 1.0, LIMIT_PLUS), (3, -1.0, LIMIT_MINUS)):
+            pressed = kind in switches and sign * carriage >= self.travel
+            if not pressed or speed == 0.0:
+                self._braking.discard(kind)
+            elif sign * speed > 0.0 and kind not in self._braking:
+                self._braking.add(kind)
+                self.homing = 0
+                self.profile = stop(self.profile, ramps, now)
+                return code
+        if self.homing:
+            return self._seek_on(ramps, switches, now)
+        return 0
+
+    def _seek_on(self, ramps: Ramps, switches: frozenset[int], now: float) -> int:
+        if 1 not in switches:
+            self.halt(now)
+            return NO_HOME
+        to_minus = self.homing < 3
+        closed = self.carriage(now) <= self.home
+        found = closed if to_minus else not closed
+        creep = Ramps(ramps.initial, ramps.initial, ramps.up, ramps.down)
+        back = 1.0 if to_minus else -1.0
+        if self._phase == 0 and found:
+            self.profile = stop(self.profile, ramps, now)
+            self._phase = 1
+        elif self._phase == 1 and now >= self.profile.end:
+            fast = ramps if self.homing in (2, 4) else creep
+            self.profile = slew(self.counter(now), back * fast.maximum, fast, now)
+            self._phase = 2
+        elif self._phase == 2 and not found:
+            self.profile = stop(self.profile, ramps, now)
+            self._phase = 3 if self.homing in (2, 4) else 5
+        elif self._phase == 3 and now >= self.profile.end:
+            self.profile = slew(self.counter(now), -back * creep.maximum, creep, now)
+            self._phase = 4
+        elif self._phase == 4 and found:
+            self.profile = stop(self.profile, ramps, now)
+            self._phase = 5
+        elif self._phase == 5 and now >= self.profile.end:
+            self.homing = 0
+        return 0
+
 
 _ITEM = re.compile(r'"([^"]*)"|([A-Z][A-Z0-9]*)|[ ,]+')
 
@@ -351,3 +612,50 @@ class EmulatedDrive:
 
 def _checksum(text: bytes) -> int:
     return (256 - sum(text) % 256) % 256 | 0x80
+
+
+@dataclass
+class EmulatedMDrives(EmulatedDevice):
+    """Drives that share one line."""
+
+    drives: list[EmulatedDrive] = field(default_factory=lambda: [EmulatedDrive()])
+
+    def __post_init__(self) -> None:
+        self._now = 0.0
+
+    @property
+    def baud(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.drives[0].baud
+
+    def receive(self, data: bytes, now: float) -> bytes:
+        return _together([drive.receive(data, now) for drive in self.drives])
+
+    def advance(self, now: float) -> bytes:
+        self._now = now
+        return _together([drive.advance(now) for drive in self.drives])
+
+    def power_cycle(self, now: float) -> None:
+        for drive in self.drives:
+            drive.start(now)
+
+    def inject(self, fault: str, value: float = 0.0) -> None:
+        """Upon the first drive; `2:stall` is the drive named 2."""
+        name, _, kind = fault.rpartition(":")
+        if kind not in FAULTS:
+            raise UnknownName("fault of an MDrive", kind, FAULTS)
+        drive = next((d for d in self.drives if d.name == name), self.drives[0])
+        drive.inject(kind, value, self._now)
+
+
+def _together(said: list[bytes]) -> bytes:
+    """Who talks alone is heard; two at once pull the line both ways."""
+    voices = [each for each in said if each]
+    if len(voices) < 2:
+        return b"".join(voices)
+    longest = max(map(len, voices))
+    padded = [each.ljust(longest, b"\xff") for each in voices]
+    mixed = bytearray(padded[0])
+    for other in padded[1:]:
+        for k, byte in enumerate(other):
+            mixed[k] &= byte
+    return bytes(mixed)

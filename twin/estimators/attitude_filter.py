@@ -20,8 +20,8 @@ from twin.estimators.estimator import (
     seen,
     shared,
     still_awaited,
+    variance_of,
 )
-from twin.estimators.sample import variance_of
 from twin.platform import Platform
 from twin.rotation import (
     conjugate,
@@ -37,7 +37,7 @@ from twin.signals import Estimate, Reading, Samples
 Array = NDArray[np.float64]
 
 
-class Noise(NamedTuple):
+class AttitudeFilterNoise(NamedTuple):
     """Variances of the two sensors and of the walking bias."""
 
     gyro: Array
@@ -52,7 +52,7 @@ class Noise(NamedTuple):
 class FilterEstimate(Estimate):
     """The estimate at the tick, and the filter's state at the newest gyro sample."""
 
-    noise: Noise
+    noise: AttitudeFilterNoise
     gyro: Array
     """(n, 3) newest sample, bias included [rad/s]."""
     gyro_time: Array
@@ -108,7 +108,7 @@ class AttitudeFilter(Estimator):
         start = replace(blank(platform, n), covariance=covariance.transpose(2, 0, 1))
         return FilterEstimate(
             **shared(start),
-            noise=Noise(variance_of(gyro), variance_of(attitude), self.bias_walk**2),
+            noise=AttitudeFilterNoise(variance_of(gyro), variance_of(attitude), self.bias_walk**2),
             gyro=np.zeros((n, 3)),
             gyro_time=np.full(n, np.nan),
             attitude_then=start.attitude,
@@ -211,7 +211,12 @@ def _joined(before: FilterEstimate, gyro: Samples | None, now: float) -> tuple[A
 
 
 def _mean(
-    fixes: Samples, attitude: Array, times: Array, angles: Array, rates: Array, noise: Noise
+    fixes: Samples,
+    attitude: Array,
+    times: Array,
+    angles: Array,
+    rates: Array,
+    noise: AttitudeFilterNoise,
 ) -> _Fix:
     """The normalised sum of the quaternions, all taken on the state's side, as a fix."""
     value, when, valid = fixes.value.swapaxes(0, 1), fixes.time.T, fixes.valid.T
@@ -240,7 +245,7 @@ def _mean(
     return _Fix(to_rotation_vector(mean) + carried, variance, share * age.sum(axis=0), after)
 
 
-def _turned(covariance: Array, turn: Array, span: Array, noise: Noise) -> Array:
+def _turned(covariance: Array, turn: Array, span: Array, noise: AttitudeFilterNoise) -> Array:
     """F P F^T, with what the bias walked."""
     upper = np.empty((3, 6, len(span)))
     upper[:, :3] = matrix(turn).transpose(2, 1, 0)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import UsageError
-from twin.platform import Platform
+from twin.platform import Platform, Sensor
 from twin.rotation import IDENTITY
 from twin.signals import POSITIONS, Command, Estimate, Mask, Reading, Samples
 
@@ -133,3 +133,45 @@ def newest(samples: Samples | None, held: Array) -> Array:
     last = valid.shape[1] - 1 - valid[:, ::-1].argmax(axis=1)
     rows = np.arange(len(valid))
     return np.where(valid[rows, last][:, None], value[rows, last], held)
+
+
+def variance_of(sensor: Sensor) -> Array:
+    """(k,) of a sample; a perfect sensor is taken as good to 1e-7 of its unit."""
+    return np.maximum(sensor.noise**2 + sensor.resolution**2 / 12.0, 1e-14)
+
+
+@dataclass(frozen=True)
+class Passthrough(Estimator):
+    """No model, and no memory but the last sample: a late one is taken as if it were of now.
+
+    The gyro's bias stays in the rate.
+    """
+
+    def init(self, platform: Platform, n: int) -> Estimate:
+        """Level and at rest, not valid."""
+        return blank(platform, n)
+
+    def update(self, estimate: Estimate, reading: Reading) -> Estimate:
+        """Valid from a run's first attitude, or joint angle on a hinge, and first positions."""
+        streams, valid = reading.streams, estimate.valid
+        oriented, awaited = estimate.oriented, estimate.awaited
+        if not valid.all():
+            for name in ("attitude", "joint_angle"):
+                if name in streams:
+                    oriented = oriented | streams[name].valid.any(axis=1)
+            awaited = still_awaited(streams, estimate)
+            valid = seen(oriented, awaited)
+        return Estimate(
+            time=reading.time,
+            attitude=newest(streams.get("attitude"), estimate.attitude),
+            rate_body=newest(streams.get("gyro"), estimate.rate_body),
+            wheel_speed=newest(streams.get("wheel_speed"), estimate.wheel_speed),
+            stage_position=newest(streams.get("stage_position"), estimate.stage_position),
+            gimbal_angle=newest(streams.get("gimbal_angle"), estimate.gimbal_angle),
+            joint_angle=newest(streams.get("joint_angle"), estimate.joint_angle),
+            joint_rate=newest(streams.get("joint_rate"), estimate.joint_rate),
+            gyro_bias=estimate.gyro_bias,
+            valid=valid,
+            oriented=oriented,
+            awaited=awaited,
+        )

@@ -2,10 +2,9 @@
 
 from twin.errors import UnknownName
 from twin.estimators.attitude_filter import AttitudeFilter
-from twin.estimators.estimator import Estimator
+from twin.estimators.estimator import Estimator, Passthrough
 from twin.estimators.inclinometer import InclinometerDifferences
 from twin.estimators.offset_filter import OffsetFilter
-from twin.estimators.passthrough import Passthrough
 from twin.estimators.vertical_offset import VerticalOffsetFilter
 from twin.platform import Platform
 

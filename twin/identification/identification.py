@@ -1,48 +1,205 @@
-"""Logs and a platform in; J, m r, their intervals, and what the logs cannot tell out."""
+"""J and m r of a platform from logs, with intervals and their identifiability.
+
+Gimbals that do not go where they are told: followed as measured, not as commanded.
+Friction, play or a late drive leave a gimbal elsewhere than its command has it. Whose fault that
+is, diagnosis asks; who identifies the body needs to know where the gyros really point.
+
+The rigid body nearest to what logs say: what noise took beyond the possible is given back.
+A body of mass m, mass moment h and inertia J about a point is made of positive masses only if
+
+    P = [[m, h^T], [h, tr(J) / 2 - J]]
+
+has no negative eigenvalue: J is positive, its moments keep the triangle inequality, and h is not
+longer than such a body has room for (P. M. Wensing, S. Kim and J.-J. E. Slotine, IEEE RA-L 3,
+2018). Such P are a convex set, linear in J and h. The projection on it, in the metric of the
+covariance, brings an estimate nearer to every body there is, so intervals around it cover no less.
+P is kept possible by its Cholesky factor (C. Rucker and P. M. Wensing, IEEE RA-L 7, 2022), without
+the logarithm on its diagonal: what is sought lies on the border, where an entry of it is 0.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from twin.conventions.time_base import check_times
-from twin.errors import UnknownName, UsageError
+from twin.errors import TwinError, UnknownName, UsageError
 from twin.identification.excitation import (
+    ROUNDS,
     Excitation,
+    Scale,
+    as_taken,
+    change_of,
     common_scale,
     excitation_of,
     not_excited,
     scale_unknown,
-)
-from twin.identification.gimbals import as_measured
-from twin.identification.methods import PAPERS, Logs, Settings
-from twin.identification.momentum import momentum_fit
-from twin.identification.physical import nearest_body
-from twin.identification.prediction_error import NORMAL, Fit, fit, fit_disturbed
-from twin.identification.ringing import along_what_rings, rings
-from twin.identification.scale import (
-    ROUNDS,
-    Scale,
-    as_taken,
-    change_of,
     scaled_together,
     scales_of,
     unknown_scales,
 )
-from twin.identification.start import base_of, first_biases, first_theta
+from twin.identification.methods import PAPERS, Logs, Settings
+from twin.identification.prediction_error import NORMAL, Fit, fit, fit_disturbed
+from twin.identification.start import (
+    along_what_rings,
+    base_of,
+    first_biases,
+    first_theta,
+    momentum_fit,
+    rings,
+)
+from twin.model import Machine, carried_properties
 from twin.platform import Platform, in_gravity_of, in_order_of, taken_as_at_rest
-from twin.predict.base import BaseParameters
+from twin.predict.base import ENTRIES, BaseParameters
 from twin.predict.body import body_of
 from twin.predict.forces import Perturbation, predicted_machine
 from twin.predict.innovations import Problem, Unknowns
-from twin.predict.logs import Scaled, check_possible, motion_of, usable
+from twin.predict.logs import Scaled, check_possible, first_scaled, motion_of, sought, usable
+from twin.predict.profiles import STREAM, from_mean, less_drive_faults, profile
+from twin.predict.sensors import digits_of, noise_of
 from twin.recording import Recording
 from twin.recording.pauses import pieces_of
 from twin.shown import Shown
 
 Array = NDArray[np.float64]
+
+
+ANGLE = "gimbal_angle"
+
+WORTHWHILE = 25.0
+"""A fault of a drive must explain so much of a gimbal's angle, in log-likelihood, before the
+command is not believed. What an encoder's steps may round away speaks for no fault: a gimbal that
+moves by less than a step seems to stand."""
+
+
+def as_measured(recording: Recording, machine: Machine) -> tuple[Recording, tuple[str, ...]]:
+    """A log without the gimbals' commands where their angles say otherwise, and a sentence then.
+
+    Args:
+        recording: as measured.
+        machine: compiled, as stated.
+    """
+    gimbals = machine.platform.gimbals
+    if not gimbals or STREAM not in recording or ANGLE not in recording:
+        return recording, ()
+    told, seen = recording[STREAM], recording[ANGLE]
+    if not len(told) or not len(seen):
+        return recording, ()
+    there, _ = profile(machine, STREAM, told)
+    digit = digits_of(seen, machine.platform, ANGLE)
+    error = _beyond(seen.value - there.interpolated_at(seen.time), digit)
+    left = _beyond(less_drive_faults(machine, told, there, seen).value, digit)
+    noise = noise_of(recording, machine.platform, ANGLE)
+    explained = 0.5 * np.sum(np.square(error) - np.square(left), axis=0) / np.square(noise)
+    astray = explained > WORTHWHILE
+    if not astray.any():
+        return recording, ()
+    names = ", ".join(gimbal.name for gimbal, far in zip(gimbals, astray, strict=True) if far)
+    streams = {name: series for name, series in recording.streams.items() if name != STREAM}
+    sentence = (
+        f"{names} did not go where {STREAM} says (friction, play or a late drive): gimbals are "
+        f"taken to stand where {ANGLE} has them"
+    )
+    return replace(recording, streams=streams), (sentence,)
+
+
+def _beyond(error: Array, digit: Array) -> Array:
+    """(m, k) what of an error (m, k) from its mean is more than rounding to a step (k,) makes."""
+    error = from_mean(error)
+    return np.sign(error) * np.maximum(np.abs(error) - digit, 0.0)
+
+
+THINNEST = 1e-6
+"""Of the mean eigenvalue of tr(J) / 2 - J: where the projection starts, inside the possible."""
+ROUNDING = 1e-12
+"""Of a covariance, as correlations: parts that are smaller are not known."""
+NEGLIGIBLE = 1e-3
+"""Standard deviations that an estimate is moved without a word."""
+NOT_NOISE = 3.0
+"""Standard deviations that noise carries an estimate no further than once in 700 logs."""
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The nearest rigid body."""
+
+    theta: Array
+    """(p,)."""
+    distance: float
+    """How far the estimate was from it, in standard deviations; 0: it was one."""
+
+    @property
+    def sentence(self) -> str:
+        """What to say of it; empty where nothing is."""
+        if self.distance == 0.0:
+            return ""
+        said = (
+            f"What fits best is {self.distance:.1f} standard deviations from any rigid body; the "
+            "nearest one is given."
+        )
+        if self.distance <= NOT_NOISE:
+            return said
+        return f"{said} That is not noise: look at the mass, the wheels' inertia and the model."
+
+
+def nearest_body(base: BaseParameters, theta: Array, covariance: Array) -> Nearest:
+    """Project an estimate (p,) with its covariance (p, p) on the bodies that there are.
+
+    What the machine carries is known; the rest of it, its bus, must be a body. On a hinge J keeps
+    its stated proportions, so it is returned as it is.
+    """
+    machine = base.machine
+    if machine.platform.base.kind != "ball":
+        return Nearest(theta, 0.0)
+    carried = carried_properties(machine.model, machine.base_body)
+    mass = machine.platform.mass - carried.mass
+    known = np.array([carried.inertia[i, j] for i, j in ENTRIES])
+    entries = base.entries(theta) - np.concatenate([known, carried.center_of_mass_offset])
+    moment, second = entries[6:], _second_moment(entries[:6])
+    core = second - np.outer(moment, moment) / mass
+    size, axes = np.linalg.eigh(core)
+    floor = THINNEST * float(np.abs(size).mean())
+    if size[0] >= 0.0:
+        return Nearest(theta, 0.0)
+    lower = np.linalg.cholesky((axes * np.maximum(size, floor)) @ axes.T)
+    inside = np.tril_indices(3, -1)
+    metric = _metric(covariance)
+    count = len(base.joints)
+
+    def change(x: Array) -> Array:
+        factor = np.diag(x[:3])
+        factor[inside] = x[3:6]
+        body = factor @ factor.T + np.outer(x[6:9], x[6:9]) / mass
+        inertia = np.trace(body) * np.eye(3) - body
+        found = np.concatenate([[inertia[i, j] for i, j in ENTRIES], x[6:9]])
+        return np.concatenate([found - entries, x[9:]])
+
+    start = np.concatenate([np.diag(lower), lower[inside], moment, np.zeros(count)])
+    best = least_squares(lambda x: metric @ change(np.asarray(x)), start)
+    distance = float(np.sqrt(2.0 * best.cost))
+    if distance < NEGLIGIBLE:
+        return Nearest(theta, 0.0)
+    return Nearest(theta + change(np.asarray(best.x)), distance)
+
+
+def _metric(covariance: Array) -> Array:
+    """M with M^T M = covariance^-1; of what a fit that did not settle left, too, where rounding
+    may have spoilt a covariance of which little is known."""
+    size = np.sqrt(np.abs(np.diag(covariance)))
+    share, axes = np.linalg.eigh(covariance / np.outer(size, size))
+    return (axes / np.sqrt(np.maximum(share, ROUNDING * share[-1]))).T / size
+
+
+def _second_moment(inertia: Array) -> Array:
+    """(3, 3) tr(J) / 2 - J of (6,) entries."""
+    tensor = np.empty((3, 3))
+    for value, (i, j) in zip(inertia, ENTRIES, strict=True):
+        tensor[i, j] = tensor[j, i] = value
+    return 0.5 * np.trace(tensor) * np.eye(3) - tensor
+
 
 OURS = "prediction-error"
 METHODS = (OURS, *PAPERS)
@@ -405,3 +562,87 @@ def _misfit(problem: Problem, found: Fit) -> tuple[Misfit, ...]:
         half = NORMAL * float(np.sqrt(spread)) / freedom
         misfits.append(Misfit(name, square / freedom, 1.0 - half, 1.0 + half))
     return tuple(misfits)
+
+
+def calibrated(recording: Recording, platform: Platform) -> Recording:
+    """The log without samples that say nothing, its scales found; `repairs` says so.
+
+    Raises:
+        UsageError: a stream has `scale = "fit"` and the log does not tell the scale.
+    """
+    checked = usable(in_order_of(platform, recording), platform)
+    if not sought(checked):
+        return checked
+    found = identify([checked], platform)
+    notes: list[str] = []
+    for scale in found.scales:
+        if not scale.known:
+            raise UsageError(
+                f'{scale.stream} has `scale = "fit"`, and this log does not tell the scale; state '
+                "it in log.toml"
+            )
+        notes.append(
+            f"{scale.stream} was scaled by {scale.value:.3g} {scale.unit}, as the fit found it "
+            f"({scale.low:.3g} to {scale.high:.3g})"
+        )
+    # the identification may have taken a log with pauses as several
+    guess = first_scaled(checked, platform)
+    scaled = guess.by({s.stream: s.value / guess.factor[s.stream] for s in found.scales}).recording
+    streams = {**checked.streams, **{s.stream: scaled[s.stream] for s in found.scales}}
+    facts = scaled.provenance
+    known = {n: {**f, "fit_scale": False} for n, f in dict(facts["streams"]).items()}
+    return replace(
+        checked,
+        streams=streams,
+        provenance={**facts, "streams": known},
+        repairs=(*checked.repairs, *notes),
+    )
+
+
+FORMS = ("torque", "momentum", "energy")
+SHIFTS = (1, 2, 3)
+
+
+def identify_by_all(
+    recordings: Sequence[Recording],
+    platform: Platform,
+    settings: Settings | None = None,
+    *,
+    physical: bool = False,
+) -> Mapping[str, Identification | TwinError]:
+    """By every method, in each form and with each shift; where one cannot, why.
+
+    Args:
+        recordings: at least one, as for `identify`.
+        platform: the machine, as stated.
+        settings: the filter's corner and the forgetting.
+        physical: give the nearest rigid bodies.
+
+    Raises:
+        TwinError: not even prediction-error can.
+    """
+    chosen, ground = settings or Settings(), ground_of(recordings, platform)
+    found: dict[str, Identification | TwinError] = {}
+    for method in METHODS:
+        for variant in _variants(method, chosen):
+            try:
+                one = by_method(ground, method, variant, physical=physical)
+            except TwinError as problem:
+                if not found:
+                    raise
+                one = problem
+            found[variant.named(method)] = one
+    return found
+
+
+def _variants(method: str, settings: Settings) -> list[Settings]:
+    if method not in FORMS:
+        return [settings]
+    shifts = (0, *SHIFTS) if method == "momentum" else (0,)
+    return [
+        replace(settings, form=form, shift=shift)
+        for shift in shifts
+        for form in ("integrated", "natural")
+        # without differences there is but one form
+        if form == "integrated" or shift or method != "momentum"
+    ]

@@ -22,7 +22,7 @@ from scipy.linalg import block_diag
 
 from twin import rotation
 from twin.errors import UsageError
-from twin.identification.linear.least_squares import Estimate
+from twin.identification.linear import LinearEstimate
 from twin.identification.prediction_error import NORMAL
 from twin.identification.track import Track
 from twin.noise import noise_of
@@ -44,7 +44,7 @@ STATES, READ = 9, 6
 """Numbers before those of the base; numbers that are read: a turn and a rate."""
 
 
-def ekf(logs: Sequence[tuple[Recording, Track]], base: BaseParameters) -> Estimate:
+def ekf(logs: Sequence[tuple[Recording, Track]], base: BaseParameters) -> LinearEstimate:
     """Extended: slopes by differences.
 
     Args:
@@ -57,7 +57,7 @@ def ekf(logs: Sequence[tuple[Recording, Track]], base: BaseParameters) -> Estima
     return _through(logs, base, _Extended)
 
 
-def ukf(logs: Sequence[tuple[Recording, Track]], base: BaseParameters) -> Estimate:
+def ukf(logs: Sequence[tuple[Recording, Track]], base: BaseParameters) -> LinearEstimate:
     """Unscented: 2 n + 1 states carried along; otherwise like `ekf`."""
     return _through(logs, base, _Unscented)
 
@@ -157,7 +157,7 @@ def _through(
     logs: Sequence[tuple[Recording, Track]],
     base: BaseParameters,
     kind: Callable[[_Motion, int], _Extended | _Unscented],
-) -> Estimate:
+) -> LinearEstimate:
     if base.machine.platform.base.kind != "ball":
         raise UsageError(
             f"the filters ekf and ukf are of a body on a ball; {base.machine.platform.name} turns "
@@ -179,7 +179,7 @@ def _through(
             )
         found, spread = follow.x[BASE], follow.P[BASE, BASE]
     covariance = spread * np.outer(base.scale, base.scale)
-    return Estimate(base.as_stated + found * base.scale, covariance, NORMAL)
+    return LinearEstimate(base.as_stated + found * base.scale, covariance, NORMAL)
 
 
 def _run(

@@ -1,4 +1,14 @@
-"""The methods of the papers by name, each as it stands there, beside our own."""
+"""The methods of the papers by name, each as it stands there, beside our own.
+
+Levenberg-Marquardt on the predicted trajectory: one run from the start of a log to its end.
+
+Minimised are the readings' squared distances from the trajectory in units of their noise, over the
+base, the sensors' biases and the first state. It takes wheels' torques and the model as exact, and
+a machine that falls over loses the trajectory; the prediction error method starts anew, piece by
+piece, and ties the pieces together. Source: G. Sharifi, M. Mirshams, H. Shahmohamadi Ousaloo, Mass
+properties identification and automatic mass balancing system, 2019, eq. 12 to 16 (where the weight
+is 1 / sigma^2, not 1 / sigma), here by MINPACK.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -7,29 +17,141 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
-from twin.errors import UsageError
-from twin.identification.levenberg_marquardt import levenberg_marquardt
-from twin.identification.linear.equations import (
+from twin.errors import TwinError, UsageError
+from twin.identification.linear import (
+    BLOCK,
     Equations,
+    LinearEstimate,
     energy,
+    equilibria,
     filtered,
     integrated,
+    least_squares,
     natural,
     power,
+    recursive,
     shifted,
 )
-from twin.identification.linear.equilibria import equilibria
-from twin.identification.linear.least_squares import BLOCK, Estimate, least_squares
-from twin.identification.linear.recursive import recursive
-from twin.identification.momentum import momentum_fit
-from twin.identification.start import first_theta
+from twin.identification.prediction_error import NORMAL
+from twin.identification.start import first_biases, first_theta, momentum_fit
 from twin.identification.track import Track, raw_motion, track_of
 from twin.predict.base import BaseParameters
+from twin.predict.body import Body
 from twin.predict.logs import Motion, motion_of
+from twin.predict.response import command_step
+from twin.predict.sensors import StepGrid
 from twin.recording import Recording
 
 Array = NDArray[np.float64]
+
+
+START = 1e-2
+"""A typical change of a first state [rad, rad/s]."""
+LOST = 1e6
+"""Standard deviations that readings are off where a trajectory has no end."""
+EVALUATIONS = 60
+"""Trajectories, at most."""
+
+
+def levenberg_marquardt(
+    logs: Sequence[tuple[Recording, Motion]], base: BaseParameters, theta: Array
+) -> LinearEstimate:
+    """Fit logs together.
+
+    Args:
+        logs: each with its smoothed motion, which gives the first state to start from.
+        base: the parameters sought.
+        theta: (p,) where they start.
+
+    Raises:
+        UsageError: the trajectory from there loses the logs.
+    """
+    bodies = [_in_one(recording, motion, base) for recording, motion in logs]
+    trajectories = _Trajectories(bodies, base, theta)
+    start = np.zeros(len(trajectories.scale))
+    if trajectories.at(start) is None:
+        raise UsageError(
+            "levenberg-marquardt starts from a trajectory that moves beyond all bounds; use "
+            "prediction-error, or state a base in platform.toml that is nearer to the machine's"
+        )
+    found = optimize.least_squares(
+        trajectories.residual, start, trajectories.slope, method="lm", max_nfev=EVALUATIONS
+    )
+    slope = trajectories.slope(found.x)
+    freedom = max(np.count_nonzero(found.fun) - len(start), 1)
+    # what is left is taken for white, and for as large as it is
+    covariance = np.linalg.pinv(slope.T @ slope) * max(2.0 * found.cost / freedom, 1.0)
+    p, scale = len(theta), base.scale
+    return LinearEstimate(
+        theta + found.x[:p] * scale, covariance[:p, :p] * np.outer(scale, scale), NORMAL
+    )
+
+
+class _Trajectories:
+    """Of some logs, as functions of changes of the base, then of each log's first state and biases,
+    all in units of their scale."""
+
+    def __init__(self, bodies: Sequence[Body], base: BaseParameters, theta: Array) -> None:
+        self.bodies, self.base, self.theta = bodies, base, theta
+        self.biases = [first_biases(body) for body in bodies]
+        own = [
+            np.concatenate([np.full(body.start.width, START), body.bias_scale]) for body in bodies
+        ]
+        self.scale = np.concatenate([base.scale, *own])
+        self._edges = np.cumsum([len(theta), *map(len, own)])
+        self._last: tuple[bytes, tuple[Array, Array] | None] = (b"", None)
+
+    def residual(self, x: Array) -> Array:
+        """Of all readings, in units of their noise."""
+        now = self.at(x)
+        return np.full(len(self._rows), LOST) if now is None else now[0]
+
+    def slope(self, x: Array) -> Array:
+        """d residual / d x."""
+        now = self.at(x)
+        assert now is not None, "a step to nowhere was taken"
+        return now[1]
+
+    def at(self, x: Array) -> tuple[Array, Array] | None:
+        """Residual and slope; None where the trajectory has no end."""
+        if self._last[0] != x.tobytes():
+            self._last = (x.tobytes(), self._predicted(x * self.scale))
+            if self._last[1] is not None:
+                self._rows = self._last[1][0]
+        return self._last[1]
+
+    def _predicted(self, change: Array) -> tuple[Array, Array] | None:
+        p = len(self.theta)
+        residuals, slopes = list[Array](), list[Array]()
+        pairs = zip(self._edges, self._edges[1:], strict=False)
+        for body, bias, (begin, end) in zip(self.bodies, self.biases, pairs, strict=True):
+            width = body.start.width
+            shift, more = np.split(change[begin:end], [width])
+            try:
+                exact = body.linearise(
+                    self.base, self.theta + change[:p], bias + more, body.start.moved(shift)
+                )
+            except TwinError:
+                return None
+            linear = exact.linear
+            columns = np.zeros((linear.residual.size, len(change)))
+            columns[:, :p] = linear.shared[0, :, :p]
+            columns[:, begin : begin + width] = linear.state[0]
+            columns[:, begin + width : end] = linear.shared[0, :, p:]
+            residuals.append(linear.residual[0])
+            slopes.append(columns * self.scale)
+        return np.concatenate(residuals), np.concatenate(slopes)
+
+
+def _in_one(recording: Recording, motion: Motion, base: BaseParameters) -> Body:
+    """The predictor of a log as one segment."""
+    machine = base.machine
+    step = command_step(machine, recording)
+    begin, end = float(motion.time[0]), float(motion.time[-1])
+    return Body(machine, recording, motion, StepGrid(begin, step, round((end - begin) / step), 1))
+
 
 FEWEST = 4
 """Blocks of time for each parameter."""
@@ -98,10 +220,10 @@ class Logs:
         return [track_of(self.base.machine, log, motion) for log, motion in self.smoothed]
 
 
-Method = Callable[[Logs, Settings], Estimate]
+Method = Callable[[Logs, Settings], LinearEstimate]
 
 
-def _solved(equations: Sequence[Equations], logs: Logs) -> Estimate:
+def _solved(equations: Sequence[Equations], logs: Logs) -> LinearEstimate:
     """Its blocks so short that there are several for each parameter."""
     pairs = zip(equations, logs.tracks, strict=True)
     seconds = sum(float(one.time[-1] - one.time[0]) for one in equations)
@@ -116,11 +238,11 @@ def _form(track: Track, settings: Settings) -> Equations:
     return natural(track) if settings.form == "natural" else integrated(track)
 
 
-def _torque(logs: Logs, settings: Settings) -> Estimate:
+def _torque(logs: Logs, settings: Settings) -> LinearEstimate:
     return _solved([_form(track, settings) for track in logs.tracks], logs)
 
 
-def _momentum(logs: Logs, settings: Settings) -> Estimate:
+def _momentum(logs: Logs, settings: Settings) -> LinearEstimate:
     if settings.shift == 0:
         return momentum_fit(logs.smoothed, logs.base)
     return _solved(
@@ -128,39 +250,39 @@ def _momentum(logs: Logs, settings: Settings) -> Estimate:
     )
 
 
-def _energy(logs: Logs, settings: Settings) -> Estimate:
+def _energy(logs: Logs, settings: Settings) -> LinearEstimate:
     form = power if settings.form == "natural" else energy
     return _solved([form(track) for track in logs.tracks], logs)
 
 
-def _filtered(logs: Logs, settings: Settings) -> Estimate:
+def _filtered(logs: Logs, settings: Settings) -> LinearEstimate:
     return _solved([filtered(track, settings.corner) for track in logs.tracks], logs)
 
 
-def _integrated(logs: Logs, settings: Settings) -> Estimate:
+def _integrated(logs: Logs, settings: Settings) -> LinearEstimate:
     return _solved([integrated(track) for track in logs.tracks], logs)
 
 
-def _recursive(logs: Logs, settings: Settings) -> Estimate:
+def _recursive(logs: Logs, settings: Settings) -> LinearEstimate:
     return recursive(logs.tracks, logs.base, settings.forgetting)
 
 
-def _equilibria(logs: Logs, settings: Settings) -> Estimate:
+def _equilibria(logs: Logs, settings: Settings) -> LinearEstimate:
     return equilibria(logs.calm, logs.base)
 
 
-def _levenberg_marquardt(logs: Logs, settings: Settings) -> Estimate:
+def _levenberg_marquardt(logs: Logs, settings: Settings) -> LinearEstimate:
     first = first_theta(logs.base, momentum_fit(logs.smoothed, logs.base))
     return levenberg_marquardt(logs.smoothed, logs.base, first)
 
 
-def _ekf(logs: Logs, settings: Settings) -> Estimate:
+def _ekf(logs: Logs, settings: Settings) -> LinearEstimate:
     from twin.identification.kalman import ekf
 
     return ekf(list(zip(logs.recordings, logs.tracks, strict=True)), logs.base)
 
 
-def _ukf(logs: Logs, settings: Settings) -> Estimate:
+def _ukf(logs: Logs, settings: Settings) -> LinearEstimate:
     from twin.identification.kalman import ukf
 
     return ukf(list(zip(logs.recordings, logs.tracks, strict=True)), logs.base)

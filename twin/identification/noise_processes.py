@@ -16,7 +16,7 @@ from twin.errors import TwinError
 from twin.identification.prediction_error import WORTHWHILE, restricted
 from twin.predict.body import Exact
 from twin.predict.innovations import Innovations, Problem
-from twin.predict.kalman import TORQUE, Noise, Wander, blocked, scaled
+from twin.predict.kalman import TORQUE, NoiseProcess, Wander, blocked, scaled
 from twin.stop import check
 
 Array = NDArray[np.float64]
@@ -42,10 +42,12 @@ SURE, SAME = 4.0, 0.02
 EVALUATIONS = 25
 """At most, for each process that is sought."""
 
-Cost = Callable[[Noise], float]
+Cost = Callable[[NoiseProcess], float]
 
 
-def likely_noise(problem: Problem, now: Innovations, first: Noise | None = None) -> Noise:
+def likely_noise(
+    problem: Problem, now: Innovations, first: NoiseProcess | None = None
+) -> NoiseProcess:
     """The noise processes at which logs are likeliest, those that pay only.
 
     Args:
@@ -53,7 +55,7 @@ def likely_noise(problem: Problem, now: Innovations, first: Noise | None = None)
         now: their prediction, linearised.
         first: where to look from, if that is known; else nothing.
     """
-    noise = first or Noise()
+    noise = first or NoiseProcess()
     for _ in range(ROUNDS):
         noise = _processes(problem, now, noise)
         scales = _scales(problem, now, noise)
@@ -63,7 +65,7 @@ def likely_noise(problem: Problem, now: Innovations, first: Noise | None = None)
     return noise
 
 
-def _processes(problem: Problem, now: Innovations, noise: Noise) -> Noise:
+def _processes(problem: Problem, now: Innovations, noise: NoiseProcess) -> NoiseProcess:
     """The processes that pay, the white noise being what it is."""
     coarse: list[Exact] = []
     for one in now.exact:
@@ -71,7 +73,7 @@ def _processes(problem: Problem, now: Innovations, noise: Noise) -> Noise:
         linear, local = blocked(linear, local)
         coarse.append(replace(one, linear=linear, local=local))
 
-    def cost(noise: Noise) -> float:
+    def cost(noise: NoiseProcess) -> float:
         check()
         try:
             return restricted(problem.whiten(now.at, coarse, replace(noise, scales=())))
@@ -96,7 +98,9 @@ def _processes(problem: Problem, now: Innovations, noise: Noise) -> Noise:
     return noise
 
 
-def _scales(problem: Problem, now: Innovations, noise: Noise) -> tuple[tuple[str, float], ...]:
+def _scales(
+    problem: Problem, now: Innovations, noise: NoiseProcess
+) -> tuple[tuple[str, float], ...]:
     """By how much the white noise of each stream must be larger for its innovations to have the
     variance 1; as it was where they nearly have, and 1 where noise alone could leave as much."""
     there = problem.whiten(now.at, now.exact, noise)
@@ -121,10 +125,10 @@ def _scales(problem: Problem, now: Innovations, noise: Noise) -> tuple[tuple[str
 
 
 def _begun(
-    problem: Problem, noise: Noise, name: str, cost: Cost, longest: float
-) -> tuple[Noise, float]:
+    problem: Problem, noise: NoiseProcess, name: str, cost: Cost, longest: float
+) -> tuple[NoiseProcess, float]:
     """With one process more, roughly sized."""
-    found: list[tuple[float, Noise]] = []
+    found: list[tuple[float, NoiseProcess]] = []
     time = TORQUE_TIME if name == TORQUE else ERROR_TIME
     for rms in _sizes(problem, name):
         tried = _with(noise, name, Wander(rms, min(time, longest)))
@@ -146,11 +150,13 @@ def _sizes(problem: Problem, name: str) -> list[float]:
     return [float(np.median(output.noise)) * one for one in ERRORS]
 
 
-def _sharpened(noise: Noise, reached: float, cost: Cost, longest: float) -> tuple[Noise, float]:
+def _sharpened(
+    noise: NoiseProcess, reached: float, cost: Cost, longest: float
+) -> tuple[NoiseProcess, float]:
     """With rms and time of all processes at their best together."""
     names = [*([TORQUE] if noise.torque else []), *(stream for stream, _ in noise.errors)]
 
-    def at(logs: Array) -> Noise:
+    def at(logs: Array) -> NoiseProcess:
         there = noise
         for name, (rms, time) in zip(names, np.exp(logs).reshape(-1, 2).tolist(), strict=True):
             there = _with(there, name, Wander(rms, float(np.clip(time, SHORTEST, longest))))
@@ -174,7 +180,7 @@ def _sharpened(noise: Noise, reached: float, cost: Cost, longest: float) -> tupl
     return at(found.x), float(found.fun)
 
 
-def _pruned(noise: Noise, reached: float, cost: Cost) -> tuple[Noise, float]:
+def _pruned(noise: NoiseProcess, reached: float, cost: Cost) -> tuple[NoiseProcess, float]:
     """Without the processes that no longer pay."""
     for name in [*([TORQUE] if noise.torque else []), *(stream for stream, _ in noise.errors)]:
         fewer = _with(noise, name, None)
@@ -184,13 +190,13 @@ def _pruned(noise: Noise, reached: float, cost: Cost) -> tuple[Noise, float]:
     return noise, reached
 
 
-def _with(noise: Noise, name: str, wander: Wander | None) -> Noise:
+def _with(noise: NoiseProcess, name: str, wander: Wander | None) -> NoiseProcess:
     if name == TORQUE:
         return replace(noise, torque=wander)
     return noise.with_error(name, wander)
 
 
-def _of(noise: Noise, name: str) -> Wander:
+def _of(noise: NoiseProcess, name: str) -> Wander:
     found = noise.torque if name == TORQUE else dict(noise.errors)[name]
     assert found is not None
     return found

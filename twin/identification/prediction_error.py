@@ -16,7 +16,7 @@ from scipy.stats import t as student
 
 from twin.errors import TwinError
 from twin.predict.innovations import Innovations, Problem, Unknowns
-from twin.predict.kalman import EXACT, Noise
+from twin.predict.kalman import EXACT, NoiseProcess
 from twin.stop import check
 
 Array = NDArray[np.float64]
@@ -97,7 +97,7 @@ class Fit:
         return scaled, float(student.ppf(0.975, freedom))
 
 
-def fit(problem: Problem, start: Unknowns, noise: Noise = EXACT) -> Fit:
+def fit(problem: Problem, start: Unknowns, noise: NoiseProcess = EXACT) -> Fit:
     """Fit the base, the biases and the states of a motion that follows the model.
 
     Args:
@@ -286,7 +286,7 @@ def _strays(problem: Problem, exact: Innovations) -> bool:
 def _under(problem: Problem, exact: Innovations, decade: float) -> Innovations:
     """Under a torque of that intensity, per squared scale of the base."""
     size = float(np.max(problem.base.scale)) ** 2
-    return problem.whiten(exact.at, exact.exact, Noise(size * 10.0**decade))
+    return problem.whiten(exact.at, exact.exact, NoiseProcess(size * 10.0**decade))
 
 
 def restricted(now: Innovations) -> float:

@@ -7,8 +7,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.noise.held import measurements
 from twin.noise.stream import StreamNoise, measure_noise
+from twin.noise.stuck import measurements
 from twin.platform import Platform
 from twin.recording import Recording
 from twin.signals import DERIVED, STREAMS
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 FACTOR = 1.5
 """A stated noise further off than this is worth a sentence."""
-FEWEST = 100
+MIN_MEASURED = 100
 """With fewer samples the estimate itself may be off by a quarter."""
 UNSTEADY = 0.1
 """Jitter of more than this share of the period is worth a sentence."""
@@ -60,7 +60,7 @@ def noise_findings(recording: Recording, platform: Platform | None) -> list[Nois
     findings: list[NoiseFinding] = []
     for name, rows in recording.items():
         series = measurements(name, rows) if _measured(name) else rows
-        if not _measured(name) or len(series) < FEWEST:
+        if not _measured(name) or len(series) < MIN_MEASURED:
             continue
         if (series.value == series.value[0]).all():
             continue  # what stands still on its grid shows neither noise nor clock

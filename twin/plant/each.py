@@ -1,5 +1,6 @@
-"""Runs of one batch whose machines differ in the values of their effects.
+"""Runs of one batch that differ in their effects or in their centre of mass.
 
+Runs of one batch whose machines differ in the values of their effects.
 What an effect changes in MuJoCo's model is compiled run by run, and each run gets the fields in
 which its model differs. What it does in NumPy is done for all runs at once: its parameters become
 arrays with the runs in front. Nobody declares that an effect's code can take those: a trial holds
@@ -26,13 +27,51 @@ from twin.effects import (
     State,
 )
 from twin.effects.stated import stated
-from twin.model import Machine, compile_model
-from twin.plant.offsets import set_offsets
+from twin.errors import UsageError
+from twin.model import Machine, MassProperties, compile_model, set_mass_properties
 from twin.platform import Platform
 from twin.rotation import normalized
 from twin.signals import Samples
 
 Array = NDArray[np.float64]
+
+
+_FIELDS = ("body_mass", "body_ipos", "body_iquat", "body_inertia", "body_sameframe")
+"""Of MuJoCo's model: what `set_mass_properties` writes."""
+
+
+def set_offsets(batch: Batch, machine: Machine, offsets: Array) -> None:
+    """Give each run of a batch its own m r; mass and J about the CR stay.
+
+    Args:
+        batch: of the machine's model.
+        machine: as its platform states it.
+        offsets: (n, 3) m r at stage position 0 [kg m, body].
+
+    Raises:
+        UsageError: no rigid body has such an offset and the stated inertia.
+    """
+    views = {name: batch.expand(name) for name in _FIELDS}
+    platform = machine.platform
+    frames = np.empty_like(views["body_sameframe"])
+    for run, offset in enumerate(offsets):
+        model = copy.copy(machine.model)
+        try:
+            set_mass_properties(
+                model, machine.base_body, MassProperties(platform.mass, platform.inertia, offset)
+            )
+        except ValueError as problem:
+            raise UsageError(
+                f"no rigid body has m r = {offset} kg m and the inertia of {platform.name}: "
+                f"{problem}"
+            ) from None
+        for name, view in views.items():
+            view[run] = getattr(model, name)
+        frames[run] = model.body_sameframe
+    batch.set_const()
+    # which takes a centre of mass within 1e-6 m of its body's origin to lie there
+    views["body_sameframe"][:] = frames
+
 
 _TRIALS = 5
 """Runs of a trial: as many as no stream has columns."""

@@ -1,5 +1,6 @@
-"""What a machine's effects push with while it is simulated, in one run or a thousand.
+"""Forces of effects and of thrusters in a simulation, in one run or a thousand.
 
+What a machine's effects push with while it is simulated, in one run or a thousand.
 Constant forces with the room's axes are set once. Those that change with time are held over each
 physics step at its middle. A torque that depends on the state is evaluated once a step, in one
 NumPy call for all runs, and carried on to the step's middle by a straight line through this value
@@ -16,8 +17,12 @@ from numpy.typing import NDArray
 
 from twin.effects import BodyEffect, Effect, State
 from twin.model import Machine
+from twin.platform import Gas
+from twin.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
+
+
 Index = NDArray[np.intp]
 
 _STATE = int(mujoco.mjtState.mjSTATE_QPOS | mujoco.mjtState.mjSTATE_QVEL)
@@ -177,3 +182,41 @@ class Forces:
 
 def _failed(failures: Sequence[SimulationError]) -> Index:
     return np.unique(np.concatenate([one.ids for one in failures]))
+
+
+def thruster_arms(machine: Machine) -> Array:
+    """(thrusters, 3) torque about the CR per force of each [m], body axes, effects and all."""
+    arms: list[Array] = []
+    for thruster in machine.platform.thrusters:
+        for effect in machine.effects:
+            if isinstance(effect, BodyEffect):
+                thruster = effect.edit_thruster(thruster)
+        arms.append(np.cross(thruster.point, thruster.direction))
+    return np.array(arms).reshape(-1, 3)
+
+
+class Tanks:
+    """Gas left in n runs. A thruster's force F takes F / (I_sp g_0) kilograms a second.
+
+    What has left is not taken off the machine's mass: that is an effect of its own.
+    """
+
+    def __init__(self, gas: Gas, n: int) -> None:
+        self.mass = np.full(n, gas.mass)
+        """(n,) [kg]."""
+        self._gas = gas
+        self._exhaust_speed = gas.specific_impulse * STANDARD_GRAVITY
+
+    @property
+    def pressure(self) -> Array:
+        """(n,) at constant temperature [Pa]."""
+        return self._gas.pressure * self.mass / self._gas.mass
+
+    def fed(self, force: Array) -> Array:
+        """The force (n, thrusters) [N] that there is gas for: none once the tanks are empty."""
+        return np.where(self.mass[:, None] > 0.0, force, 0.0)
+
+    def draw(self, force: Array, duration: float) -> None:
+        """Take out what the force (n, thrusters) [N], held for `duration` [s], needs."""
+        used = force.sum(axis=1) * (duration / self._exhaust_speed)
+        self.mass = np.maximum(self.mass - used, 0.0)

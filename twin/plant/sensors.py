@@ -1,5 +1,10 @@
 """Simulated sensors: each stream on its own clock, with the faults that platform.toml states.
 
+The low-pass filter in a sensor: Butterworth, on every physics step.
+Discretised for an input that is straight within a step (first-order hold): slow signals come late
+by the analogue filter's delay, however long the step. The usual bilinear form, warped to meet the
+cutoff, is early by 3 % at a tenth of the rate of steps.
+
 A stream whose period is no multiple of the physics step is sampled at the next step and stamped so.
 Latency delays the arrival, never the stamp: a sample's time is when its value was true. Noise comes
 from one SFC64 generator a run and stream, so neither another run nor another stream changes it.
@@ -16,12 +21,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.effects import Order, ScatterEffect, SeriesEffect
-from twin.plant.low_pass import LowPass
 from twin.platform import Platform, Sensor
 from twin.rotation import from_rotation_vector, multiply
 from twin.signals import Samples
 
 Array = NDArray[np.float64]
+
+
+class LowPass:
+    """In rest at the first value that it sees."""
+
+    def __init__(self, sensor: Sensor, step: float) -> None:
+        from scipy.signal import sosfilt_zi  # takes a while, and few sensors need it
+
+        self._sections = sections_of(sensor, step)
+        self._rest = sosfilt_zi(self._sections)[:, None, :, None]
+        self._memory: Array | None = None
+
+    def __call__(self, truth: Array) -> Array:
+        """The next steps (n, steps, k), filtered."""
+        from scipy.signal import sosfilt
+
+        if self._memory is None:
+            self._memory = self._rest * truth[None, :, :1]
+        passed, self._memory = sosfilt(self._sections, truth, axis=1, zi=self._memory)
+        return passed
+
+
+def sections_of(sensor: Sensor, step: float) -> Array:
+    """(sections, 6) of second order, as SciPy's `sosfilt` takes them."""
+    from scipy.signal import butter, cont2discrete, tf2sos
+
+    analogue = butter(sensor.order, 2.0 * np.pi * sensor.cutoff, analog=True)
+    top, bottom, _ = cont2discrete(analogue, step, method="foh")
+    return np.asarray(tf2sos(np.squeeze(top), bottom), dtype=np.float64)
+
 
 _EPS = 1e-9
 _DRAWN_AHEAD = 256

@@ -15,17 +15,14 @@ from numpy.typing import NDArray
 from twin.effects import Effect, ReadingEffect, ScatterEffect, series_effects
 from twin.errors import UsageError
 from twin.model import compile_model, untouched
-from twin.plant.derived import window_steps
-from twin.plant.each import give_each
-from twin.plant.forces import Forces
-from twin.plant.gas import Tanks, thruster_arms
+from twin.plant.each import give_each, set_offsets
+from twin.plant.forces import Forces, Tanks, thruster_arms
 from twin.plant.initial import InitialState, check_velocity, check_within_stop
 from twin.plant.limits import Limits
-from twin.plant.offsets import set_offsets
 from twin.plant.plant import Plant
 from twin.plant.prescribed import PrescribedJoints
 from twin.plant.sensors import SimulatedSensor
-from twin.plant.truth import Truth
+from twin.plant.truth import Truth, window_steps
 from twin.platform import Platform
 from twin.rotation import vertical_body
 from twin.signals import Command, Reading, Samples

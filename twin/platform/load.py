@@ -1,9 +1,14 @@
 """Read platform.toml into a `Platform`.
 
+Read the base and the parts of a machine out of platform.toml, with what its MJCF says of them.
+Axes, and what carries what, are the MJCF's; limits and inertias are platform.toml's.
+
 docs/platforms.md has the keys, their units and defaults; every key that is not known is an error
 with its line. A variant ([variants.NAME]) replaces the keys it gives.
 """
 
+import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
@@ -12,11 +17,397 @@ import numpy as np
 from twin.config import Table, read_toml
 from twin.errors import PlatformError, UnknownName
 from twin.library import find_model
-from twin.platform.load_parts import read_base, read_parts
-from twin.platform.load_sensors import read_sensor
-from twin.platform.mjcf import read_layout
-from twin.platform.parts import Array, PitchStop, Platform, StatedEffect
+from twin.platform.mjcf import MjcfLayout, read_layout
+from twin.platform.parts import (
+    Array,
+    Base,
+    Gas,
+    Gimbal,
+    Magnetorquer,
+    PitchStop,
+    Platform,
+    Rotor,
+    Sensor,
+    Stage,
+    StatedEffect,
+    Thruster,
+    Wheel,
+)
 from twin.recording.environment import read_earth_rate, read_field, read_gravity
+from twin.rotation import from_rotation_vector, rotate
+from twin.signals import stream_named
+
+_ARRAYS = ("wheels", "stages", "rotors", "gimbals", "magnetorquers", "thrusters")
+
+
+@dataclass(frozen=True)
+class CarriedParts:
+    """All that a machine carries."""
+
+    wheels: tuple[Wheel, ...]
+    stages: tuple[Stage, ...]
+    rotors: tuple[Rotor, ...]
+    gimbals: tuple[Gimbal, ...]
+    magnetorquers: tuple[Magnetorquer, ...]
+    thrusters: tuple[Thruster, ...]
+    gas: Gas | None
+
+
+def read_base(table: Table, layout: MjcfLayout) -> Base:
+    """The table [base]."""
+    kind = table.text("kind", among=("ball", "hinge", "free"))
+    base = Base(
+        kind="ball" if kind == "ball" else "hinge" if kind == "hinge" else "free",
+        joint=table.text("joint"),
+        body=table.text("body"),
+        actuator=table.text("actuator", None),
+        torque_limit=table.number("torque_limit", np.inf, low=0.0, unit="N m", infinite=True),
+        planar=table.texts("planar", ()),
+        locked=table.texts("locked", ()),
+    )
+    if base.joint not in layout.axes:
+        raise _missing(table, "joint", base.joint, list(layout.axes), key="joint")
+    if base.kind != "hinge" and base.actuator is not None:
+        raise table.fail(
+            "actuator",
+            f"is {base.actuator!r} on a {kind} joint",
+            "only a hinge has a motor: remove it",
+        )
+    if np.isfinite(base.torque_limit) and base.actuator is None:
+        raise table.fail("torque_limit", "is that of no motor", "name its `actuator`, or remove it")
+    if base.planar and (base.kind != "ball" or len(base.planar) != 3):
+        raise table.fail(
+            "planar",
+            f"is {list(base.planar)}",
+            "name the joints of a stage below a ball: slide along x, slide along y, heading",
+        )
+    for name in base.locked:
+        if name not in (base.joint, *base.planar) or base.kind != "ball":
+            raise table.fail(
+                "locked", f"names {name!r}", "it can hold the ball's joint and those of `planar`"
+            )
+    table.close()
+    return base
+
+
+def read_parts(table: Table, layout: MjcfLayout, base: Base) -> CarriedParts:
+    """The arrays of tables [[wheels]] and so on, and [gas]."""
+    names: list[str] = []
+    for key in _ARRAYS:
+        for row in table.tables(key):
+            names.append(row.text("name"))
+            if names.count(names[-1]) > 1:
+                raise row.fail(
+                    "name",
+                    f"is {names[-1]!r}, which another part has",
+                    "give each part its own name",
+                )
+    gimbals = [row.text("name") for row in table.tables("gimbals")]
+    rotors = tuple(_rotor(row, layout, gimbals) for row in table.tables("rotors"))
+    wheels = tuple(_wheel(row, layout, gimbals) for row in table.tables("wheels"))
+    spin = {part.gimbal: part.axis for part in (*wheels, *rotors) if part.gimbal is not None}
+    return CarriedParts(
+        wheels=wheels,
+        stages=tuple(_stage(row, layout) for row in table.tables("stages")),
+        rotors=rotors,
+        gimbals=tuple(_gimbal(row, layout, spin) for row in table.tables("gimbals")),
+        magnetorquers=tuple(
+            _magnetorquer(row, layout, base) for row in table.tables("magnetorquers")
+        ),
+        thrusters=tuple(_thruster(row, layout, base) for row in table.tables("thrusters")),
+        gas=_gas(table.table("gas")) if "gas" in table else None,
+    )
+
+
+def _wheel(table: Table, layout: MjcfLayout, gimbals: list[str]) -> Wheel:
+    wheel = Wheel(
+        name=table.text("name"),
+        axis=_axis(table, layout),
+        gimbal=_gimbal_of(table, layout, gimbals),
+        inertia=table.number("inertia", low=1e-12, unit="kg m^2"),
+        momentum_limit=table.number("momentum_limit", low=1e-9, unit="N m s", infinite=True),
+        torque_limit=table.number("torque_limit", low=0.0, unit="N m", infinite=True),
+        home=table.number("home", 0.0, unit="rad/s"),
+    )
+    if abs(wheel.home) > wheel.speed_limit:
+        raise table.fail(
+            "home",
+            f"is {wheel.home:g} rad/s, beyond the {wheel.speed_limit:g} rad/s of momentum_limit",
+            "start it within its limit",
+        )
+    table.close()
+    return wheel
+
+
+def _rotor(table: Table, layout: MjcfLayout, gimbals: list[str]) -> Rotor:
+    rotor = Rotor(
+        name=table.text("name"),
+        axis=_axis(table, layout),
+        gimbal=_gimbal_of(table, layout, gimbals),
+        inertia=table.number("inertia", low=1e-12, unit="kg m^2"),
+        speed=table.number("speed", unit="rad/s"),
+    )
+    table.close()
+    return rotor
+
+
+def _gimbal(table: Table, layout: MjcfLayout, spin: dict[str, Array]) -> Gimbal:
+    name, axis = table.text("name"), _axis(table, layout)
+    skew = table.number("skew", 0.0, low=-np.pi, high=np.pi, unit="rad")
+    if name not in spin:
+        raise table.fail(
+            "name",
+            f"is {name!r}, on which no wheel and no rotor turns",
+            "hang one on that joint in the MJCF and state it in [[wheels]] or [[rotors]]",
+        )
+    if abs(axis @ spin[name]) > 1e-9:
+        raise table.fail(
+            "name",
+            f"is {name!r}, whose axis in the MJCF is not perpendicular to the one it carries",
+            "turn one of the two joints",
+        )
+    gimbal = Gimbal(
+        name=name,
+        axis=rotate(from_rotation_vector(skew * spin[name]), axis),
+        rate=table.number("rate", low=1e-9, unit="rad/s"),
+        acceleration=table.number("acceleration", low=1e-9, unit="rad/s^2"),
+        home=table.number("home", 0.0, unit="rad"),
+        skew=skew,
+    )
+    table.close()
+    return gimbal
+
+
+def _stage(table: Table, layout: MjcfLayout) -> Stage:
+    low, high = table.numbers("travel", 2, unit="m")
+    if low >= high:
+        raise table.fail("travel", f"runs from {low:g} to {high:g} m", "give the lower end first")
+    stage = Stage(
+        name=table.text("name"),
+        axis=_axis(table, layout),
+        mass=table.number("mass", low=1e-9, unit="kg"),
+        travel=(float(low), float(high)),
+        speed=table.number("speed", low=1e-9, unit="m/s"),
+        acceleration=table.number("acceleration", low=1e-9, unit="m/s^2"),
+        resolution=table.number("resolution", 0.0, low=0.0, unit="m"),
+        response=table.number("response", 0.0, low=0.0, high=10.0, unit="s"),
+    )
+    if stage.resolution > high - low:
+        raise table.fail(
+            "resolution",
+            f"is {stage.resolution:g} m, more than the {high - low:g} m of its travel",
+            "give the step of its drive in m, or 0 where it is continuous",
+        )
+    table.close()
+    return stage
+
+
+def _magnetorquer(table: Table, layout: MjcfLayout, base: Base) -> Magnetorquer:
+    away = _pushed_site(table, layout, base)
+    distance = float(np.linalg.norm(away))
+    if distance < 1e-3:
+        raise table.fail("name", "has its site at the centre of rotation", "set it off the CR")
+    torquer = Magnetorquer(
+        name=table.text("name"),
+        dipole_limit=table.number("dipole_limit", low=0.0, unit="A m^2", infinite=True),
+        axis=away / distance,
+    )
+    table.close()
+    return torquer
+
+
+def _thruster(table: Table, layout: MjcfLayout, base: Base) -> Thruster:
+    point = _pushed_site(table, layout, base)
+    push = layout.pushes[table.text("name")]
+    if abs(np.linalg.norm(push) - 1.0) > 1e-9:
+        raise table.fail(
+            "name",
+            f"is {table.text('name')!r}, with gear {push.round(6).tolist()} in the MJCF",
+            "make it a unit vector along the force on the body, so that its control is in N",
+        )
+    thruster = Thruster(
+        name=table.text("name"),
+        force_limit=table.number("force_limit", low=0.0, unit="N", infinite=True),
+        point=point,
+        direction=push,
+    )
+    table.close()
+    return thruster
+
+
+def _gas(table: Table) -> Gas:
+    gas = Gas(
+        mass=table.number("mass", low=1e-9, unit="kg"),
+        pressure=table.number("pressure", low=1.0, unit="Pa"),
+        specific_impulse=table.number("specific_impulse", low=1e-3, unit="s"),
+    )
+    table.close()
+    return gas
+
+
+def _axis(table: Table, layout: MjcfLayout) -> Array:
+    name = table.text("name")
+    if name not in layout.axes:
+        raise _missing(table, "joint", name, list(layout.axes))
+    return layout.axes[name]
+
+
+def _gimbal_of(table: Table, layout: MjcfLayout, gimbals: list[str]) -> str | None:
+    """The gimbal whose joint is the first above the one of the table."""
+    above = layout.carriers[table.text("name")][:1]
+    return above[0] if above and above[0] in gimbals else None
+
+
+def _pushed_site(table: Table, layout: MjcfLayout, base: Base) -> Array:
+    """(3,) from the CR to the site of that name, on which an actuator of that name acts [m]."""
+    name = table.text("name")
+    if name not in layout.sites:
+        raise _missing(table, "site", name, list(layout.sites))
+    if name not in layout.pushes:
+        raise table.fail(
+            "name",
+            f"is {name!r}, on whose site no actuator {name!r} of the MJCF acts",
+            f'add <general name="{name}" site="{name}" .../>',
+        )
+    return layout.sites[name] - layout.anchors[base.joint]
+
+
+def _missing(table: Table, noun: str, name: str, known: list[str], key: str = "name") -> Exception:
+    hint = UnknownName(noun, name, known).hint
+    return table.fail(key, f"is {name!r}, which is no {noun} of the MJCF", hint)
+
+
+MEASURED = (
+    "gyro",
+    "attitude",
+    "inclinometer",
+    "accelerometer",
+    "magnetometer",
+    "position",
+    "velocity",
+    "wheel_speed",
+    "gimbal_angle",
+    "gimbal_rate",
+    "stage_position",
+    "joint_angle",
+    "joint_rate",
+    "gas_pressure",
+)
+"""Streams that the simulated plant can measure."""
+
+_AT_SITE = ("inclinometer", "accelerometer")
+
+
+def read_sensor(
+    sensors: Table,
+    stream: str,
+    parts: CarriedParts,
+    base: Base,
+    layout: MjcfLayout,
+    timing: tuple[float, float],
+) -> Sensor:
+    """The table [sensors.STREAM]; `timing` is the physics step [s] and the control rate [Hz]."""
+    if stream not in MEASURED:
+        raise sensors.fail(
+            stream,
+            "is no stream that the simulation measures",
+            "use " + ", ".join(MEASURED),
+        )
+    table = sensors.table(stream)
+    width = _width(stream, parts, base)
+    if width == 0:
+        raise sensors.fail(stream, "measures a part the machine does not have", "remove it")
+    unit = "rad" if stream == "attitude" else stream_named(stream).unit
+    none = np.zeros(width)
+    step, control_rate = timing
+    sensor = Sensor(
+        stream=stream,
+        rate=_rate(table, step, control_rate),
+        noise=table.numbers("noise", width, low=0.0, unit=unit),
+        bias=table.numbers("bias", width, none, low=0.0, unit=unit),
+        resolution=table.number("resolution", 0.0, low=0.0, unit=unit),
+        range=table.number("range", np.inf, low=1e-12, unit=unit, infinite=True),
+        latency=table.number("latency", 0.0, low=0.0, high=1.0, unit="s"),
+        dropout=table.number("dropout", 0.0, low=0.0, high=1.0),
+        cutoff=table.number("cutoff", np.inf, low=1e-3, unit="Hz", infinite=True),
+        order=_order(table),
+        site=_site(table, stream, layout),
+        window=_window(table, stream),
+    )
+    if np.isfinite(sensor.cutoff) and sensor.cutoff >= 0.5 / step:
+        raise table.fail(
+            "cutoff",
+            f"is {sensor.cutoff:g} Hz, which steps of {step:g} s cannot show",
+            f"keep it below {0.5 / step:g} Hz, or choose a smaller simulation.step",
+        )
+    if stream == "attitude":
+        _check_attitude(table, sensor)
+    table.close()
+    return sensor
+
+
+def _rate(table: Table, step: float, control_rate: float) -> float:
+    rate = table.number("rate", low=1e-3, unit="Hz")
+    if rate * step > 1.0 + 1e-9:
+        steps = math.ceil(rate / control_rate * (1.0 - 1e-9))
+        raise table.fail(
+            "rate",
+            f"is {rate:g} Hz, but there is at most one sample a step of {step:g} s",
+            f"give at most {1.0 / step:g} Hz, or a simulation.step of "
+            f"{1.0 / (control_rate * steps):.6g} s",
+        )
+    return rate
+
+
+def _order(table: Table) -> int:
+    order = table.number("order", 4, low=1, high=8)
+    if order != int(order):
+        raise table.fail("order", f"is {order:g}", "give a whole number of poles, 1 to 8")
+    return int(order)
+
+
+def _check_attitude(table: Table, sensor: Sensor) -> None:
+    """What is no matter of a quaternion's four numbers, each by itself."""
+    if np.isfinite(sensor.cutoff):
+        raise table.fail("cutoff", "filters a quaternion", "filter the gyro instead")
+    if sensor.resolution > 0.0:
+        raise table.fail("resolution", "rounds a quaternion", "add what it is worth to `noise`")
+    if np.isfinite(sensor.range):
+        raise table.fail("range", "clips a quaternion", "remove it: an attitude has no end")
+
+
+def _width(stream: str, parts: CarriedParts, base: Base) -> int:
+    """Numbers of a sensor's noise; 0 where the machine has nothing to measure."""
+    turns, moves = base.kind != "hinge", bool(base.planar) or base.kind == "free"
+    return {
+        "gyro": 3 * turns,
+        "attitude": 3 * turns,
+        "inclinometer": 2 * turns,
+        "accelerometer": 3 * turns,
+        "magnetometer": 3 * turns,
+        "position": 3 * moves,
+        "velocity": 3 * moves,
+        "wheel_speed": len(parts.wheels),
+        "gimbal_angle": len(parts.gimbals),
+        "gimbal_rate": len(parts.gimbals),
+        "stage_position": len(parts.stages),
+        "joint_angle": int(not turns),
+        "joint_rate": int(not turns),
+        "gas_pressure": int(parts.gas is not None),
+    }[stream]
+
+
+def _window(table: Table, stream: str) -> float:
+    return table.number("window", 0.0, low=0.0, high=1.0, unit="s") if stream in _AT_SITE else 0.0
+
+
+def _site(table: Table, stream: str, layout: MjcfLayout) -> str:
+    if stream not in _AT_SITE:
+        return ""
+    site = table.text("site")
+    if site not in layout.sites:
+        raise table.fail("site", f"is {site!r}, which is no site of the MJCF", "name it there")
+    return site
 
 
 def load_platform(name: str | Path) -> Platform:

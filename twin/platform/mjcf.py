@@ -1,16 +1,91 @@
-"""The MJCF as its file has it: nothing set, nothing changed."""
+"""The MJCF as its file has it, after a look at the files that it names.
+
+What an MJCF file refers to, looked at before MuJoCo opens any of it.
+A platform folder may come from anywhere, so its MJCF may name no file outside that folder and
+declare no document type: entities, which nobody needs in MJCF, can grow without bound.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from xml.parsers import expat
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import PlatformError, TwinError
-from twin.platform.mjcf_files import check_files
+
+_FOLDERS = ("assetdir", "meshdir", "texturedir")
+"""Attributes of <compiler> that files are looked for in."""
+_MODELS = ("include", "model")
+"""Elements whose file is MJCF again."""
+
+
+def check_files(path: Path) -> tuple[bytes, ...]:
+    """Follow an MJCF file and all that it includes; what stands in them.
+
+    Raises:
+        PlatformError: a document type, XML that is not well formed, or a file outside the folder
+            of `path`, with its line.
+    """
+    seen: dict[Path, bytes] = {}
+    _check(path, path.parent.resolve(), seen)
+    return tuple(seen.values())
+
+
+def _check(path: Path, folder: Path, seen: dict[Path, bytes]) -> None:
+    if path.resolve() in seen or not path.is_file():  # of a missing file MuJoCo tells
+        return
+    directories: set[str] = {""}
+    files: list[tuple[int, str, str]] = []
+    parser = expat.ParserCreate()
+
+    def refuse_document_type(*_: object) -> None:
+        raise PlatformError(
+            path,
+            "declares a document type, in which entities can grow without bound",
+            "remove <!DOCTYPE ...>",
+            line=parser.CurrentLineNumber,
+        )
+
+    def collect(element: str, attributes: Mapping[str, str]) -> None:
+        line = parser.CurrentLineNumber
+        if element == "compiler":
+            named = [attributes[key] for key in _FOLDERS if key in attributes]
+            directories.update(named)
+            files.extend((line, "", name) for name in named)
+        files.extend(
+            (line, element, name) for key, name in attributes.items() if key.startswith("file")
+        )
+
+    parser.StartDoctypeDeclHandler = refuse_document_type
+    parser.StartElementHandler = collect
+    try:
+        text = path.read_bytes()
+        seen[path.resolve()] = text
+        parser.Parse(text, True)
+    except expat.ExpatError as problem:
+        text = expat.ErrorString(problem.code)
+        raise PlatformError(path, f"is no XML ({text})", "mend it", line=problem.lineno) from None
+    except OSError as problem:
+        raise PlatformError(
+            path, f"cannot be read ({problem.strerror})", "check the path"
+        ) from None
+    for line, element, name in files:
+        for directory in directories:
+            target = folder / directory / name
+            if not target.resolve().is_relative_to(folder):
+                raise PlatformError(
+                    path,
+                    f"names {name!r}, which lies outside the platform's folder",
+                    "copy it into the folder",
+                    line=line,
+                )
+            if element in _MODELS:
+                _check(target, folder, seen)
+
 
 Array = NDArray[np.float64]
 Edit = Callable[[mujoco.MjSpec], None]
@@ -68,7 +143,7 @@ def _parsed(path: Path, read: tuple[bytes, ...], without: tuple[str, ...]) -> mu
 
 
 @dataclass(frozen=True)
-class Layout:
+class MjcfLayout:
     """Where the MJCF has its named parts at qpos0, in room axes, which are the body's there."""
 
     axes: Mapping[str, Array]
@@ -83,7 +158,7 @@ class Layout:
     """Of every site that an actuator of its name acts on, (3,) its force per unit of control."""
 
 
-def read_layout(path: Path) -> Layout:
+def read_layout(path: Path) -> MjcfLayout:
     """Compile the file and look where its parts are.
 
     Raises:
@@ -93,7 +168,7 @@ def read_layout(path: Path) -> Layout:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     joints = {model.joint(i).name: i for i in range(model.njnt)}
-    return Layout(
+    return MjcfLayout(
         axes={name: data.xaxis[i].copy() for name, i in joints.items()},
         anchors={name: data.xanchor[i].copy() for name, i in joints.items()},
         carriers={name: tuple(_carriers(model, i)) for name, i in joints.items()},

@@ -1,8 +1,9 @@
-"""The machine that a log was made on."""
+"""The machine of a log, and the log's streams in that machine's columns."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,9 @@ from twin.errors import UnknownName, UsageError
 from twin.library import find_model
 from twin.platform.load import load_platform
 from twin.platform.parts import Platform
-from twin.recording import Recording
+from twin.recording import Recording, Series
+from twin.recording.column_names import in_order
+from twin.signals import STREAMS
 
 Array = NDArray[np.float64]
 
@@ -132,3 +135,62 @@ def common_platform(recordings: Sequence[Recording]) -> Platform:
                 "taken together of one machine only; if it is one, name it with --platform"
             )
     return platform_of(first)
+
+
+def in_order_of(platform: Platform, recording: Recording) -> Recording:
+    """The log with every stream's columns as the machine has its parts, where they have the same
+    names in another order; `repairs` says so.
+
+    A unit in brackets, and what all names have before or behind, do not count. Columns that
+    log.toml lists are in order as they stand there, whatever they are called.
+    """
+    streams: dict[str, Series] = dict(recording.streams)
+    stated: dict[str, Any] = dict(recording.provenance.get("streams") or {})
+    said: list[str] = []
+    for name, series in recording.items():
+        wanted = platform.columns(name) if name in STREAMS else ()
+        facts: Mapping[str, Any] = stated.get(name) or {}
+        named = None if facts.get("listed") else in_order(series.columns, wanted)
+        if series.columns == wanted or named is None:
+            continue
+        order = [series.columns.index(column) for column in named]
+        streams[name] = replace(series, value=series.value[:, order], columns=wanted)
+        moved = {
+            key: [entries[place] for place in order]
+            for key in ("columns", "noise")
+            if isinstance(entries := facts.get(key), list) and len(entries) == len(order)
+        }
+        stated |= {name: {**facts, **moved}} if facts else {}
+        if named == series.columns:
+            continue
+        given = ", ".join(series.columns)
+        said.append(f"{name}: columns {given} taken by name, as {', '.join(wanted)}")
+    if all(streams[name] is series for name, series in recording.items()):
+        return recording
+    provenance = {**recording.provenance, "streams": stated}
+    return replace(
+        recording, streams=streams, provenance=provenance, repairs=(*recording.repairs, *said)
+    )
+
+
+def check_columns(recording: Recording, platform: Platform, streams: Iterable[str]) -> None:
+    """Refuse streams of another number of columns: one axis of a gyro, wheels of another machine.
+
+    Args:
+        recording: a log.
+        platform: the machine that it should be of.
+        streams: those that are to be used; what the log lacks is not looked at.
+
+    Raises:
+        UsageError: naming the stream, its columns and the machine's.
+    """
+    for name in streams:
+        if name not in recording:
+            continue
+        has, expected = recording[name].columns, platform.columns(name)
+        if len(has) != len(expected):
+            raise UsageError(
+                f"the log's {name} has {len(has)} columns ({', '.join(has)}), that of "
+                f"{platform.name} {len(expected)} ({', '.join(expected) or 'no such part'}): name "
+                "the log's own machine, or leave this stream out of log.toml"
+            )

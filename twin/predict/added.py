@@ -11,7 +11,7 @@ from twin.predict.columns import stated_of
 from twin.predict.forces import Perturbation
 from twin.predict.kalman import among, joined
 from twin.predict.sensors import Output
-from twin.predict.states import Push, States, carried_answers, forces_along
+from twin.predict.states import PathForces, States, carried_answers, forces_along
 
 Array = NDArray[np.float64]
 SOON = 0.1
@@ -59,7 +59,7 @@ class Added:
         """Whether there is anything at all."""
         return bool(self.perturbations)
 
-    def push(self, strengths: Array, *, stated: bool = True) -> Push:
+    def push(self, strengths: Array, *, stated: bool = True) -> PathForces:
         """All together, or without what the platform states."""
         strengths = self._all(strengths, stated=stated)
         laws = tuple(
@@ -68,7 +68,7 @@ class Added:
             for factor, law in one.laws
             if strength != 0.0
         )
-        return Push(self.rest + np.asarray(self.forces @ strengths, dtype=np.float64), laws)
+        return PathForces(self.rest + np.asarray(self.forces @ strengths, dtype=np.float64), laws)
 
     def pushes(self, strengths: Array) -> dict[str, Array]:
         """(S, steps, nv) of each, by its name, but for what answers to the path."""
@@ -151,7 +151,7 @@ class Added:
         that size."""
         one, body = self.perturbations[index], self.body
         laws = tuple((one.size * factor, law) for factor, law in one.laws)
-        push = Push(np.zeros_like(self.rest), laws)
+        push = PathForces(np.zeros_like(self.rest), laws)
         carried, machine = exact.local.carried, body.machine
         change = carried_answers(carried, exact.answer, push, machine, exact.path, body.begins)
         return change / one.size

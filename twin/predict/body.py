@@ -27,8 +27,8 @@ from twin.predict.logs import Motion, check_within_stop
 from twin.predict.profiles import random_walk, wander
 from twin.predict.response import command_step, grid_of
 from twin.predict.rollouts import Rollouts
-from twin.predict.sensors import Cells, Grid, Sense, digits_of, outputs_of, senses_of
-from twin.predict.states import STEP, Push, States, carried_forces
+from twin.predict.sensors import Cells, Sense, StepGrid, digits_of, outputs_of, senses_of
+from twin.predict.states import STEP, PathForces, States, carried_forces
 from twin.recording import Recording, Series
 from twin.signals import DERIVED
 
@@ -78,7 +78,9 @@ class Body:
         UsageError: the log has no stream that this machine's model predicts.
     """
 
-    def __init__(self, machine: Machine, recording: Recording, motion: Motion, grid: Grid) -> None:
+    def __init__(
+        self, machine: Machine, recording: Recording, motion: Motion, grid: StepGrid
+    ) -> None:
         field = field_world(recording, machine.platform)
         here = replace(machine.platform, step=grid.step, magnetic_field=field)
         self.machine = replace(machine, platform=here)
@@ -187,7 +189,7 @@ class Body:
         return force.reshape(self.grid.segments, self.grid.steps, -1)
 
     def along(
-        self, base: BaseParameters, theta: Array, start: States, push: Push | None = None
+        self, base: BaseParameters, theta: Array, start: States, push: PathForces | None = None
     ) -> Exact:
         """Predict from `start` (S, .) under a base and an added force; only the states are columns.
 
@@ -217,7 +219,7 @@ class Body:
         theta: Array,
         biases: Array,
         start: States,
-        push: Push | None = None,
+        push: PathForces | None = None,
     ) -> Exact:
         """Predict from `start` (S, .) under a base and an added force, and linearise.
 
@@ -236,7 +238,7 @@ class Body:
         linear = linear.with_columns(*self.force_columns(exact, forces))
         return replace(exact, linear=linear.with_columns(self.bias_columns()))
 
-    def without(self, base: BaseParameters, exact: Exact, push: Push) -> Exact:
+    def without(self, base: BaseParameters, exact: Exact, push: PathForces) -> Exact:
         """With the base's columns as they are where a push turns the body as it does whatever its
         J: a heavier body under more of it moves the same."""
         k = exact.path.rate.shape[-1]

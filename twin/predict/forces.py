@@ -27,7 +27,7 @@ from twin import rotation
 from twin.effects import BodyEffect, CoupleEffect, Effect, able, effects_of, with_effects
 from twin.effects.on_body import CARRIER_MASS, TorqueLaw
 from twin.model import Machine, compile_model
-from twin.plant.gas import thruster_arms
+from twin.plant.forces import thruster_arms
 from twin.platform import Platform
 from twin.predict.base import hinge_axis
 from twin.predict.body import Body

@@ -28,7 +28,7 @@ from twin.predict.kalman import (
     EXACT,
     Chain,
     Linearised,
-    Noise,
+    NoiseProcess,
     chain,
     growth,
     root,
@@ -36,7 +36,7 @@ from twin.predict.kalman import (
     whitened,
     with_none,
 )
-from twin.predict.states import Push, States
+from twin.predict.states import PathForces, States
 
 Array = NDArray[np.float64]
 HELD = 1e-9
@@ -105,7 +105,7 @@ class Innovations:
     at: Unknowns
     exact: tuple[Exact, ...]
     """Of each log."""
-    noise: Noise
+    noise: NoiseProcess
     """What disturbs the motion and the sensors, beside their white noise."""
     linear: tuple[Linearised, ...]
     """Of each log, with that torque and its states."""
@@ -221,7 +221,7 @@ class Problem:
         )
         return Unknowns(theta, own, tuple(body.start for body in self.bodies), strengths)
 
-    def innovations(self, at: Unknowns, noise: Noise = EXACT) -> Innovations:
+    def innovations(self, at: Unknowns, noise: NoiseProcess = EXACT) -> Innovations:
         """Predict and linearise.
 
         Raises:
@@ -258,7 +258,7 @@ class Problem:
             exact.append(_with(one, added, strengths))
         return tuple(exact)
 
-    def push(self, log: int, at: Unknowns, *, stated: bool = True) -> Push:
+    def push(self, log: int, at: Unknowns, *, stated: bool = True) -> PathForces:
         """What the perturbations add to the forces on a log's machine, with the effects that its
         platform states or without."""
         _, strengths = self._parted(log, at)
@@ -327,7 +327,7 @@ class Problem:
             tilt[index] = (nearby - now.logarithm) / change[index]
         return replace(now, tilt=tilt)
 
-    def _logarithm(self, at: Unknowns, noise: Noise) -> float:
+    def _logarithm(self, at: Unknowns, noise: NoiseProcess) -> float:
         """Log-determinant of the covariance at some unknowns."""
         total = 0.0
         for log, (body, start) in enumerate(zip(self.bodies, at.starts, strict=True)):
@@ -336,7 +336,7 @@ class Problem:
             total += own + chain(linear).logarithm
         return total
 
-    def whiten(self, at: Unknowns, exact: Sequence[Exact], noise: Noise) -> Innovations:
+    def whiten(self, at: Unknowns, exact: Sequence[Exact], noise: NoiseProcess) -> Innovations:
         """What was linearised at some unknowns, under some noise."""
         linear: list[Linearised] = []
         logarithm = 0.0
@@ -417,7 +417,7 @@ def _with(one: Exact, added: Added, strengths: Array) -> Exact:
     return replace(one, linear=one.linear.with_columns(*added.columns(one, strengths)))
 
 
-def _disturbed(one: Exact, noise: Noise) -> tuple[Linearised, float]:
+def _disturbed(one: Exact, noise: NoiseProcess) -> tuple[Linearised, float]:
     """Under some noise; the log-determinant."""
     linear, local, own = one.linear, one.local, 0.0
     if noise.scales:

@@ -22,7 +22,7 @@ from twin.effects import Effect
 from twin.errors import UsageError
 from twin.model import Machine
 from twin.noise import noise_of
-from twin.plant.gas import STANDARD_GRAVITY, thruster_arms
+from twin.plant.forces import STANDARD_GRAVITY, thruster_arms
 from twin.plant.limits import Limits
 from twin.platform import Platform, Sensor, begins_late, field_world
 from twin.predict.logs import Motion, smoothed_series

@@ -1,6 +1,6 @@
 """Whitening of a linearised prediction: Kalman filters within segments, and the chain of segments.
 
-`Linearised` is a prediction and its derivatives, as arrays over segments; `Noise` the processes
+`Linearised` is a prediction and its derivatives, as arrays over segments; `NoiseProcess` the noise
 beside the sensors' white noise, of torques and sensor errors.
 
 `whitened` runs a Kalman filter in each segment, all side by side, from a known initial state. Its
@@ -159,7 +159,7 @@ class Wander:
 
 
 @dataclass(frozen=True)
-class Noise:
+class NoiseProcess:
     """What disturbs a motion and its sensors, each axis by itself."""
 
     white: float = 0.0
@@ -187,14 +187,14 @@ class Noise:
         torques = (self.white > 0.0) + (self.torque is not None)
         return torques + len(self.errors) + len(self.scales)
 
-    def with_error(self, stream: str, wander: Wander | None) -> "Noise":
+    def with_error(self, stream: str, wander: Wander | None) -> "NoiseProcess":
         """With another error of a stream; None: without any."""
         rest = tuple(one for one in self.errors if one[0] != stream)
         more = () if wander is None else ((stream, wander),)
         return replace(self, errors=(*rest, *more))
 
 
-EXACT = Noise()
+EXACT = NoiseProcess()
 """Of a motion that nothing disturbs."""
 
 
@@ -226,7 +226,7 @@ class Local:
 
 
 def whitened(
-    linear: Linearised, local: Local, intensity: Array, wandering: Noise | None = None
+    linear: Linearised, local: Local, intensity: Array, wandering: NoiseProcess | None = None
 ) -> tuple[Linearised, float]:
     """With random generalised forces and sensor errors at work.
 
@@ -302,7 +302,7 @@ def whitened(
     )
 
 
-def _augmented(local: Local, noise: Array, wandering: Noise) -> tuple[Local, Array, Array]:
+def _augmented(local: Local, noise: Array, wandering: NoiseProcess) -> tuple[Local, Array, Array]:
     """The same with the numbers that wander behind those of the state: (S, ., x + n).
 
     Returns:

@@ -25,8 +25,7 @@ from scipy.signal import detrend, savgol_filter
 from twin import rotation
 from twin.errors import UsageError
 from twin.noise.cleaning import cleaned, dead_words, is_needed
-from twin.noise.clipping import with_neighbours
-from twin.noise.stuck import OF_AXES, dead_axes
+from twin.noise.stuck import OF_AXES, dead_axes, with_neighbours
 from twin.platform import Platform, check_columns
 from twin.platform.mjcf import load_mjcf
 from twin.recording import Recording, Series

@@ -25,7 +25,7 @@ from twin.drives import PRESCRIBED_ARMATURE
 from twin.model import Machine, mass_properties
 from twin.predict.base import hinge_axis
 from twin.predict.logs import Motion
-from twin.predict.sensors import Grid
+from twin.predict.sensors import StepGrid
 from twin.predict.states import States
 from twin.recording import Recording
 
@@ -88,7 +88,7 @@ def command_step(machine: Machine, recording: Recording) -> float:
     return max(step, machine.platform.step)
 
 
-def grid_of(machine: Machine, recording: Recording, motion: Motion, step: float) -> Grid:
+def grid_of(machine: Machine, recording: Recording, motion: Motion, step: float) -> StepGrid:
     """Equal segments of at most 10 s and at most exp(3) of growth, their steps in time with the
     commands.
 
@@ -105,11 +105,11 @@ def grid_of(machine: Machine, recording: Recording, motion: Motion, step: float)
     length = min(LONGEST, GROWTH / max(growth_rate(machine), 1e-9), end - begin)
     steps = max(int(length / step + 1e-9), 1)
     segments = max(int(np.ceil((end - begin) / (steps * step) - 1e-6)), 1)
-    return Grid(begin, step, steps, segments)
+    return StepGrid(begin, step, steps, segments)
 
 
 @dataclass(frozen=True)
-class Masses:
+class MassMatrices:
     """Of the base and the wheels whose speeds are states, b numbers, at (S, K) states; what else
     moves freely goes along with them."""
 
@@ -166,7 +166,7 @@ class Response:
                 self._turned[at][..., column] = change[:, machine.base_dof]
         self._home = self._at_home(model)
 
-    def masses(self, model: mujoco.MjModel, rate: Array) -> Masses:
+    def masses(self, model: mujoco.MjModel, rate: Array) -> MassMatrices:
         """Where the response was measured, but the base that of `model`, at its rates (S, K, k)."""
         change = self._at_home(model) - self._home
         base = self._base.copy()
@@ -177,9 +177,9 @@ class Response:
         if len(self._moved) < len(self._free):
             answer = np.linalg.inv(whole)[:, :, self._moved]
             free = np.asarray(np.linalg.inv(answer[..., self._moved]), dtype=np.float64)
-            return Masses(free, free @ answer @ gyro, base)
+            return MassMatrices(free, free @ answer @ gyro, base)
         both = np.ix_(self._moved, self._moved)
-        return Masses(whole[..., both[0], both[1]], gyro[:, :, self._moved], base)
+        return MassMatrices(whole[..., both[0], both[1]], gyro[:, :, self._moved], base)
 
     def of(self, model: mujoco.MjModel) -> Array:
         """(S, K, x, nv) change of the state by a unit impulse on each degree of freedom, a unit
@@ -242,7 +242,9 @@ def is_gyrostat(machine: Machine, model: mujoco.MjModel) -> bool:
     return machine.platform.base.kind in ("ball", "hinge") and not rough
 
 
-def transitions(machine: Machine, model: mujoco.MjModel, masses: Masses, passage: Passage) -> Array:
+def transitions(
+    machine: Machine, model: mujoco.MjModel, masses: MassMatrices, passage: Passage
+) -> Array:
     """Changes (S, steps, x, x) of the state from one instant to the next by that at the first.
 
     Args:
@@ -301,7 +303,7 @@ def _restoring(machine: Machine, model: mujoco.MjModel, passage: Passage, positi
     return np.asarray(axes.T @ torque @ axes - stiffness * np.eye(axes.shape[1]))
 
 
-def _in_velocities(masses: Masses, carried: Array, moving: slice, gimbals: slice) -> Array:
+def _in_velocities(masses: MassMatrices, carried: Array, moving: slice, gimbals: slice) -> Array:
     """Transitions of (turn, y, d angle) as such of (turn, d velocity, d angle)."""
     to = np.zeros_like(carried[:, : masses.free.shape[1]])
     to[...] = np.eye(carried.shape[-1])

@@ -16,8 +16,8 @@ from twin.model import Machine
 from twin.predict.inputs import Inputs
 from twin.predict.logs import Motion
 from twin.predict.response import Passage, Response, Segment, is_gyrostat, transitions
-from twin.predict.sensors import Grid
-from twin.predict.states import STEP, Push, States, carried_states, reached, torque_of
+from twin.predict.sensors import StepGrid
+from twin.predict.states import STEP, PathForces, States, carried_states, reached, torque_of
 from twin.predict.swing import Swing, Swinging
 from twin.stop import check
 
@@ -40,7 +40,7 @@ class BeyondBounds(TwinError):
 class Rollouts:
     """Of one log on a given grid. Models that are given are changed: their step is the grid's."""
 
-    def __init__(self, machine: Machine, inputs: Inputs, motion: Motion, grid: Grid) -> None:
+    def __init__(self, machine: Machine, inputs: Inputs, motion: Motion, grid: StepGrid) -> None:
         self.machine, self.inputs, self.grid = machine, inputs, grid
         self._contacts = _leans(machine, motion.position, STOP_GUARD)
         drives = [
@@ -64,7 +64,7 @@ class Rollouts:
         self._dipole = self._control[..., machine.magnetorquer_actuator] @ axes
         self._response = Response(machine, *self._along(motion), inputs.wheels_predicted)
 
-    def paths(self, model: mujoco.MjModel, start: States, push: Push | None = None) -> States:
+    def paths(self, model: mujoco.MjModel, start: States, push: PathForces | None = None) -> States:
         """States along each prediction, (v, S, steps + 1, .), from starts (v, S, .).
 
         The model is changed: its step is the grid's.
@@ -82,7 +82,7 @@ class Rollouts:
         return self._paths(model, start, push)[0]
 
     def around(
-        self, model: mujoco.MjModel, start: States, push: Push | None = None
+        self, model: mujoco.MjModel, start: States, push: PathForces | None = None
     ) -> tuple[States, Array]:
         """The path from starts (S, .), its neighbours, and how one step carries them on.
 
@@ -117,7 +117,7 @@ class Rollouts:
         path: States,
         position: Array,
         velocity: Array,
-        push: Push | None,
+        push: PathForces | None,
     ) -> tuple[States, Array] | None:
         """As `around`, of a path that touches nothing; None where what answers to it turns over
         within a step, as dry friction does near rest."""
@@ -137,7 +137,7 @@ class Rollouts:
         return States.joined([path, beside]), carried
 
     def _paths(
-        self, model: mujoco.MjModel, start: States, push: Push | None
+        self, model: mujoco.MjModel, start: States, push: PathForces | None
     ) -> tuple[States, Array, Array]:
         """As `paths`; and of all joints positions and velocities (v S, steps + 1, .)."""
         machine, grid = self.machine, self.grid
@@ -151,7 +151,7 @@ class Rollouts:
         if self.inputs.wheels_predicted:
             velocity[:, machine.wheel_dof] = start.wheel_speed.reshape(rows, -1)
         position[:, machine.gimbal_qpos] = start.gimbal_angle.reshape(rows, -1)
-        model, push = _sprung(model, push or Push(np.zeros_like(self.force)), machine)
+        model, push = _sprung(model, push or PathForces(np.zeros_like(self.force)), machine)
         force, turning = self._driven(push.force)
         velocity += np.tile(turning, (variants, 1))
         driven = np.tile(np.concatenate([self._control, force], axis=-1), (variants, 1, 1))
@@ -178,7 +178,7 @@ class Rollouts:
         segments: NDArray[np.intp],
         start: States,
         steps: int,
-        push: Push,
+        push: PathForces,
     ) -> Array:
         """Positions (r, steps + 1, .) from starts (r, .) of segments, on beyond their ends.
 
@@ -210,7 +210,7 @@ class Rollouts:
         return positions[..., machine.base_qpos]
 
     def _carried(
-        self, carrier: "Carrier", driven: Array, push: Push, start: Array
+        self, carrier: "Carrier", driven: Array, push: PathForces, start: Array
     ) -> tuple[Array, Array]:
         """Positions (r, steps + 1, nq) and velocities (r, steps + 1, nv) of machines, first as they
         stand at some times (r,), under controls and forces (r, steps, .) and what answers."""
@@ -225,7 +225,7 @@ class Rollouts:
         )
 
     def _answering(
-        self, carrier: "Carrier", driven: Array, push: Push, start: Array
+        self, carrier: "Carrier", driven: Array, push: PathForces, start: Array
     ) -> Iterator[tuple[Array, Array]]:
         """Step by step; a torque is held at its mean over a step, as that would go on."""
         machine = self.machine
@@ -299,7 +299,9 @@ class Rollouts:
             model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 
 
-def _sprung(model: mujoco.MjModel, push: Push, machine: Machine) -> tuple[mujoco.MjModel, Push]:
+def _sprung(
+    model: mujoco.MjModel, push: PathForces, machine: Machine
+) -> tuple[mujoco.MjModel, PathForces]:
     """A model whose hinge has the springs among the laws of a push, and the push without them:
     exact at every stage of RK4, where a law is held over a step."""
     springs = [(size, law) for size, law in push.laws if isinstance(law, HingeSpring)]

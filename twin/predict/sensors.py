@@ -22,8 +22,8 @@ from scipy.signal import sosfilt, sosfilt_zi
 from twin import rotation
 from twin.model import Machine
 from twin.noise import noise_and_worth, noise_left, resolution_of
-from twin.plant.derived import elevations, site_places, specific_force
-from twin.plant.low_pass import sections_of
+from twin.plant.sensors import sections_of
+from twin.plant.truth import elevations, site_places, specific_force
 from twin.platform import Platform, Sensor
 from twin.predict.logs import (
     FEW,
@@ -199,7 +199,7 @@ def _low_pass(sensor: Sensor, step: float) -> tuple[Array | None, int]:
 
 
 @dataclass(frozen=True)
-class Grid:
+class StepGrid:
     """Segments of equal length, side by side, each on its own physics grid."""
 
     begin: float
@@ -417,7 +417,7 @@ def _cubic(rise: Array, slope: Array, end_slope: Array, part: Array) -> Array:
 def outputs_of(
     recording: Recording,
     machine: Machine,
-    grid: Grid,
+    grid: StepGrid,
     streams: Sequence[str],
     senses: Mapping[str, Sense],
     course: Course | None,
@@ -543,7 +543,7 @@ class Cells:
     """Of each output: segment (m, 1) and row (m, k) of its numbers."""
 
     @staticmethod
-    def of(outputs: Sequence[Output], grid: Grid, width: int) -> "Cells":
+    def of(outputs: Sequence[Output], grid: StepGrid, width: int) -> "Cells":
         """Order the numbers.
 
         Args:

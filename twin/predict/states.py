@@ -101,7 +101,7 @@ class States:
 
 
 @dataclass(frozen=True)
-class Push:
+class PathForces:
     """Forces that are known beforehand, and torques that answer to the path that they make.
 
     Dry friction near rest changes from one end to the other within what a path is known to: along a
@@ -151,7 +151,7 @@ def torque_of(laws: Sequence[Factored], state: State) -> Array:
 
 
 def forces_along(laws: Sequence[Factored], machine: Machine, path: States, times: Array) -> Array:
-    """(S, steps, nv) of laws along a path, as for `Push.along`."""
+    """(S, steps, nv) of laws along a path, as for `PathForces.along`."""
     force = np.zeros((*times.shape, machine.model.nv))
     if laws:
         before, after = path[0, :, :-1], path[0, :, 1:]
@@ -217,7 +217,7 @@ def carried_forces(carried: Array, answer: Array, forces: Array, step: float) ->
 
 
 def carried_answers(
-    carried: Array, answer: Array, push: Push, machine: Machine, path: States, begins: Array
+    carried: Array, answer: Array, push: PathForces, machine: Machine, path: States, begins: Array
 ) -> Array:
     """Changes (S, steps + 1, x) of the state at each instant by what answers to the path, and so to
     its changes.

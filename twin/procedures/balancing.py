@@ -1,24 +1,311 @@
 """Balancing as a control law with phases: it goes through the one loop, a run or a thousand."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.controller import AnyController, Controller
 from twin.platform import Platform
-from twin.procedures.kit import ARRIVED, CLEAR, NEAR, Kit
-from twin.procedures.lab import Lab
-from twin.procedures.means import Reach, damper
-from twin.procedures.phases import Phase, among
-from twin.procedures.plan import Aim
-from twin.procedures.rounds import SHORTEST, TRIES, conclude
-from twin.procedures.state import Mask, Progress, put, renewed
+from twin.procedures.fits import MomentFit
+from twin.procedures.logbook import Lab
+from twin.procedures.means import Reach, damper, mean_inertia
+from twin.procedures.plan import MARGIN, OVER, Aim, Phase, among, observed_torque, state
 from twin.reference import Hold, Reference
 from twin.rotation import vertical_body
 from twin.signals import Command, Estimate, Target
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+CLEAR = 0.5
+"""Part of the way to the stop within which the body is clear of it."""
+NEAR = 0.9
+"""Part of that way beyond which the stop may touch: what is recorded there is worth nothing."""
+STILL = 0.6
+"""Of the rate that a nudge gives: a body that is slower has come to rest."""
+LEAST_RATE = 1e-3
+"""[rad/s]: nothing more still is asked for."""
+NUDGED = 4.0
+"""For which the masses stand aside at most [s]."""
+CROSSWISE = 0.6
+"""Of a nudge, in parts of that along: both horizontal axes are to swing."""
+ARRIVED = 5e-5
+"""[m]: a mass so near to its goal is there, but for its play."""
+
+
+@dataclass(frozen=True)
+class Kit:
+    """One platform and the laws that act on it."""
+
+    platform: Platform
+    reach: Reach
+    laws: dict[str, AnyController]
+
+    def lean(self, estimate: Estimate) -> Array:
+        """(n,) towards the stop, in parts of the way to it."""
+        stop = min(self.platform.stop_angle, 0.5 * np.pi)
+        return self.platform.lean(estimate.attitude) / stop
+
+    def away(self, goal: Array, estimate: Estimate) -> Mask:
+        """(n,) whether a mass is not yet where it is to be, (n, stages) [m]."""
+        return np.abs(estimate.stage_position - goal).max(axis=1) > ARRIVED
+
+    def across(self, rate: Array, estimate: Estimate) -> Array:
+        """(n,) of a body rate (n, 3), what is not a turn about the vertical [rad/s]."""
+        up = vertical_body(estimate.attitude)
+        along = np.einsum("ni,ni->n", rate, up)[:, None] * up
+        return np.asarray(np.linalg.norm(rate - along, axis=1))
+
+    def still(self, amplitude: Array, stiffness: Array) -> Array:
+        """(n,) rate below which the body has come to rest [rad/s]."""
+        return STILL * np.maximum(amplitude * self.frequency(stiffness), LEAST_RATE)
+
+    def aside_for(self, stiffness: Array) -> Array:
+        """(n,) for how long a nudge lasts [s]: a sixth of a period or less."""
+        return np.minimum(NUDGED, 1.0 / self.frequency(stiffness))
+
+    def nudge(self, goal: Array, amplitude: Array, stiffness: Array) -> Array:
+        """(n, stages) where masses at `goal` go aside, to make the body swing by the amplitude.
+
+        A mass moment d for a time T turns a body at rest to the rate g d T / J, and that is the
+        amplitude times sqrt(k / J). Towards the middle of each travel; never up or down.
+        """
+        rate = amplitude * self.frequency(stiffness)
+        impulse = rate * mean_inertia(self.platform)
+        size = impulse / (self.platform.gravity * self.aside_for(stiffness))
+        low, high = self.reach.masses.travel
+        inward = self.reach.moment(0.5 * (low + high) - goal)
+        sign = np.where(inward < 0.0, -1.0, 1.0)
+        aside = sign * size[:, None] * np.array([1.0, CROSSWISE, 0.0])
+        return np.clip(goal + self.reach.masses.positions(aside), low, high)
+
+    def frequency(self, stiffness: Array) -> Array:
+        """(n,) sqrt(k / J) of the hanging body [rad/s]."""
+        return np.sqrt(stiffness / mean_inertia(self.platform))
+
+
+@dataclass
+class BalancingProgress:
+    """Arrays have a row a run."""
+
+    phase: NDArray[np.int64]
+    """(n,) of `Phase`."""
+    since: Array
+    """(n,) when it began [s]."""
+    moving_until: Array
+    """(n,) when the body was last seen to move too much for the next phase [s]."""
+    swinging_until: Array
+    """(n,) when it was last seen to swing [s]."""
+    away_until: Array
+    """(n,) when a mass was last seen away from its goal [s]."""
+    rate: Array
+    """(n, 3) of the body, smoothed [rad/s]."""
+    goal: Array
+    """(n, stages) where the masses are to be [m]."""
+    smooth: Array
+    """(n, stages) where the law of the level phase has them, its noise averaged out [m]."""
+    rest: Array
+    """(n, stages) where they go back to after a nudge [m]."""
+    stiffness: Array
+    """(n,) -g m r_z: of the hanging body, as far as it is known [N m/rad]."""
+    amplitude: Array
+    """(n,) swing that a nudge is to give [rad]."""
+    watch: Array
+    """(n,) how long the next swing is recorded [s]."""
+    tries: NDArray[np.int64]
+    """(n,) looks at the present offset."""
+    rounds: NDArray[np.int64]
+    """(n,) offsets identified."""
+    base: Array
+    """(n, 3) m r at stage position 0, as far as it is known [kg m]."""
+    levelled: Mask
+    """(n,) whether the law of the level phase has had its turn in this round."""
+    log_start: Array
+    """(n,) from when on the log is needed [s]; inf: not."""
+    seen: Mask
+    """(n,) whether the masses' first positions are known."""
+    kit: Kit
+    states: dict[str, Any]
+    """Of the laws that act, by what they are for."""
+
+    @classmethod
+    def start(cls, kit: Kit, n: int, states: dict[str, Any]) -> "BalancingProgress":
+        """Before the first tick."""
+        stages = len(kit.platform.stages)
+        return cls(
+            phase=np.full(n, Phase.lower, dtype=np.int64),
+            since=np.zeros(n),
+            moving_until=np.zeros(n),
+            swinging_until=np.zeros(n),
+            away_until=np.zeros(n),
+            rate=np.zeros((n, 3)),
+            goal=np.zeros((n, stages)),
+            smooth=np.zeros((n, stages)),
+            rest=np.zeros((n, stages)),
+            stiffness=np.zeros(n),
+            amplitude=np.zeros(n),
+            watch=np.zeros(n),
+            tries=np.zeros(n, dtype=np.int64),
+            rounds=np.zeros(n, dtype=np.int64),
+            base=np.zeros((n, 3)),
+            levelled=np.zeros(n, dtype=np.bool_),
+            log_start=np.full(n, np.inf),
+            seen=np.zeros(n, dtype=np.bool_),
+            kit=kit,
+            states=states,
+        )
+
+    def copied(self) -> "BalancingProgress":
+        """Another that may be written to."""
+        arrays = {
+            f.name: getattr(self, f.name).copy()
+            for f in fields(self)
+            if isinstance(getattr(self, f.name), np.ndarray)
+        }
+        return replace(self, **arrays, states=dict(self.states))
+
+    def within(self, *phases: Phase) -> Mask:
+        """(n,) the runs in one of these phases."""
+        return among(self.phase, phases)
+
+    def only(self, run: int) -> Mask:
+        """(n,) that run alone."""
+        one = np.zeros(len(self.phase), dtype=np.bool_)
+        one[run] = True
+        return one
+
+    @property
+    def finished(self) -> Mask:
+        """(n,) the runs that are over."""
+        return self.within(*OVER)
+
+
+def renewed(state: Any, fresh: Any, rows: Mask) -> Any:
+    """A law's state with some runs as they were before their first tick.
+
+    What is no array with a row a run is the same in both, and stays.
+    """
+    if not is_dataclass(state) or isinstance(state, type):
+        return state
+    changes: dict[str, Any] = {}
+    for entry in fields(state):
+        old, new = getattr(state, entry.name), getattr(fresh, entry.name)
+        if isinstance(old, np.ndarray) and old.shape[:1] == rows.shape:
+            which = rows.reshape(-1, *[1] * (old.ndim - 1))
+            changes[entry.name] = np.where(which, new, old)
+    return replace(state, **changes)
+
+
+def put(command: Command, part: Command, rows: Mask) -> None:
+    """Write some runs' part of a law's command into a command that has all channels."""
+    for name, value in part.items():
+        command[name] = np.where(rows[:, None], value, command[name])
+
+
+TRIES = 4
+"""Looks at one offset, one after the other, before giving up."""
+ROUNDS = 40
+"""Offsets identified before giving up."""
+SHORTEST = 30.0
+"""That a swing is recorded [s]."""
+PERIODS = 0.6
+"""Of the swing that are recorded."""
+LONGEST = 120.0
+"""That a swing is recorded at first [s]; each further look at the same offset takes twice as long.
+"""
+
+
+@dataclass(frozen=True)
+class Next:
+    """Of one run."""
+
+    phase: Phase
+    words: str = ""
+    """Why, where it is not as it should be."""
+    goal: Array | None = None
+    """(stages,) where its masses go [m]."""
+
+
+def conclude(
+    lab: Lab,
+    aim: Aim,
+    now: BalancingProgress,
+    run: int,
+    found: MomentFit,
+    positions: Array,
+    *,
+    in_plane: bool,
+    time: float,
+) -> Next:
+    """What a run does next; how it swings from now on is written into `now`.
+
+    Args:
+        lab: of the procedure.
+        aim: of the procedure.
+        now: of all runs.
+        run: that was identified.
+        found: what was.
+        positions: (stages,) where its masses stand [m].
+        in_plane: whether the masses move the CM in the plane, rather than a law.
+        time: [s].
+    """
+    if found.failure:
+        now.watch[run] *= 2.0
+        return Next(Phase.settle, found.failure)
+    kit = now.kit
+    moment = found.moment + kit.reach.moment(positions[None])[0]
+    now.rounds[run] += 1
+    now.base[run] = found.moment
+    _tell(lab, now, run, moment, found, time)
+    if now.phase[run] == Phase.judge:
+        platform, (_, floated) = kit.platform, lab.logs[run]
+        observed = observed_torque(floated, platform, found.inertia)
+        lab.notes.runs[run].statement = state(
+            platform, moment, found.covariance, found.quantile, observed, positions, found.misfit
+        )
+    kept = aim.is_kept(moment, found.covariance, found.quantile)
+    change = aim.change(moment, found.covariance, in_plane=in_plane)
+    goal = positions + kit.reach.masses.positions(change[None])[0]
+    beyond = kit.reach.beyond(goal)
+    last = now.rounds[run] >= ROUNDS
+    if kept and (beyond or last or not aim.is_worth(change)):
+        return Next(Phase.done if now.phase[run] == Phase.judge else Phase.verify)
+    if not aim.is_known(moment, found.covariance):
+        now.watch[run] *= 2.0
+        return Next(Phase.settle, "the swing does not tell the offset well enough")
+    if last:
+        return Next(Phase.stopped, f"the target was not reached in {ROUNDS} rounds")
+    if beyond:
+        return Next(Phase.stopped, f"the offset is beyond the masses' reach: {beyond}")
+    hanging = max(-float(moment[2] + change[2]), MARGIN * aim.moment)
+    now.stiffness[run] = kit.platform.gravity * hanging
+    period = 2.0 * np.pi / float(kit.frequency(now.stiffness)[run])
+    now.watch[run] = np.clip(PERIODS * period, SHORTEST, LONGEST)
+    now.tries[run] = 0
+    return Next(Phase.move, goal=goal)
+
+
+def _tell(
+    lab: Lab, now: BalancingProgress, run: int, moment: Array, found: MomentFit, time: float
+) -> None:
+    platform = now.kit.platform
+    offset, half = (
+        v / platform.mass * 1e6
+        for v in (moment, found.quantile * np.sqrt(np.diag(found.covariance)))
+    )
+    torque = platform.gravity * float(np.linalg.norm(moment))
+    lab.notes.runs[run].identified += 1
+    lab.notes.say(
+        run,
+        time,
+        "the CM is ("
+        + ", ".join(f"{o:.4g} +- {h:.2g}" for o, h in zip(offset, half, strict=True))
+        + f") um from the CR, {torque:.3g} N m at worst",
+    )
+
 
 STRONG, WEAK = 0.3, 0.01
 """Damping while nothing is recorded, and while the body swings [1/s]."""
@@ -56,7 +343,7 @@ WAITING = (Phase.lower, Phase.settle, Phase.nudge, Phase.back, Phase.move)
 
 
 @dataclass(frozen=True)
-class Balancing(Controller[Progress]):
+class Balancing(Controller[BalancingProgress]):
     """Lower, settle, [level], nudge, swing, identify, move ... until the target holds; verify.
 
     Each round identifies J and m r from a recorded swing and moves the masses to cancel what was
@@ -80,7 +367,7 @@ class Balancing(Controller[Progress]):
     """Whether it has its turn once, and the rounds go on without it; else it alone moves the CM in
     the plane."""
 
-    def init(self, platform: Platform, n: int) -> Progress:
+    def init(self, platform: Platform, n: int) -> BalancingProgress:
         """Nothing known; the stiffness taken is that of masses at their lower end.
 
         Raises:
@@ -91,19 +378,19 @@ class Balancing(Controller[Progress]):
             laws["level"] = self.level
         reach = Reach.of(platform)
         states = {name: law.init(platform, n) for name, law in laws.items()}
-        now = Progress.start(Kit(platform, reach, laws), n, states)
+        now = BalancingProgress.start(Kit(platform, reach, laws), n, states)
         now.amplitude[:] = min(SWING, 0.125 * platform.stop_angle)
         now.watch[:] = SHORTEST
         now.stiffness[:] = platform.gravity * reach.depth
         return now
 
-    def finished(self, state: Progress) -> Mask:
+    def finished(self, state: BalancingProgress) -> Mask:
         """(n,) the runs that are balanced or stopped."""
         return state.finished
 
     def update(
-        self, state: Progress, estimate: Estimate, target: Target, time: float
-    ) -> tuple[Command, Progress]:
+        self, state: BalancingProgress, estimate: Estimate, target: Target, time: float
+    ) -> tuple[Command, BalancingProgress]:
         """The phases' commands, and the phases after this tick."""
         now = state.copied()
         self._begin(now, estimate, time)
@@ -113,7 +400,7 @@ class Balancing(Controller[Progress]):
         self.lab.logbook.forget(float(np.min(now.log_start, initial=np.inf)))
         return command, now
 
-    def _begin(self, now: Progress, estimate: Estimate, time: float) -> None:
+    def _begin(self, now: BalancingProgress, estimate: Estimate, time: float) -> None:
         """Runs that are seen for the first time: their vertical mass goes to its lower end."""
         fresh = estimate.valid & ~now.seen
         if not fresh.any():
@@ -123,7 +410,7 @@ class Balancing(Controller[Progress]):
         now.seen = now.seen | fresh
         self._enter(now, fresh, Phase.lower, time)
 
-    def _watch(self, now: Progress, estimate: Estimate, time: float) -> None:
+    def _watch(self, now: BalancingProgress, estimate: Estimate, time: float) -> None:
         """What the conditions of the phases look at."""
         kit = now.kit
         averaged = np.maximum(SMOOTHED, SLOWLY / kit.frequency(now.stiffness))
@@ -136,7 +423,7 @@ class Balancing(Controller[Progress]):
         now.moving_until = np.where(moving, time, np.maximum(now.moving_until, now.since))
         now.away_until = np.where(away, time, np.maximum(now.away_until, now.since))
 
-    def _advance(self, now: Progress, estimate: Estimate, time: float) -> None:
+    def _advance(self, now: BalancingProgress, estimate: Estimate, time: float) -> None:
         """From phase to phase; every run at most once a tick."""
         kit, was, lasted = now.kit, now.phase.copy(), time - now.since
         there = now.seen & (time - now.away_until > THERE)
@@ -173,7 +460,9 @@ class Balancing(Controller[Progress]):
         for run in np.flatnonzero(late):
             self._stop(now, int(run), _unrest(now, int(run), estimate), estimate, time)
 
-    def _command(self, now: Progress, estimate: Estimate, target: Target, time: float) -> Command:
+    def _command(
+        self, now: BalancingProgress, estimate: Estimate, target: Target, time: float
+    ) -> Command:
         kit, n = now.kit, len(now.phase)
         command = {name: np.zeros((n, width)) for name, width in kit.platform.commands.items()}
         acting = {"strong": now.within(*DAMPED), "weak": now.within(*SWINGING)}
@@ -201,7 +490,7 @@ class Balancing(Controller[Progress]):
         command["command_stage_position"] = now.goal.copy()
         return command
 
-    def _enter(self, now: Progress, rows: Mask, phase: Phase, time: float) -> None:
+    def _enter(self, now: BalancingProgress, rows: Mask, phase: Phase, time: float) -> None:
         if not rows.any():
             return
         now.phase = np.where(rows, int(phase), now.phase)
@@ -210,11 +499,11 @@ class Balancing(Controller[Progress]):
         for run in np.flatnonzero(rows):
             self.lab.notes.begin(int(run), phase, time)
 
-    def _record(self, now: Progress, rows: Mask, phase: Phase, time: float) -> None:
+    def _record(self, now: BalancingProgress, rows: Mask, phase: Phase, time: float) -> None:
         self._enter(now, rows, phase, time)
         now.log_start = np.where(rows, time, now.log_start)
 
-    def _level(self, now: Progress, rows: Mask, time: float) -> None:
+    def _level(self, now: BalancingProgress, rows: Mask, time: float) -> None:
         if self.level is None or not rows.any():
             return
         fresh = self.level.init(now.kit.platform, len(rows))
@@ -222,7 +511,7 @@ class Balancing(Controller[Progress]):
         now.smooth = np.where(rows[:, None], now.goal, now.smooth)
         self._enter(now, rows, Phase.level, time)
 
-    def _nudge(self, now: Progress, rows: Mask, estimate: Estimate, time: float) -> None:
+    def _nudge(self, now: BalancingProgress, rows: Mask, estimate: Estimate, time: float) -> None:
         """A body whose offset is not known is taken to hang from the CR as it does."""
         if not rows.any():
             return
@@ -236,7 +525,7 @@ class Balancing(Controller[Progress]):
         now.goal = np.where(rows[:, None], aside, now.goal)
         self._enter(now, rows, Phase.nudge, time)
 
-    def _ask(self, now: Progress, run: int, time: float) -> None:
+    def _ask(self, now: BalancingProgress, run: int, time: float) -> None:
         """Have a phase's log identified; free float together with the swing before it."""
         log, verifying = (
             self.lab.logbook.recording(run, float(now.log_start[run])),
@@ -250,7 +539,7 @@ class Balancing(Controller[Progress]):
         phase = Phase.judge if verifying else Phase.identify
         self._enter(now, now.only(run), phase, time)
 
-    def _answered(self, now: Progress, run: int, estimate: Estimate, time: float) -> None:
+    def _answered(self, now: BalancingProgress, run: int, estimate: Estimate, time: float) -> None:
         found = self.lab.fits.answer(run)
         if found is None:
             return
@@ -276,7 +565,7 @@ class Balancing(Controller[Progress]):
         else:
             self._enter(now, now.only(run), end.phase, time)
 
-    def _again(self, now: Progress, run: int, why: str, time: float) -> None:
+    def _again(self, now: BalancingProgress, run: int, why: str, time: float) -> None:
         now.tries[run] += 1
         if now.tries[run] > TRIES:
             self._stop(now, run, f"{why}, {TRIES} times one after the other", None, time)
@@ -285,7 +574,7 @@ class Balancing(Controller[Progress]):
         self._enter(now, now.only(run), Phase.settle, time)
 
     def _stop(
-        self, now: Progress, run: int, why: str, estimate: Estimate | None, time: float
+        self, now: BalancingProgress, run: int, why: str, estimate: Estimate | None, time: float
     ) -> None:
         if estimate is not None:
             now.goal[run] = estimate.stage_position[run]
@@ -293,7 +582,7 @@ class Balancing(Controller[Progress]):
         self._enter(now, now.only(run), Phase.stopped, time)
 
 
-def _unrest(now: Progress, run: int, estimate: Estimate) -> str:
+def _unrest(now: BalancingProgress, run: int, estimate: Estimate) -> str:
     """Why a run waits in vain."""
     away = np.abs(estimate.stage_position[run] - now.goal[run])
     if away.max() > ARRIVED:

@@ -23,7 +23,7 @@ SAME = 1e-6
 
 
 @dataclass(frozen=True)
-class Found:
+class MomentFit:
     """What logs say, or why they say nothing."""
 
     moment: Array
@@ -40,7 +40,7 @@ class Found:
     """A sentence; empty when all is well."""
 
 
-def found_in(recordings: Sequence[Recording], platform: Platform, guesses: Array) -> Found:
+def found_in(recordings: Sequence[Recording], platform: Platform, guesses: Array) -> MomentFit:
     """J and m r by prediction error from some logs, together.
 
     Args:
@@ -71,12 +71,12 @@ def found_in(recordings: Sequence[Recording], platform: Platform, guesses: Array
     entries = best.base.entries(best.theta)
     xx, yy, zz, xy, xz, yz = entries[:6]
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return Found(entries[6:], spread[6:, 6:], best.quantile, inertia, best.misfit[0])
+    return MomentFit(entries[6:], spread[6:, 6:], best.quantile, inertia, best.misfit[0])
 
 
-def _failed(sentence: str) -> Found:
+def _failed(sentence: str) -> MomentFit:
     nothing = Misfit("", np.nan, np.nan, np.nan)
-    return Found(np.zeros(3), np.eye(3), 1.96, np.eye(3), nothing, sentence)
+    return MomentFit(np.zeros(3), np.eye(3), 1.96, np.eye(3), nothing, sentence)
 
 
 class Fits:
@@ -94,13 +94,13 @@ class Fits:
         self._wait = wait
         self._workers = workers
         self._pool = Pool(workers) if workers else None
-        self._asked: dict[int, Future[Found]] = {}
+        self._asked: dict[int, Future[MomentFit]] = {}
 
     def ask(self, run: int, recordings: Sequence[Recording], guesses: Array) -> None:
         """Begin to identify a run's logs, all together, from guesses (k, 3) of m r [kg m]."""
         logs = tuple(recordings)
         if self._pool is None:
-            future: Future[Found] = Future()
+            future: Future[MomentFit] = Future()
             future.set_result(found_in(logs, self._platform, guesses))
         else:
             try:
@@ -111,7 +111,7 @@ class Fits:
                 future = self._pool.submit(found_in, logs, self._platform, guesses)
         self._asked[run] = future
 
-    def answer(self, run: int) -> Found | None:
+    def answer(self, run: int) -> MomentFit | None:
         """What was found for a run; None while it is being looked for.
 
         Where its process died, of too little memory for one, that is why nothing was found; what is

@@ -21,10 +21,8 @@ from twin.plant.plant import Plant
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform
 from twin.procedures.means import Reach
-from twin.procedures.notes import Notes, Remark
-from twin.procedures.phases import Phase
+from twin.procedures.plan import Notes, Phase, Remark, Statement
 from twin.procedures.setup import WAYS, balancing, random_offsets, refuse, usual_target
-from twin.procedures.statement import Statement
 from twin.reference import Hold
 from twin.service.first_use import armed
 from twin.shown import Shown
@@ -42,7 +40,7 @@ _DAMPING = ("command_dipole", "command_gimbal_rate", "command_wheel_torque")
 
 
 @dataclass(frozen=True)
-class Session:
+class BalancingSession:
     """What is asked of a balancing. Names of options in its errors are those of `twin balance`."""
 
     procedure: str = "direct"
@@ -223,7 +221,7 @@ class Balanced(Shown):
     """How a balancing ended, and what it leaves."""
 
     platform: Platform
-    session: Session
+    session: BalancingSession
     target: float
     """[N m]."""
     outcome: Outcome

@@ -12,11 +12,9 @@ from twin.errors import TwinError, UnknownName, UsageError
 from twin.platform import Platform
 from twin.procedures.balancing import Balancing
 from twin.procedures.fits import Fits
-from twin.procedures.lab import Lab
-from twin.procedures.logbook import Logbook
+from twin.procedures.logbook import Lab, Logbook
 from twin.procedures.means import Reach, mean_inertia
-from twin.procedures.notes import Notes, Remark
-from twin.procedures.plan import AIM, Aim
+from twin.procedures.plan import AIM, Aim, Notes, Remark
 from twin.reference import Hold, Reference, parse_reference
 
 Array = NDArray[np.float64]

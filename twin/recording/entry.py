@@ -1,7 +1,7 @@
 """One [streams.NAME] of a log.toml, checked key by key, and the series in the file it names."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.config import Table
-from twin.errors import UnknownName
-from twin.recording.clocks import (
-    clocks_among,
-    counted,
-    counts_samples,
-    is_count,
-    lost_by_counter,
-)
+from twin.errors import LogError, UnknownName
 from twin.recording.column_names import (
     in_order,
     is_clock,
@@ -26,16 +19,171 @@ from twin.recording.column_names import (
     stated_time_unit,
     stated_unit,
 )
-from twin.recording.entry_units import noise_of, scale_of, si_of, time_factor, unit_of
 from twin.recording.formats import ARRAYS, ENDINGS, TEXTS, TOPICS, NumberFile, OpenFiles
-from twin.recording.quaternions import DIRECTIONS, LAYOUTS, attitude, columns_of, started
 from twin.recording.recording import Series
-from twin.recording.rows import mended, own
-from twin.recording.turns import CONTINUOUS, unwrapped
+from twin.recording.rows import (
+    CONTINUOUS,
+    DIRECTIONS,
+    LAYOUTS,
+    attitude,
+    columns_of,
+    mended,
+    own,
+    started,
+    unwrapped,
+)
 from twin.signals import LOGGED, Stream, stream_named
-from twin.units import Unit, known_unit
+from twin.units import Unit, known_unit, unit_named
 
 Array = NDArray[np.float64]
+
+
+WRAPS = (2.0**8, 2.0**16, 2.0**32)
+"""Where counters of one, two and four bytes begin anew."""
+USUALLY = 0.5
+"""Share of the rows at least that follow one another by such a counter."""
+EVEN = 0.2
+"""Share of the usual step by which most steps of a clock differ at most."""
+MOST_LISTED = 3
+"""Clocks that an error proposes."""
+
+
+def is_count(time: Array) -> bool:
+    """Whether a column counts rows: whole numbers in steps of one."""
+    return len(time) > 2 and bool((np.diff(time) == 1.0).all() and time[0] == np.round(time[0]))
+
+
+def counted(count: Array) -> tuple[Array | None, str]:
+    """A counter of samples from 0, without its wraps; else None, and why it is none."""
+    whole = count == np.round(count)
+    if not whole.all():
+        return None, f"holds {count[~whole][0]:g}, which is no count of samples"
+    steps = np.diff(count)
+    if (steps < 0.0).any():
+        modulus = next((wrap for wrap in WRAPS if wrap > count.max()), None)
+        back = -steps[steps < 0.0]
+        if modulus is None or (back < 0.5 * modulus).any():
+            return None, "goes back, so it is no count of samples"
+        steps = np.where(steps < 0.0, steps + modulus, steps)
+    return np.concatenate([[0.0], np.cumsum(steps)]), ""
+
+
+def counts_samples(count: Array) -> bool:
+    """Whether a counter, which nobody named, goes up by one as a rule, and never stays."""
+    steps = np.diff(count)
+    return len(steps) > 0 and bool((steps >= 1.0).all()) and float((steps == 1.0).mean()) > USUALLY
+
+
+def lost_by_counter(count: Array, name: str, where: str) -> tuple[str, ...]:
+    """A sentence where a counter says that samples were lost."""
+    lost = int(count[-1]) + 1 - len(np.unique(count))
+    if not lost:
+        return ()
+    rows = "1 row" if lost == 1 else f"{lost} rows"
+    return (f"{where}: {rows} of {int(count[-1]) + 1} lost, by the counter {name!r}",)
+
+
+def clocks_among(file: NumberFile, names: Sequence[str]) -> list[str]:
+    """Columns that could be the times: called so and never going back; else any that rises evenly.
+
+    Args:
+        file: of the columns.
+        names: those to look at.
+    """
+    called: list[str] = []
+    even: list[str] = []
+    for name in names:
+        try:
+            steps = np.diff(file.numbers((name,))[:, 0])
+        except LogError:  # text
+            continue
+        if not len(steps) or not (steps >= 0.0).all() or (steps > 0.0).mean() < 0.5:
+            continue
+        usual = float(np.median(steps))
+        if names_a_clock(name):
+            called.append(name)
+        elif np.mean(np.abs(steps - usual) < EVEN * usual) > 0.5:
+            even.append(name)
+    return (called or even)[:MOST_LISTED]
+
+
+TWICE = 3e-3
+"""A scale that is so near to its unit's factor (0.0175 of a degree) converts a second time."""
+
+
+def time_factor(table: Table) -> float:
+    """To seconds."""
+    if "time_scale" in table:
+        if "time_unit" in table:
+            raise table.fail("time_scale", "is given beside `time_unit`", "remove one of them")
+        scale = table.number("time_scale", low=0.0, unit="s a count")
+        if scale == 0.0:
+            raise table.fail("time_scale", "is 0", "give the seconds of one count")
+        return scale
+    text = table.text("time_unit", "s")
+    try:
+        unit = unit_named(text)
+    except UnknownName:
+        raise table.fail(
+            "time_unit",
+            f"is {text!r}, no unit",
+            "use s, ms or us, or `time_scale`, the seconds of one count",
+        ) from None
+    if unit.si != "s":
+        raise table.fail("time_unit", f"is {text!r}, a unit of {unit.si}", "use s, ms or us")
+    return unit.factor
+
+
+def si_of(canonical: Stream | None, layout: str) -> str:
+    """The unit that the file's values must come to; empty where any will do."""
+    if layout.startswith("euler") or layout == "rotation_vector":
+        return "rad"
+    return canonical.unit if canonical else ""
+
+
+def unit_of(table: Table, name: str, canonical: Stream | None, layout: str) -> Unit:
+    """Of the file's values."""
+    si = si_of(canonical, layout)
+    text = table.text("unit", si or None)
+    try:
+        unit = unit_named(text)
+    except UnknownName as unknown:
+        raise table.fail("unit", f"is {text!r}", str(unknown)) from None
+    if si and unit.si != si and "scale" not in table:
+        raise table.fail(
+            "unit", f"is {text!r}, but {name} is in {si}", f"use a unit of {si}, or add `scale`"
+        )
+    return unit
+
+
+def scale_of(table: Table, unit: Unit, si: str) -> float:
+    """What the values are multiplied by after that."""
+    if table.raw("scale", 1.0) == "fit":
+        return 1.0
+    scale = table.number("scale", 1.0)
+    if scale == 0.0:
+        raise table.fail("scale", "is 0", "give the factor to SI")
+    converts = unit.si == si and unit.factor != 1.0
+    if converts and abs(scale / unit.factor - 1.0) < TWICE:
+        raise table.fail(
+            "scale",
+            f"is {scale:g}, which is {table.text('unit')} in {si}, and `unit` converts already",
+            "remove `scale`, which multiplies what `unit` gives",
+        )
+    return scale
+
+
+def noise_of(table: Table, canonical: Stream | None) -> Array | None:
+    """(k,) or (1,) 1 sigma of a sample [SI]; None where nothing is stated."""
+    if "noise" not in table:
+        return None
+    unit = canonical.unit if canonical else "its SI unit"
+    size = None if isinstance(table.raw("noise"), list) else 1
+    noise = table.numbers("noise", size, low=0.0, unit=unit)
+    if not noise.all():
+        raise table.fail("noise", "is 0", "give what a sample scatters by, or leave it out")
+    return noise
+
 
 WXYZ = ("w", "x", "y", "z")
 QUATERNIONS = LAYOUTS[:2]

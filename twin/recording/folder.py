@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
 from twin.errors import RecordingError, UnknownName
+from twin.files import whole_folder
 from twin.recording.recording import Recording, Series
 from twin.signals import stream_named
 from twin.stop import check
-from twin.whole_file import whole_folder
 
 Format = Literal["csv", "parquet", "mat", "mcap"]
 

@@ -1,22 +1,26 @@
-"""A measured log on disk: a folder with log.toml and tables (docs/design.md 4.3) -> `Recording`.
+"""A measured log or a recording on disk -> `Recording`.
 
+A measured log on disk: a folder with log.toml and tables (docs/design.md 4.3) -> `Recording`.
 What is wrong with a table is an error with file, line and remedy; what can be mended without
 guessing is mended, counted and said in `Recording.repairs`. Nothing is dropped silently.
 """
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from twin.config import Table, read_toml
-from twin.errors import LogError, UnknownName
+from twin.errors import LogError, RecordingError, UnknownName
 from twin.library import find_model
 from twin.recording.entry import Entry
 from twin.recording.environment import read_field, read_gravity
-from twin.recording.formats import OpenFiles, Say, silent
+from twin.recording.formats import ENDINGS, OpenFiles, Say, silent
 from twin.recording.pauses import restricted, without_long_pauses
+from twin.recording.read import read_recording, which
 from twin.recording.recording import Recording, Series
+from twin.stop import check
 
 SOON = 60.0
 """A log that begins later than this [s], and than it is long, counts from 1970 or from power-on:
@@ -145,3 +149,33 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list):
         return [_plain(entry) for entry in value]  # pyright: ignore
     return value if isinstance(value, str | int | float | bool) else str(value)
+
+
+def open_log(path: str | Path, say: Say = silent) -> Recording:
+    """Read an `.rrd`, a folder that holds a log.toml, or that log.toml; its `provenance` has the
+    path as its `source`. `say` takes a line of progress where that takes more than a moment.
+
+    Raises:
+        RecordingError: no such thing, or an `.rrd` that cannot be read.
+        LogError: a folder that cannot be read, or a file that belongs into one.
+        Stopped: a stop was requested.
+    """
+    check()
+    path = Path(path)
+    if path.is_dir() or path.name == "log.toml":
+        return _from(path, read_log(path, say))
+    if not which(path)[0].exists():
+        raise RecordingError(
+            path, "there is no such log", "name an .rrd, or a folder that holds a log.toml"
+        )
+    if path.suffix.lower() in ENDINGS:
+        raise LogError(
+            path,
+            "is a file of numbers that does not say what they are",
+            "put it into a folder with a log.toml that does (docs/logs.md), and name the folder",
+        )
+    return _from(path, read_recording(path))
+
+
+def _from(path: Path, recording: Recording) -> Recording:
+    return replace(recording, provenance={**recording.provenance, "source": str(path)})

@@ -1,34 +1,108 @@
-"""An `.rrd` of ours -> `Recording`, to the last bit; a file that was cut short is mended first."""
+"""An `.rrd` of ours -> `Recording`, to the last bit; its names, and the lock of its writer.
+
+Who writes a recording, so that a reader who comes while it is being finished waits for it.
+
+While a run goes on its writer holds a shared lock on the file; once the run has ended, by whatever
+end, an exclusive one until the file is complete. Where the system has no such locks (Windows) every
+file counts as finished.
+"""
 
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import RecordingError
 from twin.processes import run
-from twin.recording.lock import wait_until_finished
 from twin.recording.recording import Recording, Series
-from twin.recording.schema import (
-    COLUMNS,
-    ENDING,
-    PROVENANCE,
-    SCHEMA,
-    STREAM,
-    TEXT,
-    TIME,
-    UNIT,
-    VALUE,
-)
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+
+if sys.platform != "win32":
+    import fcntl
+
+FINISHING_TIMEOUT = 20.0
+"""[s] a reader waits for a file that is being finished."""
+
+_GRACE = 0.5
+"""[s] in which a writer notices that the run has ended."""
+
+
+def mark_running(file: IO[bytes]) -> bool:
+    """Hold the shared lock for as long as `file`, or a copy of it in a child process, is open.
+
+    False: somebody else is writing that file.
+    """
+    if sys.platform != "win32":
+        if not _lockable(file, fcntl.LOCK_EX):
+            return False
+        fcntl.flock(file, fcntl.LOCK_SH)
+    return True
+
+
+def mark_finishing(descriptor: int) -> None:
+    """Exchange the shared lock for the exclusive one."""
+    if sys.platform != "win32":
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+
+
+def wait_until_finished(path: Path) -> bool:
+    """Wait for a writer that is finishing `path`; False when the recording still goes on."""
+    if sys.platform == "win32":
+        return True
+    started = time.monotonic()
+    with path.open("rb") as file:
+        while not _lockable(file, fcntl.LOCK_EX):
+            waited = time.monotonic() - started
+            if waited > FINISHING_TIMEOUT:
+                return False
+            if waited > _GRACE and _lockable(file, fcntl.LOCK_SH):
+                return False
+            time.sleep(0.01)
+    return True
+
+
+def _lockable(file: IO[bytes], kind: int) -> bool:
+    try:
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    fcntl.flock(file, fcntl.LOCK_UN)
+    return True
+
+
+SCHEMA = 1
+"""Version; a reader refuses a newer one. It counts up when an old reader would misread."""
+
+APPLICATION = "airbearing-twin"
+TIMELINE = "time"
+
+PROVENANCE = "provenance"
+"""Entity that holds the facts about the recording, as JSON text."""
+ENDING = "provenance/end"
+"""Entity that says how the recording ended, if not well, as JSON text; written last."""
+
+STREAM = "stream"
+COLUMNS = "columns"
+UNIT = "unit"
+"""Header of a stream's entity: its name, its columns' names, their unit."""
+
+TIME = "host_time"
+"""Exact times of a stream's rows [s], each the eight bytes of a little-endian float64."""
+VALUE = "Scalars:scalars"
+"""Rerun's own component of plotted numbers."""
+TEXT = "TextDocument:text"
+"""Rerun's own component of a text."""
+
 
 Array = NDArray[np.float64]
 

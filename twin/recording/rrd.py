@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rerun.chunk import Chunk
 
 from twin.errors import RecordingError
-from twin.recording.schema import (
+from twin.recording.read import (
     APPLICATION,
     COLUMNS,
     ENDING,

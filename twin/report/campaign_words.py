@@ -1,11 +1,12 @@
-"""What a campaign says, as sentences and rows of tables; and as Markdown."""
+"""A campaign as sentences and rows of tables, as Markdown and as JSON."""
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 from twin.campaigns.answers import Answers, Blamed, Spread
-from twin.campaigns.comparison import Comparison
 from twin.campaigns.merit import METRICS
+from twin.campaigns.statistics import ArmComparison
 from twin.interval import Interval
 from twin.units import fitting
 
@@ -90,7 +91,7 @@ def verdicts(found: Answers) -> list[str]:
     return [comparison_words(one) for one in found.comparisons]
 
 
-def comparison_words(one: Comparison) -> str:
+def comparison_words(one: ArmComparison) -> str:
     """One comparison as a sentence."""
     words = METRICS[one.metric].words
     how = f"on {one.machines} machines that both met" if one.pairs else "on machines of their own"
@@ -141,7 +142,7 @@ def nothing_proven(found: Answers) -> str:
     return f"{said} {machines} machines can hardly prove any: a dozen is a beginning."
 
 
-def comparison_table(comparisons: Sequence[Comparison]) -> Rows:
+def comparison_table(comparisons: Sequence[ArmComparison]) -> Rows:
     """Of two sets of runs, metric by metric."""
     rows = [
         [
@@ -232,23 +233,23 @@ def markdown(found: Answers) -> str:
     parts = [f"# {title(found)}", "", *(f"- {line}" for line in summary(found))]
     if found.comparisons:
         parts += ["", "## Compared", "", *(f"- {line}" for line in verdicts(found))]
-        parts += ["", *_table(comparison_table(found.comparisons))]
+        parts += ["", *_markdown_table(comparison_table(found.comparisons))]
     if found.conditions:
-        parts += ["", CONDITIONS, "", *_table(condition_table(found))]
-    parts += ["", "## Distributions", "", *_table(spread_table(found))]
+        parts += ["", CONDITIONS, "", *_markdown_table(condition_table(found))]
+    parts += ["", "## Distributions", "", *_markdown_table(spread_table(found))]
     head, rows = sensitivity_table(found)
     parts += ["", "## What they depend on", ""]
     if found.indices:
         parts += [INDICES, ""]
-        parts += [*_table(index_table(found)), ""]
-    parts += _table((head, rows)) if rows else [nothing_proven(found)]
+        parts += [*_markdown_table(index_table(found)), ""]
+    parts += _markdown_table((head, rows)) if rows else [nothing_proven(found)]
     if found.points:
-        parts += ["", "## Over the grid", "", *_table(point_table(found))]
-    parts += ["", "## Worst runs", "", *_table(worst_table(found))]
+        parts += ["", "## Over the grid", "", *_markdown_table(point_table(found))]
+    parts += ["", "## Worst runs", "", *_markdown_table(worst_table(found))]
     return "\n".join(parts) + "\n"
 
 
-def _table(rows: Rows) -> list[str]:
+def _markdown_table(rows: Rows) -> list[str]:
     head, cells = rows
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     # the size of a factor is written with bars, which would end a cell
@@ -294,3 +295,112 @@ def _number(value: float, unit: str) -> str:
 
 def _p(value: float) -> str:
     return "below 1e-9" if value < 1e-9 else f"{value:.2g}"
+
+
+def campaign_document(found: Answers) -> dict[str, Any]:
+    """One document; what is not known is null when it is printed."""
+    results, spec = found.results, found.results.spec
+    units = {factor.name: factor.unit for factor in spec.factors}
+    return {
+        "runs": len(results.run),
+        "of": spec.runs,
+        "ended": found.ended,
+        "reasons": [
+            {"reason": reason, "count": count, "first_run": run}
+            for reason, count, run in found.reasons
+        ],
+        "metrics": [
+            {
+                "arm": one.arm,
+                "metric": one.metric,
+                "unit": METRICS[one.metric].unit,
+                "count": one.count,
+                "mean": one.mean.document(),
+                "median": one.median.document(),
+                "percentile_95": one.high.document(),
+            }
+            for one in found.spreads
+        ],
+        "points": [
+            {
+                "arm": one.arm,
+                "at": dict(one.at),
+                "metric": one.metric,
+                "unit": METRICS[one.metric].unit,
+                "count": one.count,
+                "median": one.median.document(),
+                "percentile_95": one.high.document(),
+            }
+            for one in found.points
+        ],
+        "touched_the_stop": found.at_stop,
+        "sensitivities": [
+            {
+                "arm": one.arm,
+                "metric": one.metric,
+                "factor": one.factor,
+                "rank_correlation": one.correlation.document(),
+                "certain": one.certain,
+            }
+            for one in found.sensitivities
+        ],
+        "sobol_indices": [
+            {
+                "arm": one.arm,
+                "metric": one.metric,
+                "factor": one.factor,
+                "first_order": one.first.document(),
+                "total": one.total.document(),
+                "points": one.count,
+            }
+            for one in found.indices
+        ],
+        "comparisons": [
+            {
+                "one": one.one,
+                "other": one.other,
+                "metric": one.metric,
+                "pairs": one.pairs,
+                "machines": one.machines,
+                "ratio_of_means": one.ratio.document(),
+                "smaller_in": one.wins,
+                "same_in": one.ties,
+                "p": one.p,
+            }
+            for one in found.comparisons
+        ],
+        "conditions": [
+            {
+                "one": one.one,
+                "other": one.other,
+                "metric": one.metric,
+                "factor": one.factor,
+                "low": one.low,
+                "high": one.high,
+                "unit": units[one.factor.strip("|")],
+                "pairs": one.pairs,
+                "ratio_of_means": one.ratio.document(),
+            }
+            for one in found.conditions
+        ],
+        "worst": [
+            {
+                "run": one.run,
+                "arm": one.arm,
+                "metric": one.metric,
+                "value": one.value,
+                "unit": METRICS[one.metric].unit,
+                "blamed": [
+                    {
+                        "factor": blamed.factor,
+                        "value": blamed.value,
+                        "unit": units[blamed.factor.strip("|")],
+                        "share_below": blamed.below,
+                        "share_above": blamed.above,
+                    }
+                    for blamed in one.blamed
+                ],
+            }
+            for one in found.worst
+        ],
+    }

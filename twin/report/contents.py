@@ -1,4 +1,4 @@
-"""What is in a log: each stream's rows, clock, gaps, ranges and noise, in words and as JSON."""
+"""The contents of a log: rows, clock, gaps, ranges and noise, in words and as JSON."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import rotation
+from twin.comparison.account import Account
 from twin.conventions import ConventionAdvice, convention_advice
 from twin.errors import TwinError, UnknownName, UsageError
 from twin.noise import StreamNoise, measure_noise, noise_findings
 from twin.noise.cleaning import cleaned
-from twin.noise.clock import GAP, clock_of
-from twin.noise.held import measurements
+from twin.noise.stream import GAP, clock_of
+from twin.noise.stuck import measurements
 from twin.noise.tachometer import with_signs
 from twin.platform import Platform, beyond_stated, check_columns, in_order_of, taken_as_at_rest
 from twin.predict.logs import (
@@ -26,7 +27,7 @@ from twin.predict.logs import (
 )
 from twin.recording import Recording, Series
 from twin.shown import Shown
-from twin.signals import DERIVED, LOGGED, STREAMS, stream_named
+from twin.signals import DERIVED, LOGGED, PREDICTED, RESIDUAL, STREAMS, stream_named
 from twin.units import fitting, printed, three_digits
 
 Array = NDArray[np.float64]
@@ -390,3 +391,25 @@ def _impossible(recording: Recording, platform: Platform, *, read_rightly: bool)
     except TwinError:  # without the streams that show a motion
         pass
     return []
+
+
+def with_prediction(account: Account) -> Recording:
+    """An account's first log plus `predicted_*` (a start fitted a stretch) and `residual_*`.
+
+    The residual of an attitude is a rotation vector [rad] in body axes.
+    """
+    body = account.problem.bodies[0]
+    streams = dict(body.recording.streams)
+    for output, left in zip(body.outputs, account.left[0], strict=True):
+        error = left * output.sigma
+        series = body.recording[output.stream]
+        if output.stream == "attitude":
+            predicted = rotation.multiply(output.value, rotation.from_rotation_vector(-error))
+        else:
+            predicted = output.value - error
+        unit = "rad" if output.stream == "attitude" else series.unit
+        streams[f"{PREDICTED}{output.stream}"] = Series(
+            output.time, predicted, series.columns, series.unit
+        )
+        streams[f"{RESIDUAL}{output.stream}"] = Series(output.time, error, output.columns, unit)
+    return replace(body.recording, streams=streams)

@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 
 from twin.contrast import Contrast, Difference
 from twin.errors import UsageError
+from twin.files import whole
 from twin.report.style import FIGURE, PALETTE
 from twin.units import fitting, printed
-from twin.whole_file import whole
 
 
 def contrast_words(contrast: Contrast) -> str:

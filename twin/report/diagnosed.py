@@ -1,6 +1,7 @@
-"""What a diagnosis found, in sentences."""
+"""A diagnosis in sentences, with the next experiment."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -8,19 +9,132 @@ from twin.comparison.explanation import HORIZONS, FreeRun
 from twin.diagnosis import Diagnosis
 from twin.diagnosis.cause import Cause, Equation
 from twin.diagnosis.diagnosis import crowded, foretells_nothing, ordinary, strays
+from twin.diagnosis.experiment import Experiment
 from twin.diagnosis.extension import Validation
 from twin.diagnosis.laws import TORQUE
-from twin.diagnosis.pushes import Push
+from twin.diagnosis.pushes import PushInterval
 from twin.diagnosis.residual_test import ResidualTest
 from twin.identification.excitation import not_excited
 from twin.identification.prediction_error import NORMAL
 from twin.platform import beyond_stated, taken_as_at_rest
 from twin.predict.columns import amplitudes
-from twin.report.next_experiment import experiment_sentence
-from twin.report.one_clock import one_clock_sentences
 from twin.report.words import MEANINGFUL, NO_INTERVALS, pair, quiet_sentences
 from twin.signals import stream_named
 from twin.units import as_precise, fitting, listed, printed, three_digits
+
+LAG = "clock_lag"
+
+
+def one_clock_sentences(found: Diagnosis) -> list[str]:
+    """Which clock it is, theirs or that of all else; nothing where the lags differ."""
+    late = [cause for cause in found.causes if cause.effect.name == LAG]
+    if len(late) < 2 or not _equal(late):
+        return []
+    streams = [cause.effect.target for cause in late]
+    lag = float(np.mean([cause.effect.values[0] for cause in late]))
+    others = sorted(_in_use(found) - set(streams))
+    if not others:
+        return []
+    way, other = ("late", "early") if lag > 0.0 else ("early", "late")
+    size = printed(abs(lag), "s")
+    return [
+        f"{listed(streams)} are {way} by the same time, {size}: rather than {len(streams)} clocks "
+        f"it is one that is off, theirs, or that of {listed(others)}, {other} by {size}."
+    ]
+
+
+def _equal(late: Sequence[Cause]) -> bool:
+    """Whether their intervals have a time in common."""
+    lags = np.array([cause.effect.values[0] for cause in late])
+    halves = np.array([cause.half_widths[0] for cause in late])
+    return bool((lags - halves).max() <= (lags + halves).min())
+
+
+def _in_use(found: Diagnosis) -> set[str]:
+    """What the logs are predicted with, and what of, that changes: else no clock shows."""
+    return {
+        name
+        for body in found.explained.bodies
+        for name in (*body.inputs.used, *(output.stream for output in body.outputs))
+        if name in body.recording and np.ptp(body.recording[name].value, axis=0).any()
+    }
+
+
+_FRICTION = (
+    "let it turn fast and run down to rest, for the laws differ in how the torque falls with rate"
+)
+_CLOCK = "mark one event in both streams, or log for longer: a drift grows and a lag does not"
+
+OUT_OF_REACH = {
+    "residual_dipole": "turn, reverse or switch off the magnetic field, which moves the dipole's "
+    "torque and no other",
+    "bearing_swirl_torque": "change the pressure of the air, which changes the bearing's own "
+    "torque and no other",
+    "bearing_viscous_friction": _FRICTION,
+    "bearing_coulomb_friction": _FRICTION,
+    "aerodynamic_drag": _FRICTION,
+    "harness_stiffness": "take the cable off",
+    "room_draft": "shield the machine from the room's air",
+    "clock_lag": _CLOCK,
+    "clock_drift": _CLOCK,
+    "sensor_lag": "move it fast and slowly by turns: a filter delays the fast motion otherwise",
+    "gyro_scale_factor": "turn it by an angle that is known otherwise",
+    "attitude_misalignment": "turn it about one axis at a time before a reference outside of it",
+    "attitude_reference_tilt": "set a level before what measures the attitude, or turn the machine "
+    "by half a turn about the vertical: what is fixed in the room stays",
+    "wheel_misalignment": "spin up one wheel at a time, the others at rest",
+    "wheel_inertia_error": "mount a body of known inertia",
+}
+"""What no run of the library does, by the cause that it sets apart."""
+
+
+def experiment_sentence(found: Experiment) -> str:
+    """What to do next, what it should bring, and beside what."""
+    nearest, split = _least(found.splits)
+    _, again = _least(found.repeated)
+    bar = f"where {found.needed:g} would do"
+    if found.enough:
+        return (
+            f"To tell them apart, make on the machine the run that this rehearses: "
+            f"{found.command}. With its log beside these, {nearest} as the nearest should be "
+            f"{split:.1f} behind in evidence, {bar}; the same logs made once more would leave "
+            f"{again:.1f}."
+        )
+    if again >= found.needed:
+        return (
+            f"To tell them apart, make the same logs once more: that should leave none of them "
+            f"less than {again:.1f} behind, {bar}; no other run that was tried does as well "
+            f"({split:.1f})."
+        )
+    close = [label for label, size in found.splits.items() if size < found.needed]
+    ways = dict.fromkeys(_way(found, label) for label in close)
+    said = "; ".join(way for way in ways if way)
+    return (
+        f"No run that was tried tells them apart: the best, {found.command}, would leave "
+        f"{nearest} {split:.1f} behind, {bar}, and the same logs made once more {again:.1f}."
+        + (f" What could: {said}." if said else "")
+    )
+
+
+def experiment_document(found: Experiment) -> dict[str, Any]:
+    """For `--json`; the command is null where no run splits the ties."""
+    return {
+        "command": found.command if found.enough else None,
+        "splits": dict(found.splits),
+        "repeated": dict(found.repeated),
+        "sentence": experiment_sentence(found),
+    }
+
+
+def _least(sizes: Mapping[str, float]) -> tuple[str, float]:
+    return min(sizes.items(), key=lambda one: one[1])
+
+
+def _way(found: Experiment, label: str) -> str:
+    """To set a tied cause, or else the one named in its place, apart."""
+    names = [label.partition(":")[0], *(one.partition(":")[0] for one in found.named)]
+    return next((OUT_OF_REACH[name] for name in names if name in OUT_OF_REACH), "")
+
 
 FAR = 0.5
 """Of a mean principal moment, or of the whole mass 1 mm off: a refitted base that moved more."""
@@ -58,7 +172,7 @@ def diagnosed(found: Diagnosis) -> list[str]:
     return said
 
 
-def push_sentence(pushes: Sequence[Push]) -> str:
+def push_sentence(pushes: Sequence[PushInterval]) -> str:
     """When something happened that no model has."""
     when = ", ".join(
         f"from {push.start:.2f} to {push.stop:.2f} s of {push.source}" for push in pushes

@@ -1,38 +1,127 @@
-"""One self-contained HTML page about a diagnosis: verdict, before and after, causes, what next."""
+"""A diagnosis as one HTML page, its figures and its JSON document."""
 
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
 from twin.comparison import log_name
-from twin.diagnosis import Diagnosis, Experiment, Validation
+from twin.diagnosis import Cause, Diagnosis, Experiment, Validation
+from twin.files import write_whole
 from twin.identification.prediction_error import NORMAL
+from twin.platform import taken_as_at_rest
 from twin.report.diagnosed import (
     cause_sentences,
     could_show,
     diagnosed,
     equation_sentence,
+    equation_text,
+    experiment_document,
+    experiment_sentence,
     first_of,
+    one_clock_sentences,
     push_sentence,
     validated,
     verdict_sentence,
 )
-from twin.report.diagnosis_figures import (
-    before_after_figure,
-    evidence_figure,
-    left_figure,
-    prediction_figure,
+from twin.report.document import free_run_document
+from twin.report.figures import BEST, BUILT, drawn_motion, drawn_residuals, run_caption, run_to_show
+from twin.report.style import (
+    FIGURE,
+    INK,
+    PALETTE,
+    SOFT,
+    bullets,
+    foot,
+    framed,
+    page,
+    table,
+    typeset,
 )
-from twin.report.figures import run_caption, run_to_show
-from twin.report.foot import foot
-from twin.report.next_experiment import experiment_sentence
-from twin.report.one_clock import one_clock_sentences
-from twin.report.style import bullets, framed, page, table, typeset
 from twin.report.words import MEANINGFUL, pair
 from twin.units import three_digits
-from twin.whole_file import write_whole
+
+BAND = "#e3edf2"
+BEFORE, AFTER = PALETTE[1], PALETTE[0]
+LISTED = 18
+"""Causes that are drawn, the strongest alone first."""
+
+
+def prediction_figure(found: Diagnosis) -> Figure:
+    """Of the first log, the measured motion, and free runs of the model without the causes and with
+    them."""
+    body = found.explained.bodies[0]
+    run = run_to_show(found.free_runs, body)
+    return drawn_motion(body.motion, run, before="before", after="after")
+
+
+def left_figure(found: Diagnosis) -> Figure:
+    """Of the first log, the residual of each stream, without the causes and with them."""
+    accounts = [(found.baseline.account, BUILT, "before"), (found.explained.account, BEST, "after")]
+    return drawn_residuals(found.explained.bodies[0], accounts)
+
+
+def before_after_figure(found: Diagnosis) -> Figure:
+    """Chi-square a sample of each stream over time, without the causes and with them."""
+    with mpl.rc_context(FIGURE):
+        before = found.baseline.account.misfits
+        after = found.explained.account.misfits
+        streams = list(dict.fromkeys(part.stream for part in after))
+        figure = Figure(figsize=(9.6, 0.8 + 1.8 * len(streams)))
+        panels = figure.subplots(len(streams), 1, squeeze=False, sharex=True)[:, 0]
+        for panel, stream in zip(panels, streams, strict=True):
+            top = 1.0
+            for parts, color, label in ((before, BEFORE, "before"), (after, AFTER, "after")):
+                own = [part for part in parts if part.stream == stream]
+                mean = np.mean([part.block_chi2 for part in own], axis=0)
+                panel.plot(own[0].block_time, mean, "o-", ms=3.5, color=color, label=label)
+                top = max(top, float(mean.max()))
+            own = [part for part in after if part.stream == stream]
+            half = (own[0].block_band - 1.0) / np.sqrt(len(own))
+            panel.fill_between(
+                own[0].block_time, *(1.0 + half.T), color=BAND, lw=0.0, label="a true model, 95 %"
+            )
+            if top > 5.0:
+                panel.set_yscale("log")
+            panel.set_ylabel(f"{stream}\nchi² a sample")
+        panels[0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        panels[-1].set_xlabel("time [s]")
+        return figure
+
+
+def evidence_figure(found: Diagnosis) -> Figure:
+    """What each cause explains on its own, and what it still adds beside those that were found."""
+    with mpl.rc_context(FIGURE):
+        rows = [(c.effect.label, c.alone, c.evidence, True) for c in found.causes]
+        rows += [(t.label, t.alone, t.evidence, False) for t in found.tried]
+        rows = sorted(rows, key=lambda row: -row[1])[:LISTED]
+        figure = Figure(figsize=(9.6, 1.0 + 0.3 * len(rows)))
+        panel = figure.subplots()
+        for place, (_, alone, beside, chosen) in enumerate(rows):
+            panel.barh(-place + 0.17, max(alone, 0.0), height=0.3, color=SOFT, alpha=0.45)
+            color = AFTER if chosen else BEFORE
+            panel.barh(-place - 0.17, max(beside, 0.0), height=0.3, color=color)
+        panel.set_xscale("symlog", linthresh=10.0)
+        panel.set_xlim(0.0, 1.5 * max([row[1] for row in rows] + [10.0]))
+        panel.set_yticks(
+            [-place for place in range(len(rows))],
+            [label.replace("_", " ").replace(":", " of ") for label, *_ in rows],
+            color=INK,
+        )
+        panel.grid(visible=False, axis="y")
+        for color, label in (
+            (SOFT, "on its own"),
+            (AFTER, "named: what is lost without it"),
+            (BEFORE, "not named: what it would add"),
+        ):
+            panel.plot([], [], "s", color=color, label=label)
+        panel.legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        panel.set_xlabel("evidence: fall of −2 log likelihood, less the price of its numbers")
+        return figure
 
 
 def write_diagnosis(path: Path, found: Diagnosis, gain: Validation | None) -> None:
@@ -167,3 +256,130 @@ def _base_table(found: Diagnosis) -> str:
         cells = [f"{pair(float(theta[i]), float(half[i]))} {unit}" for theta, half in sides]
         rows.append([name, f"{three_digits(float(base.as_stated[i]))} {unit}", *cells])
     return table(["parameter", "as stated", "refitted", "refitted with the causes"], rows)
+
+
+def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[str, Any]:
+    """What `twin diagnose --json` prints (docs/design.md 4.5); SI throughout."""
+    explained, gain = found.explained, found.held_out
+    p = len(explained.at.theta)
+    covariance = explained.covariance[:p, :p]
+    return {
+        "verdict": found.verdict,
+        "intervals_hold": found.intervals_hold,
+        "sentence": verdict_sentence(found),
+        "causes": [_cause(cause) for cause in found.causes],
+        "wander": _wander(found),
+        "base": dict(explained.base.table(explained.at.theta, covariance, NORMAL)),
+        "gain": {
+            "held_out": {
+                "log_likelihood": gain.log_likelihood,
+                "chi2_per_sample": {
+                    "before": gain.before,
+                    "after": gain.after,
+                    "band": [gain.low, gain.high],
+                },
+                "free_run": free_run_document(found.free_runs),
+            },
+            "validation": None if validation is None else _validation(validation),
+        },
+        "equation": None
+        if found.equation is None
+        else {
+            "text": equation_text(found.equation),
+            "evidence": found.equation.evidence,
+            "terms": [
+                {
+                    "what": law.what,
+                    "column": law.column,
+                    "factors": list(law.factors),
+                    "unit": law.unit,
+                    "value": value,
+                    "low": value - half,
+                    "high": value + half,
+                }
+                for law, value, half in zip(
+                    found.equation.laws,
+                    found.equation.coefficients.tolist(),
+                    found.equation.half_widths.tolist(),
+                    strict=True,
+                )
+            ],
+        },
+        "pushes": [
+            {"log": push.source, "start": push.start, "stop": push.stop} for push in found.pushes
+        ],
+        "next_experiment": None
+        if found.next_experiment is None
+        else experiment_document(found.next_experiment),
+        "remainder": {
+            "chance": found.residual_test.chance,
+            "torque_gain": found.residual_test.torque_gain,
+            "directions": found.residual_test.freedom,
+        },
+        "tried": [
+            {
+                "label": tried.label,
+                "evidence": tried.evidence,
+                "alone": tried.alone,
+                "detectable": dict(zip(tried.names, tried.detectable.tolist(), strict=True)),
+            }
+            for tried in found.tried
+        ],
+        "not_asked": dict(found.not_asked),
+        "conventions": [finding.sentence for finding in found.conventions],
+        "noise": [finding.sentence for finding in found.noise],
+        "taken_as_at_rest": list(taken_as_at_rest(found.recordings, found.platform)),
+        "repairs": [repair for log in found.recordings for repair in log.repairs],
+    }
+
+
+def _wander(found: Diagnosis) -> dict[str, Any]:
+    noise = found.wander
+    torque = noise.torque
+    shared = bool(found.causes) and (noise.wanders or not found.explained.follows)
+    return {
+        "torque": None if torque is None else {"rms": torque.rms, "time": torque.time},
+        "errors": {stream: {"rms": one.rms, "time": one.time} for stream, one in noise.errors},
+        "white_noise": dict(noise.scales),
+        "carried_by_causes": found.carried if shared else None,
+    }
+
+
+def _cause(cause: Cause) -> dict[str, Any]:
+    parameters: dict[str, Any] = {}
+    first = 0
+    for known in cause.effect.parameters():
+        own = slice(first, first + known.size)
+        first += known.size
+        value, half = cause.effect.values[own], cause.half_widths[own]
+        ends = (value, value - half, value + half)
+        scalar = known.size == 1 and not isinstance(known.typical, tuple)
+        parameters[known.name] = {
+            key: float(part[0]) if scalar else part.tolist()
+            for key, part in zip(("value", "low", "high"), ends, strict=True)
+        } | {"unit": known.unit}
+    return {
+        "name": cause.effect.name,
+        "target": cause.effect.target or None,
+        "evidence": cause.evidence,
+        "confidence": cause.confidence,
+        "parameters": parameters,
+        "ties": [
+            {
+                "name": tie.label.partition(":")[0],
+                "target": tie.label.partition(":")[2] or None,
+                "behind": tie.behind,
+            }
+            for tie in cause.ties
+        ],
+    }
+
+
+def _validation(gain: Validation) -> dict[str, Any]:
+    return {
+        "log_likelihood": gain.log_likelihood,
+        "chi2_per_sample": {"before": gain.before, "after": gain.after},
+        "free_run": free_run_document(gain.free_runs),
+        "conventions": [finding.sentence for finding in gain.conventions],
+        "repairs": list(gain.repairs),
+    }

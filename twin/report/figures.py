@@ -13,7 +13,7 @@ from twin.comparison import Comparison
 from twin.comparison.account import Account
 from twin.comparison.comparison import missing_torque
 from twin.comparison.explanation import FreeRun
-from twin.comparison.symptoms import Domain, standstill
+from twin.comparison.symptoms import SymptomDomain, standstill
 from twin.predict.body import Body
 from twin.predict.innovations import Unexplained
 from twin.predict.logs import Motion
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 MEASURED, BUILT, BEST, BAND = INK, "#c2571a", "#1f6f8b", "#d9e3ea"
 AXES = ("x", "y", "z")
-DOMAINS = dict(zip(Domain, (PALETTE[0], PALETTE[1], PALETTE[2], PALETTE[3]), strict=True))
+DOMAINS = dict(zip(SymptomDomain, (PALETTE[0], PALETTE[1], PALETTE[2], PALETTE[3]), strict=True))
 
 POINTS = 1500
 """Drawn of a long stream: more cannot be told apart, and would make a page of megabytes."""

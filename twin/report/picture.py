@@ -10,12 +10,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.errors import UsageError
-from twin.noise.clock import GAP
+from twin.files import whole, write_whole
+from twin.noise.stream import GAP
 from twin.report.contents import Contents, StreamContents, contents_words
-from twin.report.foot import foot
-from twin.report.style import FIGURE, MISSING, PALETTE, page, svg
+from twin.report.style import FIGURE, MISSING, PALETTE, foot, page, svg
 from twin.units import fitting
-from twin.whole_file import whole, write_whole
 
 Array = NDArray[np.float64]
 

@@ -16,26 +16,20 @@ from twin.campaigns.replay import Replayed
 from twin.comparison import Comparison
 from twin.diagnosis import Diagnosis, Validation
 from twin.errors import TwinError, UsageError
+from twin.files import whole, write_whole
 from twin.flight import Run
 from twin.identification import Identification
 from twin.platform import Platform, platform_of
 from twin.procedures.session import Balanced
 from twin.recording import Recording, write_folder
-from twin.report.balanced import balanced
-from twin.report.campaign_document import campaign_document
-from twin.report.campaign_figures import spread_figure
-from twin.report.campaign_page import campaign_page
-from twin.report.campaign_words import summary, verdicts
+from twin.report.campaign_page import campaign_page, spread_figure
+from twin.report.campaign_words import campaign_document, summary, verdicts
 from twin.report.contents import Contents, contents_document, contents_of, contents_words
 from twin.report.diagnosed import diagnosed, validated
-from twin.report.diagnosis_document import diagnosis_document
-from twin.report.diagnosis_figures import prediction_figure
-from twin.report.diagnosis_page import diagnosis_page
+from twin.report.diagnosis_page import diagnosis_document, diagnosis_page, prediction_figure
 from twin.report.document import document
 from twin.report.figures import motion_figure
-from twin.report.flown import flown
-from twin.report.gyro import gyro_document, gyro_sentences
-from twin.report.identified import identified
+from twin.report.outcomes import balanced, flown, gyro_document, gyro_sentences, identified
 from twin.report.page import comparison_page
 from twin.report.picture import contents_figure, contents_page
 from twin.report.style import FIGURE, INK, PALETTE, page, svg
@@ -44,7 +38,6 @@ from twin.shown import as_json
 from twin.strapdown import GyroComparison
 from twin.stream.runfile import write_recording
 from twin.units import fitting, printed
-from twin.whole_file import whole, write_whole
 
 DRAWN = (".png", ".svg", ".pdf")
 ENDINGS = (".html", ".json", ".txt", *DRAWN)

@@ -9,7 +9,7 @@ from scipy.stats import norm
 from twin.comparison import Comparison, Transfer, name_of
 from twin.comparison.account import (
     Account,
-    Misfit,
+    ColumnMisfit,
     StreamError,
     coloured,
     disturbed,
@@ -17,7 +17,7 @@ from twin.comparison.account import (
     stream_errors,
 )
 from twin.comparison.explanation import FALSE_ALARM, Side, Strength
-from twin.comparison.symptoms import Domain
+from twin.comparison.symptoms import SymptomDomain
 from twin.platform import beyond_stated, taken_as_at_rest
 from twin.predict.body import Body
 from twin.units import fitting, printed, three_digits
@@ -146,7 +146,7 @@ def _verdict(comparison: Comparison) -> str:
     domains = {strength.symptom.domain for strength in strengths}
     if losing:
         what = "The machine loses energy that the model keeps"
-    elif domains <= {Domain.sensor, Domain.clock}:
+    elif domains <= {SymptomDomain.sensor, SymptomDomain.clock}:
         what = "The sensors show what the machine does not do"
     else:
         what = "The machine does what the model does not know"
@@ -212,7 +212,7 @@ def _colour(comparison: Comparison) -> list[str]:
     return [f"What is left of {_listed(columns)} is no white noise: {small} is still missing."]
 
 
-def quiet_sentences(found: Sequence[Misfit]) -> list[str]:
+def quiet_sentences(found: Sequence[ColumnMisfit]) -> list[str]:
     """Of noise that was stated too large, and what comes of that."""
     parts = [f"{part.stream} {part.column} (chi-square {part.chi2:.2g})" for part in quiet(found)]
     if not parts:

@@ -17,7 +17,7 @@ from twin.platform import Platform
 from twin.predict.base import ENTRIES, NAMES, base_parameters
 from twin.predict.body import body_of
 from twin.predict.innovations import Problem
-from twin.predict.kalman import Noise
+from twin.predict.kalman import NoiseProcess
 from twin.predict.logs import motion_of
 from twin.predict.states import States
 from twin.recording import Recording
@@ -79,7 +79,7 @@ def cramer_rao(
         problem.start(base.as_stated, [np.zeros(len(body.bias_scale))]),
         starts=(States(rotation.normalized(attitude), rate, wheel_speed, none),),
     )
-    covariance = problem.innovations(at, Noise(intensity)).covariance
+    covariance = problem.innovations(at, NoiseProcess(intensity)).covariance
     return np.asarray(np.sqrt(np.diag(covariance)[:9]), dtype=np.float64)
 
 

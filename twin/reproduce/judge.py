@@ -9,7 +9,7 @@ from twin.reproduce.part import Ours
 from twin.reproduce.rows import Row
 
 
-class Status(Enum):
+class Agreement(Enum):
     """The value is the word of `--json`."""
 
     agrees = "agrees"
@@ -19,9 +19,9 @@ class Status(Enum):
 
 
 _WORDS = {
-    Status.agrees: "agrees",
-    Status.differs_explained: "differs, explained",
-    Status.differs: "differs",
+    Agreement.agrees: "agrees",
+    Agreement.differs_explained: "differs, explained",
+    Agreement.differs: "differs",
 }
 
 
@@ -32,7 +32,7 @@ class Judged:
     row: Row
     ours: Ours | None
     """None where nothing came out."""
-    status: Status
+    status: Agreement
     note: str
     """How it was computed, why it differs, or why nothing came out."""
 
@@ -61,14 +61,14 @@ class Judged:
 def judge(row: Row, ours: Ours) -> Judged:
     """By the row's criterion; what lies outside is explained only where the row said why."""
     if agrees(row, ours):
-        return Judged(row, ours, Status.agrees, ours.note)
-    status = Status.differs_explained if row.otherwise else Status.differs
+        return Judged(row, ours, Agreement.agrees, ours.note)
+    status = Agreement.differs_explained if row.otherwise else Agreement.differs
     return Judged(row, ours, status, " ".join(filter(None, (row.otherwise, ours.note))))
 
 
 def nothing(row: Row, why: str) -> Judged:
     """A row without a value is not said to agree, nor does what was said beforehand explain it."""
-    return Judged(row, None, Status.differs, why)
+    return Judged(row, None, Agreement.differs, why)
 
 
 def agrees(row: Row, ours: Ours) -> bool:

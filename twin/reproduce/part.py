@@ -20,7 +20,7 @@ class Ours:
 
 
 @dataclass(frozen=True)
-class Found:
+class Computed:
     """Everything that one part computes."""
 
     rows: Mapping[str, Ours]
@@ -30,8 +30,8 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Part:
+class PaperPart:
     """Computes some rows of a paper, as they belong together; alone in a process of its own."""
 
     ids: tuple[str, ...]
-    compute: Callable[[Say], Found]
+    compute: Callable[[Say], Computed]

@@ -15,7 +15,7 @@ from typing import Any, cast
 from twin import stop
 from twin.processes import beginning, end_with_parent
 from twin.reproduce.judge import Judged, judge, nothing
-from twin.reproduce.part import Found, Part, Say
+from twin.reproduce.part import Computed, PaperPart, Say
 from twin.reproduce.rows import Paper, Row
 
 UNCOMPUTED = "Not computed: no part computes it yet."
@@ -36,15 +36,15 @@ class Reproduced:
     """A sentence for each part that failed."""
 
 
-def parts_of(number: str) -> tuple[Part, ...]:
+def parts_of(number: str) -> tuple[PaperPart, ...]:
     """What is computed for a paper: `PARTS` of its package, none where it has no package."""
     package = f"twin.reproduce.paper_{number}"
     if importlib.util.find_spec(package) is None:
         return ()
-    return cast("tuple[Part, ...]", importlib.import_module(f"{package}.parts").PARTS)
+    return cast("tuple[PaperPart, ...]", importlib.import_module(f"{package}.parts").PARTS)
 
 
-def reproduce(paper: Paper, parts: Sequence[Part], *, jobs: int, say: Say) -> Reproduced:
+def reproduce(paper: Paper, parts: Sequence[PaperPart], *, jobs: int, say: Say) -> Reproduced:
     """Compute the parts of a paper and judge its rows.
 
     Args:
@@ -57,13 +57,13 @@ def reproduce(paper: Paper, parts: Sequence[Part], *, jobs: int, say: Say) -> Re
         Stopped: a stop was requested; the parts have ended.
     """
     ours: dict[str, Judged] = {}
-    figures: dict[Part, Mapping[str, str]] = {}
+    figures: dict[PaperPart, Mapping[str, str]] = {}
     failures: list[str] = []
     by_id = {row.id: row for row in paper.rows}
     for part, found in _computed(parts, jobs, say):
         if isinstance(found, str):
             failures.append(f"{', '.join(part.ids)}: {found}")
-            why, found = f"Could not be computed: {found}", Found({})
+            why, found = f"Could not be computed: {found}", Computed({})
         else:
             why = "Not computed: its part gave nothing for it."
         figures[part] = found.figures
@@ -77,7 +77,7 @@ def reproduce(paper: Paper, parts: Sequence[Part], *, jobs: int, say: Say) -> Re
     )
 
 
-def _judged(row: Row, found: Found, why: str) -> Judged:
+def _judged(row: Row, found: Computed, why: str) -> Judged:
     if row.id not in found.rows:
         return nothing(row, why)
     try:
@@ -86,9 +86,11 @@ def _judged(row: Row, found: Found, why: str) -> Judged:
         return nothing(row, f"Cannot be judged: {problem}.")
 
 
-def _computed(parts: Iterable[Part], jobs: int, say: Say) -> Iterator[tuple[Part, Found | str]]:
+def _computed(
+    parts: Iterable[PaperPart], jobs: int, say: Say
+) -> Iterator[tuple[PaperPart, Computed | str]]:
     """Each part with what it found, or with a sentence on why it found nothing."""
-    waiting, running = deque(parts), dict[Any, tuple[Part, BaseProcess]]()
+    waiting, running = deque(parts), dict[Any, tuple[PaperPart, BaseProcess]]()
     total, done = len(waiting), 0
     try:
         while waiting or running:
@@ -129,7 +131,7 @@ def _received(pipe: "Connection", process: BaseProcess) -> tuple[str, Any] | Non
         return "failed", f"its process ended with code {process.exitcode}"
 
 
-def _work(part: Part, pipe: "Connection") -> None:
+def _work(part: PaperPart, pipe: "Connection") -> None:
     """In the part's process."""
     end_with_parent()
     try:

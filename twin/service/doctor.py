@@ -33,7 +33,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True)
-class Finding:
+class DoctorFinding:
     """One thing that was looked at."""
 
     what: str
@@ -42,7 +42,9 @@ class Finding:
     """What was found, and what would do."""
 
 
-def examine(ports: Mapping[str, str], *, seconds: float = 3.0, rate: float = 50.0) -> list[Finding]:
+def examine(
+    ports: Mapping[str, str], *, seconds: float = 3.0, rate: float = 50.0
+) -> list[DoctorFinding]:
     """Look at everything.
 
     Args:
@@ -59,53 +61,55 @@ def examine(ports: Mapping[str, str], *, seconds: float = 3.0, rate: float = 50.
     ]
 
 
-def port_found(name: str, port: str) -> Finding:
+def port_found(name: str, port: str) -> DoctorFinding:
     """Whether a device's port is there, and ours to read and write."""
     what = f"port of {name}"
     if "://" in port:
-        return Finding(what, Verdict.good, f"{port} is no path; whether it answers, status tells")
+        return DoctorFinding(
+            what, Verdict.good, f"{port} is no path; whether it answers, status tells"
+        )
     path = Path(port)
     if not path.exists():
         there = ", ".join(map(str, _serial_ports())) or "none"
-        return Finding(
+        return DoctorFinding(
             what, Verdict.bad, f"{port} is not there; plugged in are: {there}. Correct its port"
         )
     if not stat.S_ISCHR(path.stat().st_mode):
-        return Finding(what, Verdict.bad, f"{port} is no serial port; correct its port")
+        return DoctorFinding(what, Verdict.bad, f"{port} is no serial port; correct its port")
     if not os.access(path, os.R_OK | os.W_OK):
-        return Finding(
+        return DoctorFinding(
             what,
             Verdict.bad,
             f"{port} may not be opened; join the group {_group(path)} and log in again",
         )
-    return Finding(what, Verdict.good, f"{port} -> {path.resolve()} may be opened")
+    return DoctorFinding(what, Verdict.good, f"{port} -> {path.resolve()} may be opened")
 
 
-def adapters_found(folder: Path) -> list[Finding]:
+def adapters_found(folder: Path) -> list[DoctorFinding]:
     """How long USB adapters hold bytes back.
 
     Args:
         folder: of the kernel's USB serial devices.
     """
-    found: list[Finding] = []
+    found: list[DoctorFinding] = []
     for timer in sorted(folder.glob("*/latency_timer")):
         name, wait = timer.parent.name, int(timer.read_text().split()[0])
         sentence = f"holds bytes back for up to {wait} ms"
         verdict = Verdict.good if wait <= 1 else Verdict.poor
         if verdict is Verdict.poor:
             sentence += f"; as root: echo 1 > {timer}"
-        found.append(Finding(f"adapter {name}", verdict, sentence))
+        found.append(DoctorFinding(f"adapter {name}", verdict, sentence))
     return found
 
 
-def permissions_found() -> list[Finding]:
+def permissions_found() -> list[DoctorFinding]:
     """Whether a process may run ahead of others, and keep its memory from being swapped."""
     root = os.geteuid() == 0
     ahead = root or resource.getrlimit(resource.RLIMIT_RTPRIO)[0] != 0
     locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     enough = root or locked == resource.RLIM_INFINITY
     return [
-        Finding(
+        DoctorFinding(
             "priority",
             Verdict.good if ahead else Verdict.poor,
             "SCHED_FIFO is permitted: `chrt -f 40 twin run ...` keeps its time on a busy computer"
@@ -113,7 +117,7 @@ def permissions_found() -> list[Finding]:
             else "SCHED_FIFO is not permitted; add `@realtime - rtprio 99` to "
             "/etc/security/limits.conf and join that group",
         ),
-        Finding(
+        DoctorFinding(
             "memory",
             Verdict.good if enough else Verdict.poor,
             "all of it may be locked"
@@ -123,7 +127,7 @@ def permissions_found() -> list[Finding]:
     ]
 
 
-def governor_found(file: Path) -> list[Finding]:
+def governor_found(file: Path) -> list[DoctorFinding]:
     """Whether the processor slows down when there is little to do; nothing where it cannot.
 
     Args:
@@ -136,10 +140,10 @@ def governor_found(file: Path) -> list[Finding]:
     sentence = f"its governor is {governor}"
     if not fast:
         sentence += "; as root: cpupower frequency-set -g performance"
-    return [Finding("processor", Verdict.good if fast else Verdict.poor, sentence)]
+    return [DoctorFinding("processor", Verdict.good if fast else Verdict.poor, sentence)]
 
 
-def lateness_found(seconds: float, rate: float) -> Finding:
+def lateness_found(seconds: float, rate: float) -> DoctorFinding:
     """How late ticks come here now, without a load of ours.
 
     Args:
@@ -152,7 +156,7 @@ def lateness_found(seconds: float, rate: float) -> Finding:
     return judged(clock.timing.lateness, clock.timing.overruns)
 
 
-def judged(lateness: Iterable[float], overruns: int) -> Finding:
+def judged(lateness: Iterable[float], overruns: int) -> DoctorFinding:
     """What that lateness [s] of ticks and their overruns mean."""
     p50, p99, most = np.percentile(np.fromiter(lateness, dtype=float), [50.0, 99.0, 100.0])
     late = p99 > _LATE or overruns > 0
@@ -162,7 +166,7 @@ def judged(lateness: Iterable[float], overruns: int) -> Finding:
     )
     if late:
         sentence += "; end what else runs, or fly with a priority of its own"
-    return Finding("lateness", Verdict.poor if late else Verdict.good, sentence)
+    return DoctorFinding("lateness", Verdict.poor if late else Verdict.good, sentence)
 
 
 def _serial_ports() -> list[Path]:

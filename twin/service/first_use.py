@@ -1,24 +1,270 @@
-"""Before a law may command them: each actuator moved a little, and held against what it should do.
+"""Each actuator moved a little before a law may command it, and held against its prediction.
 
+What a command to one actuator should do: to the body, and to what the actuator itself shows.
+Each is linear in the command u(t) that was applied, so it is predicted from the platform alone:
+
+    wheel      -a u              thruster   r x d u
+    coils      e_k x B u         gimbal     -(g x H) u, H what it carries
+
+on the body [N m], and on its own reading  u / I  a wheel's speed,  u  a gimbal's angle.
+
+Before a law may command them: each actuator moved a little, and held against what it should do.
 The turn of the floating body and the actuator's own reading are predicted from the platform. One
 that does the opposite, or nothing where something would be seen, refuses the session; what cannot
 be told (a captured table shows no turn, a mass that runs up and down hardly one) is said.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin.bench import Bench
 from twin.clock import Clock
 from twin.errors import SafetyError
-from twin.service.evidence import LATE, Actuator, Evidence, body_evidence, own_evidence, own_stream
-from twin.service.push import lever, limit, own_gain
+from twin.platform import Platform
+from twin.rotation import conjugate, cross, rotate
+from twin.service.sense import (
+    FloatingMotion,
+    ObservedShare,
+    at,
+    carried_axes,
+    motion,
+    rows,
+    senses,
+    shares,
+    slid,
+    speeds,
+)
 from twin.service.session import MOVE, POSITION, Session
 from twin.service.stages import in_mm, tolerance
-from twin.signals import Command
+from twin.signals import Command, Reading, stream_named
+
+Array = NDArray[np.float64]
+
+
+OWN = {"command_wheel_torque": "wheel_speed", "command_gimbal_rate": "gimbal_angle"}
+"""Command -> the stream that shows its integral."""
+
+Applied = Sequence[tuple[float, Command]]
+"""Commands and from when on each was applied [s]."""
+
+
+def lever(
+    platform: Platform, readings: Sequence[Reading], times: Array, stream: str, column: int
+) -> Array | None:
+    """Torque on the body (m, 3) for each unit of a command.
+
+    Returns:
+        None where it cannot be told: no field is known, or nothing turns a free body by it.
+    """
+    shape = (len(times), 3)
+    match stream:
+        case "command_wheel_torque":
+            return -carried_axes(platform, readings, times)[column]
+        case "command_thruster":
+            part = platform.thrusters[column]
+            return np.broadcast_to(np.cross(part.point, part.direction), shape)
+        case "command_dipole":
+            field = _field(platform, readings, times)
+            return (
+                None if field is None else cross(np.broadcast_to(np.eye(3)[column], shape), field)
+            )
+        case "command_gimbal_rate":
+            gimbal = platform.gimbals[column]
+            carried = np.zeros(shape)
+            parts = (*platform.wheels, *platform.rotors)
+            axes, turning = (part(platform, readings, times) for part in (carried_axes, speeds))
+            for part, axis, speed in zip(parts, axes, turning, strict=True):
+                if part.gimbal == gimbal.name:
+                    carried = carried + part.inertia * speed[:, None] * axis
+            return -cross(np.broadcast_to(gimbal.axis, shape), carried)
+        case _:
+            return None
+
+
+def turned(
+    platform: Platform,
+    readings: Sequence[Reading],
+    applied: Applied,
+    seen: FloatingMotion,
+    stream: str,
+    column: int,
+) -> Array | None:
+    """Change of the rate (m, 3) that a command should have made since the start [rad/s].
+
+    Returns:
+        As `lever`.
+    """
+    torque = lever(platform, readings, seen.times, stream, column)
+    if torque is None:
+        return None
+    pushed = np.diff(pushes(applied, seen.times, stream, column))[:, None]
+    pieces = 0.5 * (torque[1:] + torque[:-1]) * pushed
+    angular = np.concatenate([np.zeros((1, 3)), np.cumsum(pieces, axis=0)])
+    return angular @ np.linalg.inv(platform.inertia)
+
+
+def pushes(applied: Applied, times: Array, stream: str, column: int) -> Array:
+    """(m,) integral of what was applied, up to each time."""
+    begun = np.array([time for time, _ in applied])
+    value = np.array([command[stream][0, column] for _, command in applied])
+    ends = np.append(begun, max(float(begun[-1]), float(times[-1])))
+    whole = np.concatenate([[0.0], np.cumsum(value * np.diff(ends))])
+    return np.interp(times, ends, whole)
+
+
+def own_gain(platform: Platform, stream: str, column: int) -> float:
+    """Of an actuator's own reading, for each unit of its pushes."""
+    return 1.0 / platform.wheels[column].inertia if "wheel" in stream else 1.0
+
+
+def limit(platform: Platform, stream: str, column: int) -> float:
+    """The largest command."""
+    match stream:
+        case "command_wheel_torque":
+            return platform.wheels[column].torque_limit
+        case "command_thruster":
+            return platform.thrusters[column].force_limit
+        case "command_gimbal_rate":
+            return platform.gimbals[column].rate
+        case "command_dipole":
+            return min(coil.dipole_limit for coil in platform.magnetorquers)
+        case _:
+            return platform.base.torque_limit
+
+
+def _field(platform: Platform, readings: Sequence[Reading], times: Array) -> Array | None:
+    """B (m, 3) in body axes [T]: the stated one, which laws go by, or as it is measured."""
+    attitude = rows(readings, "attitude")
+    if attitude is not None and np.any(platform.magnetic_field):
+        turns = attitude[1][np.argmin(np.abs(times[:, None] - attitude[0]), axis=1)]
+        return rotate(conjugate(turns), np.broadcast_to(platform.magnetic_field, (len(times), 3)))
+    measured = rows(readings, "magnetometer")
+    return None if measured is None else at(times, *measured)
+
+
+LATE = 0.2
+"""A stage's reading follows its move by no more [s]."""
+
+_DULL = 0.1
+"""With a share known so well (1 sigma), nothing seen means that nothing happened."""
+
+Actuator = tuple[str, int]
+"""Command stream and column."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One prediction and what was seen of it."""
+
+    predicted: str
+    """In words."""
+    where: str
+    """The sensor."""
+    share: ObservedShare
+
+    def words(self) -> str:
+        """All of it."""
+        told = f"predicted {self.predicted}, {self.where} showed {self.share.words()} of it"
+        return told if self.share.seen else f"{told}, which does not tell the sign"
+
+    @property
+    def refused(self) -> str:
+        """What is wrong; empty: nothing, or it cannot be told."""
+        if self.share.seen:
+            return "" if self.share.share > 0.0 else "it acts the wrong way round"
+        return "it does nothing" if self.share.deviation < _DULL else ""
+
+
+def body_evidence(session: Session, pushed: Sequence[Actuator], begun: float) -> Evidence | None:
+    """What the gyro saw of the last of those that have pushed.
+
+    Args:
+        session: with all that was read and applied since before the first push.
+        pushed: all of them, in their order: each has left its turn.
+        begun: when the last one began [s].
+
+    Returns:
+        None where nothing is predicted, or too little was read.
+    """
+    platform = session.platform
+    seen = motion(platform, session.readings)
+    if seen is None:
+        return None
+    predicted = [_turn(session, seen, *each) for each in pushed]
+    last = predicted[-1]
+    if last is None or not np.any(last):
+        return None
+    known = [each for each in predicted if each is not None and np.any(each)]
+    found = senses(platform, seen, known)
+    return None if found is None else Evidence(_peak(seen, last, begun), "the gyro", found[-1])
+
+
+def own_evidence(session: Session, stream: str, column: int) -> Evidence | None:
+    """What the actuator shows itself; None where it shows nothing, or was told nothing."""
+    platform, applied = session.platform, session.applied
+    source = own_stream(stream)
+    read = rows(session.readings, source) if source else None
+    if read is None:
+        return None
+    times, values = read
+    if stream == MOVE:
+        told = _held(applied, times, column)
+        part, most = platform.stages[column], in_mm(float(np.ptp(told)))
+        # only where it has had the time to get there
+        takes = float(np.ptp(told)) / part.speed + part.speed / part.acceleration
+        there = told == _held(applied, times - takes - part.response - LATE, column)
+        times, values, told = times[there], values[there], told[there]
+        noise = float(tolerance(platform)[column])
+    else:
+        told = pushes(applied, times, stream, column)
+        told = told * own_gain(platform, stream, column)
+        sensor = platform.sensors[source]
+        noise = float(np.max(sensor.noise)) + sensor.resolution
+        unit = stream_named(source).unit
+        most = f"{float(np.ptp(told)):.3g} {unit}"
+    share = _fitted(times, values[:, column], told, max(noise, 1e-12))
+    return None if share is None else Evidence(f"a change of {most}", source, share)
+
+
+def own_stream(stream: str) -> str:
+    """What shows what such an actuator does; empty: nothing does."""
+    return POSITION if stream == MOVE else OWN.get(stream, "")
+
+
+def _turn(session: Session, seen: FloatingMotion, stream: str, column: int) -> Array | None:
+    platform = session.platform
+    if stream == MOVE:
+        return slid(platform, seen, column) if seen.places.size else None
+    return turned(platform, session.readings, session.applied, seen, stream, column)
+
+
+def _peak(seen: FloatingMotion, predicted: Array, begun: float) -> str:
+    """The largest change of the rate since then, in words."""
+    during = predicted[seen.times >= begun]
+    change = during - during[0] if len(during) else predicted
+    row, axis = np.unravel_index(int(np.argmax(np.abs(change))), change.shape)
+    return f"a turn of {np.degrees(change[row, axis]):+.3g} deg/s about {'xyz'[int(axis)]}"
+
+
+def _held(applied: Applied, times: Array, column: int) -> Array:
+    """(m,) position [m] that a stage was told to hold at each time."""
+    begun = np.array([time for time, _ in applied])
+    told = np.array([command[MOVE][0, column] for _, command in applied])
+    return told[np.maximum(np.searchsorted(begun, times, side="right") - 1, 0)]
+
+
+def _fitted(times: Array, values: Array, told: Array, noise: float) -> ObservedShare | None:
+    """Share of `told` in values that also drift at a steady pace; None: nothing was told."""
+    if np.ptp(told) == 0.0 or len(times) < 5:
+        return None
+    design = np.stack([np.ones_like(times), times - times[0], told], axis=1)
+    return shares(design / noise, values / noise, len(times))[-1]
+
 
 _BEFORE = 0.5
 """A floating body is watched so long before anything pushes [s]."""

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from twin.bench import Bench
 from twin.errors import SafetyError, UsageError
-from twin.service.sense import Sense, sense
+from twin.service.sense import ObservedShare, sense
 from twin.service.session import MOVE, Session
 from twin.service.stages import carried, in_mm, move, stage_named
 
@@ -67,9 +67,9 @@ def jog(bench: Bench, name: str, distance: float) -> list[str]:
     return [told, _seen(found)]
 
 
-def _watched(session: Session, stage: int, goal: Array) -> Sense | None:
+def _watched(session: Session, stage: int, goal: Array) -> ObservedShare | None:
     """What the table shows of the move, as soon as it is sure."""
-    found: Sense | None = None
+    found: ObservedShare | None = None
     for _ in range(round(_LONGEST / _AFTER)):
         session.watch({MOVE: goal}, _AFTER)
         found = sense(session.platform, session.readings, stage)
@@ -99,7 +99,7 @@ def _allow(bench: Bench, stage: int, start: float, distance: float, *, floating:
         )
 
 
-def _seen(found: Sense | None) -> str:
+def _seen(found: ObservedShare | None) -> str:
     if found is None:
         return "whether it turned the table the right way could not be seen: no gyro, or no tilt"
     if not found.seen:

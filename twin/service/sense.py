@@ -37,7 +37,7 @@ _SETTLES = 0.1
 """What a stage that ran shakes has come to rest [s]."""
 
 
-class Sense(NamedTuple):
+class ObservedShare(NamedTuple):
     """What part of what was predicted was seen."""
 
     share: float
@@ -55,7 +55,7 @@ class Sense(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Motion:
+class FloatingMotion:
     """How a floating body moved, at the times of its gyro's samples."""
 
     times: Array
@@ -72,7 +72,7 @@ class Motion:
     """(m,) False: a stage may have been running, which shakes the gyro."""
 
 
-def motion(platform: Platform, readings: Sequence[Reading]) -> Motion | None:
+def motion(platform: Platform, readings: Sequence[Reading]) -> FloatingMotion | None:
     """What was read; None where there is no gyro, no sensor of the vertical, or too few samples."""
     gyro, tilt = rows(readings, "gyro"), _vertical(readings)
     if gyro is None or tilt is None or len(gyro[0]) < _FEWEST:
@@ -84,10 +84,10 @@ def motion(platform: Platform, readings: Sequence[Reading]) -> Motion | None:
         places = at(times, *place)
         still = ~_running(times, *place, tolerance(platform))
     gravity = -platform.gravity * at(times, *tilt)
-    return Motion(times, rate, gravity, places, _momentum(platform, readings, times), still)
+    return FloatingMotion(times, rate, gravity, places, _momentum(platform, readings, times), still)
 
 
-def slid(platform: Platform, seen: Motion, stage: int) -> Array:
+def slid(platform: Platform, seen: FloatingMotion, stage: int) -> Array:
     """Change of the rate (m, 3) that a stage's mass should have made since the start [rad/s]."""
     part = platform.stages[stage]
     way = seen.places[:, stage] - seen.places[0, stage]
@@ -95,7 +95,9 @@ def slid(platform: Platform, seen: Motion, stage: int) -> Array:
     return _integral(seen.times, torque @ np.linalg.inv(platform.inertia))
 
 
-def senses(platform: Platform, seen: Motion, predicted: Sequence[Array]) -> list[Sense] | None:
+def senses(
+    platform: Platform, seen: FloatingMotion, predicted: Sequence[Array]
+) -> list[ObservedShare] | None:
     """What part of each prediction was seen, all of them together.
 
     Args:
@@ -130,7 +132,7 @@ def senses(platform: Platform, seen: Motion, predicted: Sequence[Array]) -> list
     return shares(weighed, right, len(wanted))[6:]
 
 
-def shares(weighed: Array, right: Array, measured: int) -> list[Sense]:
+def shares(weighed: Array, right: Array, measured: int) -> list[ObservedShare]:
     """Least squares; what is left of the measured rows makes all less sure, where it is much.
 
     Args:
@@ -145,12 +147,12 @@ def shares(weighed: Array, right: Array, measured: int) -> list[Sense]:
     worse = max(float(left @ left) / measured, 1.0)
     deviation = np.sqrt(worse * np.diag(np.linalg.pinv(alike.T @ alike)))
     return [
-        Sense(*pair)
+        ObservedShare(*pair)
         for pair in zip((found / size).tolist(), (deviation / size).tolist(), strict=True)
     ]
 
 
-def sense(platform: Platform, readings: Sequence[Reading], stage: int) -> Sense | None:
+def sense(platform: Platform, readings: Sequence[Reading], stage: int) -> ObservedShare | None:
     """What the gyro saw of one stage's move.
 
     Args:

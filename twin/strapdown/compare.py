@@ -67,7 +67,7 @@ _STREAMS = ("gyro", "attitude")
 
 
 @dataclass(frozen=True)
-class Fault:
+class GyroError:
     """Some of the numbers of a gyro's error."""
 
     name: str
@@ -77,13 +77,15 @@ class Fault:
 
 
 FAULTS = (
-    Fault("gyro_bias", "rad/s", ("x", "y", "z"), "it shows too much by"),
-    Fault("gyro_scale_factor", "1", ("x", "y", "z"), "it shows too much in proportion to the rate"),
-    Fault(
+    GyroError("gyro_bias", "rad/s", ("x", "y", "z"), "it shows too much by"),
+    GyroError(
+        "gyro_scale_factor", "1", ("x", "y", "z"), "it shows too much in proportion to the rate"
+    ),
+    GyroError(
         "gyro_misalignment", "rad", ("x", "y", "z"), "its axes are turned from the attitude's by"
     ),
-    Fault("gyro_axes_not_square", "rad", ("xy", "xz", "yz"), "its axes are not square by"),
-    Fault("clock_lag", "s", ("",), "it is late by"),
+    GyroError("gyro_axes_not_square", "rad", ("xy", "xz", "yz"), "its axes are not square by"),
+    GyroError("clock_lag", "s", ("",), "it is late by"),
 )
 
 

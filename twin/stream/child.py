@@ -14,7 +14,7 @@ import threading
 from pathlib import Path
 from typing import BinaryIO
 
-from twin.recording.lock import mark_finishing
+from twin.recording.read import mark_finishing
 
 NICENESS = 10
 """Waking this process must not preempt the loop that has just written to it."""

@@ -39,7 +39,7 @@ class Header(NamedTuple):
     unit: str
 
 
-class Rows:
+class StreamRows:
     """Turns ticks into rows of the streams of one run."""
 
     def __init__(self, platform: Platform, run: int = 0) -> None:

@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.platform import Platform
+from twin.recording.read import SCHEMA
 from twin.recording.recording import Recording
 from twin.recording.rrd import RrdFile, scalars
-from twin.recording.schema import SCHEMA
-from twin.stream.blueprint import blueprint
-from twin.stream.plots import SAID, Plots
+from twin.stream.blueprint import SAID, Plots, Scene, blueprint
 from twin.stream.rows import Block, Header, decode
-from twin.stream.scene import Scene
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,11 @@ from pathlib import Path
 import pytest
 
 from tests.plant.devices.stages import BAUD, drives, stage
-from twin.emulate.emulated import EmulatedDevice
-from twin.emulate.faults import Fault
+from twin.emulate.emulated import EmulatedDevice, Fault
 from twin.emulate.line import EmulatedLine
 from twin.plant.devices.device import Device, Sample
-from twin.plant.devices.mdrive.mdrive import MDrive, MDriveSettings
-from twin.plant.devices.mdrive.settings import DriveSettings
+from twin.plant.devices.mdrive import MDrive, MDriveSettings
+from twin.plant.devices.mdrive_line import DriveSettings
 
 Plug = Callable[..., EmulatedLine]
 WaitFor = Callable[..., list[Sample]]

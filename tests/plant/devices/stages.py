@@ -2,11 +2,9 @@
 
 import numpy as np
 
-from twin.emulate.mdrive import EmulatedDrive
-from twin.emulate.mdrive_axis import Axis
-from twin.emulate.mdrive_line import EmulatedMDrives
-from twin.plant.devices.mdrive.settings import DriveSettings
-from twin.plant.devices.mdrive.setup import HOMED
+from twin.emulate.mdrive import Axis, EmulatedDrive, EmulatedMDrives
+from twin.plant.devices.mdrive import HOMED
+from twin.plant.devices.mdrive_line import DriveSettings
 
 COMMAND = "command_stage_position"
 BAUD = 38400

@@ -2,7 +2,7 @@
 
 import math
 
-from twin.plant.devices.checks import Believable
+from twin.plant.devices.sensor import Believable
 
 
 def test_where_steps_are_bounded_a_first_value_that_nothing_supports_is_not_believed():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twin.plant.devices.clock_fit import ClockFit
+from twin.plant.devices.host_time import ClockFit
 
 HOST = 98_765.4
 """Host's clock as it begins [s]."""

@@ -9,8 +9,8 @@ from tests.plant.devices.hosts import killed
 from tests.plant.devices.stages import BAUD, STEP, drives
 from tests.processes import wait_until
 from twin.emulate.line import EmulatedLine
-from twin.emulate.trapezoid import Ramps, move
-from twin.plant.devices.mdrive.codec import Answer, State, frame, question
+from twin.emulate.mdrive import Ramps, move
+from twin.plant.devices.mdrive_line import Answer, ExchangeState, frame, question
 from twin.plant.devices.port import Port
 
 pytestmark = pytest.mark.wall_clock
@@ -23,7 +23,7 @@ import sys
 import time
 from tests.plant.devices.hosts import killed
 from tests.plant.devices.stages import BAUD, go, stage
-from twin.plant.devices.mdrive.mdrive import MDriveSettings
+from twin.plant.devices.mdrive import MDriveSettings
 
 settings = MDriveSettings(name="stages", port=sys.argv[1], baud=BAUD, drives=(stage(),))
 session = settings.session()
@@ -46,7 +46,7 @@ def asked(port: Port, *items: str) -> tuple[int, ...]:
         answer = Answer(tag, checked=True)
         port.write(frame("1", question(tag, items), checked=True))
         while data := port.read(0.5):
-            if answer.feed(data) is State.done:
+            if answer.feed(data) is ExchangeState.done:
                 return answer.values
     pytest.fail("the drive does not answer")
 

@@ -10,7 +10,7 @@ from twin.plant.devices.link import (
     EVENTS,
     LONGEST_PAYLOAD,
     MESSAGES,
-    Arm,
+    ArmRequest,
     Channel,
     Event,
     Frame,
@@ -26,7 +26,7 @@ from twin.plant.devices.link import (
     rows_in_a_frame,
     told,
 )
-from twin.plant.devices.link.cobs import stuff, unstuff
+from twin.plant.devices.link.frame import stuff, unstuff
 
 SCHEMA = Schema(
     (
@@ -47,7 +47,7 @@ def payload_of(kind: MessageType, rng: np.random.Generator) -> bytes:
         {
             MessageType.hello: Hello(SCHEMA.hash, 500, "feather"),
             MessageType.timesync: TimeSync(int(rng.integers(-(2**63), 2**63)), 12345),
-            MessageType.arm: Arm(SCHEMA.hash, 250),
+            MessageType.arm: ArmRequest(SCHEMA.hash, 250),
             MessageType.event: Event("EXPIRED", 2.0),
         }[kind].packed()
         if kind.name in ("hello", "timesync", "arm", "event")
@@ -128,7 +128,7 @@ def test_a_payload_of_each_kind_says_what_was_put_in():
     back = SampleRows.unpacked(rows.packed(SCHEMA), SCHEMA)
     assert (back.channel, back.time_us) == (0, (5, 2**32 - 1))
     np.testing.assert_array_equal(back.value, value.astype(np.float32))
-    for one in (Hello(1, 2, "name"), TimeSync(-(10**15), 7), Arm(3, 4), Event("VALUE", 0.5)):
+    for one in (Hello(1, 2, "name"), TimeSync(-(10**15), 7), ArmRequest(3, 4), Event("VALUE", 0.5)):
         assert type(one).unpacked(one.packed()) == one
     wish = SetPoint(2, 50, np.array([0.02, -2e-6, 0.0]))
     back = SetPoint.unpacked(wish.packed(SCHEMA), SCHEMA)
@@ -216,7 +216,7 @@ def test_every_kind_of_damage_has_its_counter():
 
 
 def test_one_flipped_bit_never_passes():
-    line = packed(Frame(MessageType.arm, Arm(SCHEMA.hash, 100).packed(), 3, 123456, 2, 1, 1))
+    line = packed(Frame(MessageType.arm, ArmRequest(SCHEMA.hash, 100).packed(), 3, 123456, 2, 1, 1))
     for bit in range(8 * (len(line) - 1)):
         bad = bytearray(line)
         bad[bit // 8] ^= 1 << bit % 8

@@ -13,7 +13,7 @@ from twin.plant.devices.link import (
     Schema,
     packed,
 )
-from twin.plant.devices.link.cobs import stuff, unstuff
+from twin.plant.devices.link.frame import stuff, unstuff
 from twin.plant.devices.link.near_end import NearEnd
 
 SCHEMA = Schema((Channel("gyro", "rad/s", 3), Channel("command_dipole", "A m^2", 3, safe="zero")))

@@ -9,7 +9,7 @@ import pytest
 
 from tests.plant.devices.stages import COMMAND, STEP, drives, go, stage, there, valid
 from twin.emulate.line import EmulatedLine
-from twin.emulate.mdrive_axis import Axis
+from twin.emulate.mdrive import Axis
 from twin.errors import CommandError, DeviceError, UsageError
 
 pytestmark = pytest.mark.wall_clock

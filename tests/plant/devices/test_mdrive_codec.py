@@ -4,15 +4,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.plant.devices.mdrive.codec import (
+from twin.plant.devices.mdrive_line import (
+    ERRORS,
     Acknowledgement,
     Answer,
-    State,
+    ErrorEffect,
+    ExchangeState,
     checksum,
+    error_named,
     frame,
     question,
 )
-from twin.plant.devices.mdrive.tables import ERRORS, Effect, error_named
 
 VALUE = b"1a-20157_1_0_31002"
 CHECKED = VALUE + bytes([checksum(VALUE)])
@@ -63,7 +65,7 @@ def test_the_answer_is_found_in_every_echo_mode_byte_by_byte(reply):
     answer = Answer("1a", checked=False)
     for byte in reply:
         answer.feed(bytes([byte]))
-    assert answer.state is State.done
+    assert answer.state is ExchangeState.done
     assert answer.values == VALUES
 
 
@@ -78,7 +80,7 @@ def test_the_answer_is_found_in_every_echo_mode_byte_by_byte(reply):
 )
 def test_a_checksum_is_found_wherever_it_stands(reply):
     answer = Answer("1a", checked=True)
-    assert answer.feed(reply) is State.done
+    assert answer.feed(reply) is ExchangeState.done
     assert answer.values == VALUES
 
 
@@ -98,35 +100,35 @@ def test_no_single_wrong_bit_of_a_checked_answer_gives_a_wrong_value(where, bit)
     broken[where] ^= 1 << bit
     answer = Answer("1a", checked=True)
     answer.feed(bytes(broken) + b"\r\n")
-    assert answer.state is not State.done or answer.values == VALUES
+    assert answer.state is not ExchangeState.done or answer.values == VALUES
 
 
 def test_an_answer_without_its_checksum_is_not_one():
     answer = Answer("1a", checked=True)
-    assert answer.feed(VALUE + b"\r\n\r\n") is State.waiting
-    assert Answer("1a", checked=True).feed(b"\x15") is State.refused
+    assert answer.feed(VALUE + b"\r\n\r\n") is ExchangeState.waiting
+    assert Answer("1a", checked=True).feed(b"\x15") is ExchangeState.refused
     wrong = VALUE + bytes([checksum(VALUE) ^ 1]) + b"\r\n"
-    assert Answer("1a", checked=True).feed(wrong) is State.corrupt
+    assert Answer("1a", checked=True).feed(wrong) is ExchangeState.corrupt
 
 
 @pytest.mark.parametrize("tag", ["1b", "2a"])
 def test_a_late_answer_or_another_drives_is_not_taken(tag):
-    assert Answer(tag, checked=False).feed(VALUE + b"\r\n") is State.waiting
+    assert Answer(tag, checked=False).feed(VALUE + b"\r\n") is ExchangeState.waiting
 
 
 @pytest.mark.parametrize(
     ("echo_mode", "checked", "reply", "state"),
     [
-        (0, False, b"1VM=5\r\n>", State.done),
-        (0, False, b"1VM=5\r\n?", State.done),
-        (1, False, b"\r\n", State.done),
-        (2, False, b"", State.done),
-        (3, False, b"1VM=5\r\n", State.done),
-        (0, True, b"1VM=5\x06>", State.done),
-        (1, True, b"\x06", State.done),
-        (1, True, b"\r\n\x15", State.refused),
-        (3, True, b"1VM=5\x06", State.done),
-        (1, True, b"\r\n", State.waiting),
+        (0, False, b"1VM=5\r\n>", ExchangeState.done),
+        (0, False, b"1VM=5\r\n?", ExchangeState.done),
+        (1, False, b"\r\n", ExchangeState.done),
+        (2, False, b"", ExchangeState.done),
+        (3, False, b"1VM=5\r\n", ExchangeState.done),
+        (0, True, b"1VM=5\x06>", ExchangeState.done),
+        (1, True, b"\x06", ExchangeState.done),
+        (1, True, b"\r\n\x15", ExchangeState.refused),
+        (3, True, b"1VM=5\x06", ExchangeState.done),
+        (1, True, b"\r\n", ExchangeState.waiting),
     ],
 )
 def test_an_acknowledgement_is_known_in_every_mode(echo_mode, checked, reply, state):
@@ -144,12 +146,12 @@ def test_any_bytes_are_taken_and_the_answer_behind_them_is_found(chunks, checked
         heard.feed(chunk)
         assert len(answer._buffer) <= 512
         assert len(heard._buffer) <= 512
-    if answer.state is State.waiting:
+    if answer.state is ExchangeState.waiting:
         answer.feed(b"\r\n" + (CHECKED if checked else VALUE) + b"\r\n")
-        assert answer.state in (State.done, State.corrupt)
+        assert answer.state in (ExchangeState.done, ExchangeState.corrupt)
 
 
 def test_every_error_code_says_what_follows():
-    assert {83, 84} == {code for code, e in ERRORS.items() if e.effect is Effect.limit}
-    assert {72, 86, 92} == {code for code, e in ERRORS.items() if e.effect is Effect.lost}
-    assert error_named(99).effect is Effect.stopped
+    assert {83, 84} == {code for code, e in ERRORS.items() if e.effect is ErrorEffect.limit}
+    assert {72, 86, 92} == {code for code, e in ERRORS.items() if e.effect is ErrorEffect.lost}
+    assert error_named(99).effect is ErrorEffect.stopped

@@ -7,10 +7,10 @@ import pytest
 
 from tests.plant.devices.said import Said
 from tests.plant.devices.stages import STEP, drives, go, stage, there, valid
-from twin.emulate.faults import Fault
+from twin.emulate.emulated import Fault
 from twin.errors import DeviceError
-from twin.plant.devices.mdrive.line import Mode
-from twin.plant.devices.mdrive.setup import CONFIGURED, HOMED, pending_error
+from twin.plant.devices.mdrive import CONFIGURED, HOMED, pending_error
+from twin.plant.devices.mdrive_line import Mode
 
 pytestmark = pytest.mark.wall_clock
 

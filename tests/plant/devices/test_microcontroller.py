@@ -14,11 +14,11 @@ from twin.plant.devices.device import Sample
 from twin.plant.devices.link import (
     Channel,
     Event,
+    FarEndState,
     MessageType,
     Parser,
     SampleRows,
     Schema,
-    State,
 )
 from twin.plant.devices.microcontroller import Microcontroller, MicrocontrollerSettings
 
@@ -28,10 +28,9 @@ pytestmark = [
 ]
 
 if sys.platform != "win32":
-    from twin.emulate.actuators import EmulatedStages
-    from twin.emulate.faults import Fault
+    from twin.emulate.emulated import Fault
     from twin.emulate.line import EmulatedLine
-    from twin.emulate.microcontroller import EmulatedMicrocontroller
+    from twin.emulate.microcontroller import EmulatedMicrocontroller, EmulatedStages
 
 CHANNELS = (
     Channel("gyro", "rad/s", 3),
@@ -342,7 +341,7 @@ def test_a_host_that_is_killed_leaves_the_far_end_safe_by_itself(tmp_path: Path)
     expired, event = events[-1]
     assert event == Event("EXPIRED", 2.0)
     assert 0.15 < (expired.time_us - heard) * 1e-6 < 0.26, "valid_for is 0.25 s"
-    assert frames[-1].state == State.safe
+    assert frames[-1].state == FarEndState.safe
     places = [
         SampleRows.unpacked(frame.payload, Schema(CHANNELS))
         for frame in frames

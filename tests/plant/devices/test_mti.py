@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from twin.emulate.faults import Fault
+from twin.emulate.emulated import Fault
 from twin.emulate.mti import EmulatedMti
 from twin.errors import CommandError, DeviceError, UnknownName, UsageError
-from twin.plant.devices.xbus.mti import Mti, MtiSettings
+from twin.plant.devices.mti import Mti, MtiSettings
 
 pytestmark = pytest.mark.wall_clock
 
@@ -135,14 +135,14 @@ def test_two_sessions_on_one_port_are_refused(running, mti):
 
 
 def test_a_device_that_is_silent_is_asked_after(plug, mti, monkeypatch):
-    monkeypatch.setattr("twin.plant.devices.xbus.mti._TRIES", 3)
+    monkeypatch.setattr("twin.plant.devices.mti._TRIES", 3)
     plug(EmulatedMti(), Fault("silence"))
     with pytest.raises(DeviceError, match="no answer to GO_TO_CONFIG in 0.3 s, 0 bytes arrived"):
         mti().connect()
 
 
 def test_another_baud_rate_is_guessed_at(plug, mti, monkeypatch):
-    monkeypatch.setattr("twin.plant.devices.xbus.mti._TRIES", 3)
+    monkeypatch.setattr("twin.plant.devices.mti._TRIES", 3)
     plug(EmulatedMti(baud=921600))
     with pytest.raises(DeviceError, match=r"[1-9]\d* bytes arrived; does it talk at 115200 baud"):
         mti().connect()

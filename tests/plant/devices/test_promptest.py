@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twin.plant.devices.xbus.counting import Promptest
+from twin.plant.devices.xbus import Promptest
 
 OFFSET = 500.0
 """Of the host's clock to the device's [s]."""

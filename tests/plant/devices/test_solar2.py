@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from twin.emulate.faults import Fault
+from twin.emulate.emulated import Fault
 from twin.emulate.solar2 import EmulatedSolar2
 from twin.errors import DeviceError, UsageError
-from twin.plant.devices.solar2.solar2 import Solar2, Solar2Settings
+from twin.plant.devices.solar2 import Solar2, Solar2Settings
 
 pytestmark = pytest.mark.wall_clock
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.plant.devices.solar2.replies import (
+from twin.plant.devices.solar2 import (
     READ,
     LineParser,
     decode_binary,

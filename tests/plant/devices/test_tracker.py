@@ -3,7 +3,7 @@
 import pytest
 
 from tests.plant.devices.stages import stage
-from twin.plant.devices.mdrive.tracker import Look, Tracker
+from twin.plant.devices.mdrive import Look, Tracker
 
 
 @pytest.fixture

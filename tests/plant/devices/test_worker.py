@@ -6,8 +6,7 @@ import time
 import pytest
 
 from twin.errors import DeviceError
-from twin.plant.devices.device import Counters, Sample
-from twin.plant.devices.worker import SampleQueue, Worker
+from twin.plant.devices.device import Counters, Sample, SampleQueue, Worker
 
 
 def sample(number: float) -> Sample:

@@ -7,8 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from twin.plant.devices.device import Counters
-from twin.plant.devices.xbus.data import decode_data
-from twin.plant.devices.xbus.frames import FrameParser
+from twin.plant.devices.xbus import FrameParser, decode_data
 
 CAPTURES = Path(__file__).parent / "captures"
 INERTIAL = ("float32", "fp12_20", "fp16_32", "float64")

@@ -8,16 +8,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twin.plant.devices.device import Counters
-from twin.plant.devices.xbus.counting import DeviceClock, Wrapping
-from twin.plant.devices.xbus.data import (
-    Output,
+from twin.plant.devices.xbus import (
+    BAUD_CODES,
+    DATA_ITEMS,
+    LONGEST,
+    DeviceClock,
+    FrameParser,
+    OutputSetting,
+    Wrapping,
+    XbusMessage,
     decode_data,
     decode_outputs,
+    encode,
     encode_outputs,
     packet_bytes,
 )
-from twin.plant.devices.xbus.frames import LONGEST, FrameParser, Message, encode
-from twin.plant.devices.xbus.tables import BAUD_CODES, DATA_ITEMS
 
 PUBLISHED = [
     (0x00, "", "FA FF 00 00 01"),
@@ -36,12 +41,12 @@ CONFIGURATION = (
     "FA FF C0 18 10 20 FF FF 10 60 FF FF 20 10 00 64 80 20 00 64 40 20 00 64 C0 20 00 64 ED"
 )
 ASKED = [
-    Output(0x1020, 0xFFFF),
-    Output(0x1060, 0xFFFF),
-    Output(0x2010, 100),
-    Output(0x8020, 100),
-    Output(0x4020, 100),
-    Output(0xC020, 100),
+    OutputSetting(0x1020, 0xFFFF),
+    OutputSetting(0x1060, 0xFFFF),
+    OutputSetting(0x2010, 100),
+    OutputSetting(0x8020, 100),
+    OutputSetting(0x4020, 100),
+    OutputSetting(0xC020, 100),
 ]
 PACKET = bytes.fromhex(
     "FA FF 36 4C 10 20 02 00 07 10 60 04 00 01 E2 40 20 10 10 3F 80 00 00"
@@ -54,7 +59,7 @@ PACKET = bytes.fromhex(
 )
 
 
-def parse(data: bytes) -> list[Message]:
+def parse(data: bytes) -> list[XbusMessage]:
     return FrameParser(Counters()).feed(data)
 
 
@@ -62,13 +67,13 @@ def parse(data: bytes) -> list[Message]:
 def test_published_frames_come_out_of_the_encoder_and_go_into_the_parser(
     identifier, data, published
 ):
-    message, wire = Message(identifier, bytes.fromhex(data)), bytes.fromhex(published)
+    message, wire = XbusMessage(identifier, bytes.fromhex(data)), bytes.fromhex(published)
     assert encode(message) == wire
     assert parse(wire) == [message]
 
 
 def test_the_published_output_configuration_is_ours():
-    wire = encode(Message(0xC0, encode_outputs(ASKED)))
+    wire = encode(XbusMessage(0xC0, encode_outputs(ASKED)))
     assert wire == bytes.fromhex(CONFIGURATION)
     assert decode_outputs(parse(wire)[0].data) == ASKED
 
@@ -118,13 +123,13 @@ def test_a_byte_at_a_time_is_as_good_as_all_at_once():
 
 @pytest.mark.parametrize("size", [0, 254, 255, 1000, LONGEST])
 def test_both_kinds_of_length_go_there_and_back(size):
-    message = Message(0x36, bytes(k & 0xFF for k in range(size)))
+    message = XbusMessage(0x36, bytes(k & 0xFF for k in range(size)))
     assert parse(encode(message)) == [message]
 
 
 def test_more_data_than_a_frame_holds_is_refused():
     with pytest.raises(ValueError, match="2049 bytes of data: a frame holds 2048"):
-        encode(Message(0x36, bytes(LONGEST + 1)))
+        encode(XbusMessage(0x36, bytes(LONGEST + 1)))
 
 
 def test_a_corrupt_frame_is_counted_and_the_next_one_is_found():
@@ -136,7 +141,7 @@ def test_a_corrupt_frame_is_counted_and_the_next_one_is_found():
 
 
 def test_a_preamble_inside_the_data_of_a_corrupt_frame_does_not_hide_the_next():
-    inner = Message(0x36, b"\x01\xfa\xff\x36\x4c\x02")
+    inner = XbusMessage(0x36, b"\x01\xfa\xff\x36\x4c\x02")
     broken = encode(inner)[:-1] + b"\x00"
     parser = FrameParser(Counters())
     assert parser.feed(broken + PACKET) + parser.idle() == parse(PACKET)

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.plant.guard.guarded import Guarded, Phase
-from twin.plant.guard.settings import GuardSettings
+from twin.plant.guard.guarded import Guarded, GuardPhase
+from twin.plant.guard.rules import GuardSettings
 from twin.plant.plant import Plant
 from twin.platform import Platform, load_platform
 from twin.signals import Command, Reading, Samples
@@ -87,7 +87,7 @@ class Bench:
         count = len(self.plant.told)
         self.tell()
         return (
-            self.guard.phase is Phase.stopped
+            self.guard.phase is GuardPhase.stopped
             and sentence in self.guard.safe_reason
             and self.guard.stopped == {0: self.guard.safe_reason}
             and len(self.plant.safe) == 1

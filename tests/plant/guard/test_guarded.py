@@ -14,9 +14,9 @@ from twin.controller.load import load_controller
 from twin.errors import SafetyError, UsageError
 from twin.estimators.named import load_estimator
 from twin.loop import Ended, fly
-from twin.plant.guard import watchdog
-from twin.plant.guard.guarded import Guarded, Held, Phase
-from twin.plant.guard.settings import guard_settings
+from twin.plant.guard import rules
+from twin.plant.guard.guarded import Guarded, GuardPhase, Held
+from twin.plant.guard.rules import guard_settings
 from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import load_platform
@@ -30,7 +30,7 @@ from twin.signals import Reading
 def test_it_begins_disarmed_and_computes_without_sending():
     bench = Bench()
     applied = bench.tell(wheel_torque=[0.1, 0.1, 0.1], stage_position=[0.01, 0.0, 0.0])
-    assert bench.guard.phase is Phase.disarmed
+    assert bench.guard.phase is GuardPhase.disarmed
     assert bench.plant.told == []
     assert all(not value.any() for value in applied.values())
 
@@ -40,7 +40,7 @@ def test_only_the_word_arms_it(said: str):
     bench = Bench()
     with pytest.raises(SafetyError, match="nobody has said so; type 'arm', each session"):
         bench.guard.arm(said)
-    assert bench.guard.phase is Phase.disarmed
+    assert bench.guard.phase is GuardPhase.disarmed
 
 
 def test_without_a_calibration_file_it_is_not_armed():
@@ -81,7 +81,7 @@ def test_a_signal_of_the_air_that_fell_silent_is_believed_no_more():
     assert not bench.guard.floating
     bench.plant.silent = {"floating"}
     bench.read(25)
-    assert bench.guard.phase is Phase.armed
+    assert bench.guard.phase is GuardPhase.armed
     assert bench.guard.floating, "nobody knows whether the air has come on meanwhile"
     bench.guard.disarm()
     for held in (None, Held.floating, Held.captured):
@@ -157,7 +157,7 @@ def test_a_stale_stream_stops_it_after_the_cycles_that_are_allowed():
     bench = Bench().armed()
     bench.plant.silent = {"gyro"}
     bench.read(SETTINGS.stale_cycles)  # in the first period the last sample is still fresh
-    assert bench.guard.phase is Phase.armed
+    assert bench.guard.phase is GuardPhase.armed
     bench.read(2)
     assert bench.is_safe("gyro is stale: nothing valid for")
 
@@ -191,7 +191,7 @@ def test_air_that_is_lost_while_its_signal_is_silent_stops_it_when_it_is_heard_a
     bench.guard.arm("arm", held=Held.floating)
     bench.plant.silent = {"floating"}
     bench.read(25)
-    assert bench.guard.phase is Phase.armed
+    assert bench.guard.phase is GuardPhase.armed
     bench.plant.silent, bench.plant.shown["floating"] = set(), np.zeros(1)
     assert bench.is_safe("the air was lost")
 
@@ -224,13 +224,13 @@ def test_a_position_that_jumps_while_floating_stops_it_until_it_was_captured():
 
 def test_a_loop_that_hangs_is_stopped_by_the_watchdog(monkeypatch):
     now = 100.0  # told, so that a busy machine neither hangs for the loop nor saves it
-    monkeypatch.setattr(watchdog, "time", SimpleNamespace(monotonic=lambda: now))
+    monkeypatch.setattr(rules, "time", SimpleNamespace(monotonic=lambda: now))
     bench = Bench(settings=replace(SETTINGS, watchdog=0.1)).armed()
     for _ in range(5):
         bench.tell(wheel_torque=[0.1, 0.0, 0.0])
         now += 0.09
         time.sleep(0.15)  # meanwhile it looks
-        assert bench.guard.phase is Phase.armed
+        assert bench.guard.phase is GuardPhase.armed
     now += 0.06
     wait_until(lambda: bench.plant.safe)
     assert bench.is_safe("no command for 0.15 s")
@@ -253,7 +253,7 @@ def test_closing_it_armed_leaves_it_safe():
     bench.tell(wheel_torque=[0.1, 0.0, 0.0])
     bench.guard.close()
     assert len(bench.plant.safe) == 1
-    assert bench.guard.phase is Phase.disarmed
+    assert bench.guard.phase is GuardPhase.disarmed
 
 
 def test_a_sample_that_comes_late_does_not_replace_a_newer_one():

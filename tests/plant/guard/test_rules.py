@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from tests.plant.guard.bench import SETTINGS, Bench
-from twin.plant.guard.rules import RULES
-from twin.plant.guard.settings import GuardSettings, guard_settings
+from twin.plant.guard.rules import RULES, GuardSettings, guard_settings
 from twin.platform import load_platform
 
 

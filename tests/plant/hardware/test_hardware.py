@@ -18,10 +18,9 @@ from twin.plant.devices.device import Counters, Device, DeviceCommand, Sample, m
 from twin.plant.devices.link import Channel, Schema
 from twin.plant.devices.microcontroller import MicrocontrollerSettings
 from twin.plant.guard.guarded import Guarded, Held
-from twin.plant.guard.settings import guard_settings
+from twin.plant.guard.rules import guard_settings
 from twin.plant.hardware import HardwarePlant
-from twin.plant.hardware_setup import HardwareSetup
-from twin.plant.routes import Route
+from twin.plant.hardware_setup import HardwareSetup, Route
 from twin.platform import Platform, load_platform
 from twin.reference import Hold
 from twin.rotation import from_rotation_vector
@@ -232,9 +231,8 @@ CHANNELS = (
 
 def flown(tmp_path: Path, duration: float, *faults) -> tuple[Outcome, Guarded]:
     """A law on the wall's clock, over an emulated Feather that stands still."""
-    from twin.emulate.actuators import EmulatedStages
     from twin.emulate.line import EmulatedLine
-    from twin.emulate.microcontroller import EmulatedMicrocontroller
+    from twin.emulate.microcontroller import EmulatedMicrocontroller, EmulatedStages
 
     cubesat = load_platform("cubesat")
     rates = {c.stream: 20.0 for c in CHANNELS if not c.commanded}
@@ -289,7 +287,7 @@ def test_a_law_flies_on_an_emulated_board_as_on_any_plant(tmp_path: Path):
 @needs_pty
 @pytest.mark.wall_clock
 def test_a_board_that_falls_silent_ends_the_run_safely_with_the_reason(tmp_path: Path):
-    from twin.emulate.faults import Fault
+    from twin.emulate.emulated import Fault
 
     outcome, _ = flown(tmp_path, 6.0, Fault("mute", 1.5, value=20.0))
     assert outcome.ended is Ended.safe_stop
@@ -300,7 +298,7 @@ def test_a_board_that_falls_silent_ends_the_run_safely_with_the_reason(tmp_path:
 @needs_pty
 @pytest.mark.wall_clock
 def test_a_board_that_restarts_ends_the_run_safely_with_the_reason(tmp_path: Path):
-    from twin.emulate.faults import Fault
+    from twin.emulate.emulated import Fault
 
     outcome, _ = flown(tmp_path, 6.0, Fault("reset", 1.5))
     assert outcome.ended is Ended.safe_stop

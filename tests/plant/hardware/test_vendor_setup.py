@@ -9,9 +9,9 @@ from twin.config import read_toml
 from twin.errors import PlatformError
 from twin.plant.devices.device import DeviceSettings
 from twin.plant.devices.kinds import KINDS
-from twin.plant.devices.mdrive.mdrive import MDriveSettings
-from twin.plant.devices.solar2.solar2 import Solar2Settings
-from twin.plant.devices.xbus.mti import MtiSettings
+from twin.plant.devices.mdrive import MDriveSettings
+from twin.plant.devices.mti import MtiSettings
+from twin.plant.devices.solar2 import Solar2Settings
 
 STAGES = """
 kind = "mdrive"

@@ -10,7 +10,7 @@ import pytest
 
 from twin.errors import LogError
 from twin.recording.formats import OpenFiles
-from twin.recording.formats.dates import is_date, seconds_of
+from twin.recording.formats.text_layout import is_date, seconds_of
 
 SEED = secrets.randbits(32)
 

@@ -6,8 +6,7 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from twin.effects.effect import Domain, parameter
-from twin.effects.errors import EffectError
+from twin.effects.effect import Domain, EffectError, parameter
 from twin.effects.on_body import BodyEffect, HingeSpring, TorqueLaw
 from twin.platform import Platform
 

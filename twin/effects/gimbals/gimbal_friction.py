@@ -4,8 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin.effects.effect import Domain, parameter
-from twin.effects.errors import EffectError
+from twin.effects.effect import Domain, EffectError, parameter
 from twin.effects.on_series import Array, Order, SeriesEffect, columns_of, with_value
 from twin.platform import Platform
 from twin.signals import Samples

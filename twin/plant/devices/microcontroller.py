@@ -4,31 +4,73 @@ Stages, magnetorquers, wheels, an IMU, whatever its channels say. The far end en
 which a set-point is valid, so that a host that dies leaves it safe; each `write` renews them all.
 """
 
+import queue
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import CommandError, DeviceError, UnknownName
-from twin.plant.devices.clock_fit import ClockEstimate
 from twin.plant.devices.device import (
     Counters,
     Device,
     DeviceCommand,
     DeviceSettings,
     Sample,
+    SampleQueue,
+    Worker,
     missing,
 )
-from twin.plant.devices.host_time import WALL, HostTime
-from twin.plant.devices.link import Channel, Schema, State, told
-from twin.plant.devices.link import Counters as LinkCounters
+from twin.plant.devices.host_time import WALL, ClockEstimate, HostTime
+from twin.plant.devices.link import Channel, FarEndState, Schema, told
+from twin.plant.devices.link import ParserCounters as LinkCounters
 from twin.plant.devices.link.near_end import NearEnd
-from twin.plant.devices.outbox import Outbox
 from twin.plant.devices.port import SLICE, Port
-from twin.plant.devices.worker import SampleQueue, Worker
+
+WAITING = 64
+"""Frames that may wait to be written before the line counts as stuck."""
+
+
+class Outbox:
+    """A bounded queue whose frames grow old: a line that stood must not bring late set-points."""
+
+    def __init__(self) -> None:
+        self._frames = queue.Queue[tuple[float, bytes]](WAITING)
+
+    def post(self, frame: bytes, lifetime: float = inf) -> bool:
+        """Hand over what is worth sending for `lifetime` [s]; False if too much waits already."""
+        try:
+            self._frames.put_nowait((time.monotonic() + lifetime, frame))
+        except queue.Full:
+            return False
+        return True
+
+    def take(self, timeout: float) -> bytes:
+        """The oldest that is still worth it; nothing after `timeout` [s]."""
+        try:
+            until, frame = self._frames.get(timeout=timeout)
+        except queue.Empty:
+            return b""
+        return frame if time.monotonic() < until else b""
+
+    def clear(self) -> None:
+        """Forget all that waits."""
+        try:
+            while True:
+                self._frames.get_nowait()
+        except queue.Empty:
+            return
+
+    @property
+    def empty(self) -> bool:
+        """Nothing waits."""
+        return self._frames.empty()
+
 
 BOOTLOADER_BAUD = 1200
 """Opening the native USB port of a SAMD21 at this rate starts its bootloader."""
@@ -167,12 +209,12 @@ class Microcontroller(Device):
             return
         if self._valid_ms > greeting.longest_valid_ms:
             raise self._error(self._too_long(greeting.longest_valid_ms), "lower valid_for")
-        if self._end.state is State.fault:
+        if self._end.state is FarEndState.fault:
             raise self._error(_FAULT, "look at the machine, then disarm it")
         self._end.last_event = None
         sequence = self._say(lambda now: self._end.arm(greeting.longest_valid_ms, now))
         self._wait(lambda: self._has_heard(sequence))
-        if self._end.state is not State.armed:
+        if self._end.state is not FarEndState.armed:
             event = self._end.last_event
             reason = told(event.code, event.value) if event else f"no answer within {_ANSWER} s"
             raise self._error(f"it was not armed ({reason})", "connect anew")
@@ -187,7 +229,7 @@ class Microcontroller(Device):
             return self.fault
         if self._valid_ms > greeting.longest_valid_ms:
             return self._too_long(greeting.longest_valid_ms)
-        return _FAULT if self._end.state is State.fault else ""
+        return _FAULT if self._end.state is FarEndState.fault else ""
 
     def read(self) -> list[Sample]:
         return self._queue.take()
@@ -297,7 +339,7 @@ class Microcontroller(Device):
         if end.restarted:
             self.armed = False
             raise self._error("it has restarted", "connect anew, then arm it again")
-        if self.armed and end.state is not State.armed:
+        if self.armed and end.state is not FarEndState.armed:
             self.armed = False
             event = end.last_event
             # where the last is that it was armed, what it said since was lost on the line

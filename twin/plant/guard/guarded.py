@@ -14,10 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import SafetyError, UsageError
-from twin.plant.guard.rules import Rules
-from twin.plant.guard.seen import Seen
-from twin.plant.guard.settings import GuardSettings
-from twin.plant.guard.watchdog import Watchdog
+from twin.plant.guard.rules import GuardSettings, Rules, Seen, Watchdog
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
 from twin.signals import Command, Reading, Samples
@@ -28,7 +25,7 @@ YES = "arm"
 """What the operator types to arm, once a session and after each stop."""
 
 
-class Phase(Enum):
+class GuardPhase(Enum):
     """What the guard lets through."""
 
     disarmed = "Nothing leaves: it is read and computed only."
@@ -63,7 +60,7 @@ class Guarded(Plant):
         self.platform = plant.platform
         self.n = 1
         self.stopped = {}
-        self.phase = Phase.disarmed
+        self.phase = GuardPhase.disarmed
         self.seen = Seen(self.platform)
         self.settings = settings
         self._plant, self._calibrated = plant, calibrated
@@ -109,7 +106,7 @@ class Guarded(Plant):
         self._end_watchdog()
         if np.isfinite(self.settings.watchdog):
             self._watchdog = Watchdog(self.settings.watchdog, self._quiet)
-        self.phase = Phase.armed
+        self.phase = GuardPhase.armed
 
     def refusals(self, held: Held | None = None) -> Iterator[SafetyError]:
         """Why it would not be armed now, the gravest first; nothing: it would.
@@ -169,17 +166,17 @@ class Guarded(Plant):
 
     def disarm(self) -> None:
         """Safe, and nothing leaves from now on."""
-        if self.phase is Phase.armed:
+        if self.phase is GuardPhase.armed:
             self._make_safe()
-        self.phase = Phase.disarmed
+        self.phase = GuardPhase.disarmed
         self._plant.disengage()
         self._end_watchdog()
 
     def stop(self, reason: str) -> None:
         """Bring it to its safe state, because of `reason`; the run ends with it."""
-        if self.phase is not Phase.armed:
+        if self.phase is not GuardPhase.armed:
             return
-        self.phase = Phase.stopped
+        self.phase = GuardPhase.stopped
         self.safe_reason = reason
         self.stopped[0] = reason
         self._make_safe()
@@ -187,7 +184,7 @@ class Guarded(Plant):
     def read(self, until: float) -> Reading:
         reading = self._plant.read(until)
         self.seen.take(reading)
-        if self.phase is Phase.armed:
+        if self.phase is GuardPhase.armed:
             reason = self._plant.stopped.get(0) or self._danger()
             if reason:
                 self.stop(reason)
@@ -203,7 +200,7 @@ class Guarded(Plant):
                 column = int(np.argmin(np.isfinite(value[0])))
                 what = self.platform.columns(name)[column]
                 self.stop(f"{name} {what} is {value[0, column]}: the law has failed")
-        if self.phase is not Phase.armed:
+        if self.phase is not GuardPhase.armed:
             return self._applied or self._rest()
         # once: it ends itself, in its own thread, when it barks
         watchdog = self._watchdog

@@ -1,22 +1,174 @@
-"""Arrays by dotted names as columns: what MATLAB, HDF5, LabVIEW and PX4 write.
+"""Columns of numbers from other programs' files: the interface of a format, and its limits.
 
+Arrays by dotted names as columns: what MATLAB, HDF5, LabVIEW and PX4 write.
 `imu.gyr` is the field of a struct or the data set of a group; of a matrix, each row is a sample and
 `imu.gyr.1` is the first column. Names are looked up in the variable that log.toml names, then in
 the whole file, so that a vector of times may stand beside the matrix that it belongs to.
+
+One pass over a file for all the streams in it: the tables they ask for, and how far it is.
+A file that does not fit into the memory is read once, from its beginning to its end. Each stream
+says beforehand which columns it will ask for; the pass appends their numbers, eight bytes each, to
+one table a request, and keeps nothing else of the file.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from abc import ABC, abstractmethod
+from array import array
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import LogError, UnknownName
-from twin.recording.formats.number_file import NumberFile
 
 Array = NDArray[np.float64]
+
+
+def imported(module: str, path: Path) -> Any:
+    """A module of a library that may be missing.
+
+    Raises:
+        LogError: it is not installed; about the file that needs it, with the command that does.
+    """
+    try:
+        return import_module(module)
+    except ImportError:
+        raise LogError(
+            path,
+            f"needs the library {module.split('.', 1)[0]}, which is not installed",
+            "pip install 'airbearing-twin[formats]'",
+        ) from None
+
+
+@contextmanager
+def library_errors(path: Path, kind: str, remedy: str) -> Generator[None]:
+    """What a library raises in this block, on damaged bytes whatever its parts raise, as our error.
+
+    Args:
+        path: of the file.
+        kind: of file, as what it is read.
+        remedy: what would do.
+
+    Raises:
+        LogError: the library raised anything.
+    """
+    try:
+        yield
+    except LogError:
+        raise
+    except Exception as problem:
+        text = str(problem).split("\n", 1)[0] or type(problem).__name__
+        raise LogError(path, f"cannot be read as {kind} ({text})", remedy) from None
+
+
+def damage(path: Path) -> tuple[str, ...]:
+    """The repair of a file of which a library has read what it could."""
+    return (f"{path.name} was cut short or is damaged; what could be decoded is here",)
+
+
+UNPACKED = 200
+"""Times its own size that a file may unpack to: numbers of sensors shrink by ten at most."""
+SMALL = 64 << 20
+"""What any file may unpack to [bytes]."""
+
+
+def check_unpacked(path: Path, size: int) -> None:
+    """Refuse a file that would fill the memory.
+
+    Args:
+        path: of the file.
+        size: what it says that it unpacks to [bytes].
+
+    Raises:
+        LogError: far more than such a file can hold.
+    """
+    if size > SMALL and size > UNPACKED * path.stat().st_size:
+        times = size // max(path.stat().st_size, 1)
+        raise LogError(
+            path,
+            f"would unpack to {size >> 20} MiB, {times} times its size",
+            "save the log's numbers again",
+        )
+
+
+class NumberFile(ABC):
+    """A file, or the part of one that log.toml names, as columns of numbers."""
+
+    by_name = False
+    """Whether a quaternion's parts have names, so that they come as w, x, y, z by themselves."""
+
+    def __init__(self, path: Path, header: Sequence[str], clocks: Sequence[str] = ()) -> None:
+        self.path = path
+        self.header = tuple(header)
+        """Names of the columns, in order."""
+        self.clocks = tuple(clocks)
+        """Those that hold times in seconds by their type, whatever `time_unit` says."""
+        self.units: Mapping[str, str] = {}
+        """Texts of the units that the file states beside its columns' names."""
+        self.repeated: tuple[str, ...] = ()
+        """Names that several columns have in the file; `header` numbers those."""
+        self.numbered = False
+        """Whether the file names no columns, and `header` counts them from 1."""
+        self.repairs: tuple[str, ...] = ()
+        """A sentence for each thing that was mended on reading the file."""
+
+    @property
+    def time(self) -> str:
+        """The column of times, where log.toml names none: the first."""
+        return self.header[0]
+
+    @property
+    def values(self) -> tuple[str, ...]:
+        """The columns of values, where log.toml names none (the time may be among them)."""
+        return tuple(name for name in self.header if name not in self.clocks)
+
+    def expect(self, names: Sequence[str]) -> None:  # noqa: B027  (arrays are read one by one)
+        """Say that `numbers` will be asked for these columns: one pass then reads all of them."""
+
+    @abstractmethod
+    def numbers(self, names: Sequence[str]) -> Array:
+        """The named columns, shape (rows, len(names)); NaN where the file has nothing.
+
+        An array that the caller may write into, or a read-only one.
+
+        Raises:
+            LogError: a name that is no column, or what is there are no numbers.
+        """
+
+    @abstractmethod
+    def fault(self, problem: str, remedy: str, row: int | None = None) -> LogError:
+        """The error about a row (from 0), or about the file."""
+
+    def beginning(self) -> "NumberFile":
+        """The same file as far as a look at it needs."""
+        return self
+
+    def not_finite(self, row: int, name: str, value: float) -> LogError:
+        """The error about one number that is none."""
+        return self.fault(
+            f"column {name!r} holds {'nothing' if np.isnan(value) else value}, "
+            "which is no finite number",
+            "write the number, or delete the row",
+            row,
+        )
+
+    def find(self, name: str) -> str:
+        """A column's name as the header has it.
+
+        Raises:
+            LogError: there is no such column.
+        """
+        if name not in self.header:
+            problem = str(UnknownName("column", name, self.header))
+            raise self.fault(problem, "name one of its columns")
+        return name
+
 
 WIDEST = 100
 """A matrix with more columns than this, and fewer rows, lies on its side."""
@@ -118,11 +270,11 @@ class ArrayFile(NumberFile):
 
 def _columns(arrays: Mapping[str, Numbers]) -> Iterator[tuple[str, tuple[str, int | None]]]:
     """Name of a column -> its array, and which of that it is."""
-    for name, array in arrays.items():
-        if len(array.shape) == 1 or 1 in array.shape:
+    for name, values in arrays.items():
+        if len(values.shape) == 1 or 1 in values.shape:
             yield name, (name, None)
-        elif not _lies(array):
-            for index in range(array.shape[1]):
+        elif not _lies(values):
+            for index in range(values.shape[1]):
                 yield f"{name}.{index + 1}", (name, index)
 
 
@@ -159,3 +311,88 @@ def _refusal(name: str | None, variables: Variables) -> tuple[str, str]:
     if inside:
         return f"variable {name!r} holds no numbers ({', '.join(inside)})", remedy
     return f"has no variable {name!r}", remedy
+
+
+Names = tuple[str, ...]
+Say = Callable[[str], None]
+
+SOON = 2.0
+"""A file that is read within this time needs no line of progress [s]."""
+AGAIN = 0.5
+"""Between two lines of progress [s]."""
+
+
+class Tables:
+    """Tables of some columns of one file, each filled once and handed to whom asked for it."""
+
+    def __init__(self) -> None:
+        self._asked = Counter[Names]()
+        self._shared = set[Names]()
+        self._filled: dict[Names, array[float]] = {}
+
+    def expect(self, names: Sequence[str]) -> None:
+        """Count one request for these columns, which `take` will hand out."""
+        if names:
+            self._asked[tuple(names)] += 1
+        if self._asked[tuple(names)] > 1:
+            self._shared.add(tuple(names))
+
+    def missing(self) -> list[Names]:
+        """Requests whose table the next pass has to fill."""
+        return [names for names in self._asked if names not in self._filled]
+
+    def fill(self, tables: dict[Names, "array[float]"]) -> None:
+        """Keep what a pass has read, row after row."""
+        self._filled |= tables
+
+    def __contains__(self, names: Names) -> bool:
+        return names in self._filled
+
+    def take(self, names: Names) -> Array:
+        """A filled table (rows, len(names)), read-only where several streams asked for it.
+
+        The last request takes it out of the memory here.
+        """
+        self._asked[names] -= 1
+        if self._asked[names] > 0:
+            rows = self._filled[names]
+        else:
+            rows = self._filled.pop(names)
+            del self._asked[names]
+        # an empty array has no buffer that NumPy takes
+        table = np.frombuffer(rows) if rows else np.empty(0)
+        table.flags.writeable = names not in self._shared
+        return table.reshape(-1, len(names))
+
+
+class ReadProgress:
+    """Says how far the reading of a file is, where that takes more than a moment."""
+
+    def __init__(self, say: Say, path: Path) -> None:
+        """Begin to count.
+
+        Args:
+            say: takes the words.
+            path: the file, for the words.
+        """
+        self._say, self._path = say, path
+        self._start = time.monotonic()
+        self._next = self._start + SOON
+
+    def at(self, done: float, total: float) -> None:
+        """Called as often as convenient: `done` of `total` bytes, or messages, are read."""
+        now = time.monotonic()
+        if now < self._next or not 0.0 < done <= total:
+            return
+        self._next = now + AGAIN
+        left = (now - self._start) * (total - done) / done
+        self._say(f"reading {self._path.name}: {done / total:.0%}, {_duration(left)} left")
+
+
+def silent(words: str) -> None:
+    """Take the words of a `ReadProgress` that nobody reads."""
+    del words
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"

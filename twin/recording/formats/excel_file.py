@@ -8,7 +8,7 @@ from typing import Any
 from zipfile import BadZipFile, ZipFile
 
 from twin.errors import LogError
-from twin.recording.formats.extras import check_unpacked, imported, library_errors
+from twin.recording.formats.array_file import check_unpacked, imported, library_errors
 
 
 def read_sheet(path: Path, name: str | None) -> bytes:

@@ -4,9 +4,8 @@ from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from twin.recording.formats.array_file import NumberFile, Say, silent
 from twin.recording.formats.dataflash_file import is_dataflash, read_dataflash
-from twin.recording.formats.number_file import NumberFile
-from twin.recording.formats.one_pass import Say, silent
 
 if TYPE_CHECKING:
     from twin.recording.formats.array_file import Variables
@@ -91,10 +90,10 @@ class OpenFiles:
             LogError: it cannot be read.
         """
         if path.suffix.lower() == ".mcap":
-            from twin.recording.formats.mcap_topic import McapMessages
+            from twin.recording.formats.topic import McapMessages
 
             return self._once(path, lambda: McapMessages(path, self._say))
-        from twin.recording.formats.bag_topic import BagMessages
+        from twin.recording.formats.topic import BagMessages
 
         return self._once(path, lambda: BagMessages(path, self._say))
 
@@ -105,8 +104,8 @@ class OpenFiles:
 
 
 def _text(path: Path, variable: str | None, decimal: str | None, say: Say) -> NumberFile:
-    from twin.recording.formats.terminal_text import captured
     from twin.recording.formats.text_file import TextFile
+    from twin.recording.formats.text_layout import captured
 
     return TextFile(path, variable, decimal, content=captured(path), say=say)
 

@@ -8,8 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import LogError
-from twin.recording.formats.array_file import Numbers, Variables
-from twin.recording.formats.extras import check_unpacked, imported, library_errors
+from twin.recording.formats.array_file import (
+    Numbers,
+    Variables,
+    check_unpacked,
+    imported,
+    library_errors,
+)
 
 MOST_NAMES = 10_000
 """Data sets and groups that are looked at."""

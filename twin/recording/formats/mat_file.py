@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import LogError
-from twin.recording.formats.array_file import Variables
-from twin.recording.formats.extras import check_unpacked, library_errors
+from twin.recording.formats.array_file import Variables, check_unpacked, library_errors
 from twin.stop import check
 
 _AS = "a MAT file", "save it again with -v7"

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.recording.formats.array_file import Numbers, Variables
-from twin.recording.formats.extras import check_unpacked, library_errors
+from twin.recording.formats.array_file import Numbers, Variables, check_unpacked, library_errors
 
 
 def read_numpy(path: Path) -> Variables:

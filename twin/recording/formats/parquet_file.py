@@ -9,8 +9,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from twin.errors import LogError
-from twin.recording.formats.extras import check_unpacked, library_errors
-from twin.recording.formats.number_file import NumberFile
+from twin.recording.formats.array_file import NumberFile, check_unpacked, library_errors
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.recording.formats.array_file import Numbers, Variables
-from twin.recording.formats.extras import damage, imported, library_errors
+from twin.recording.formats.array_file import Numbers, Variables, damage, imported, library_errors
 
 _AS = "TDMS", "save it again"
 EPOCH = np.datetime64("1970-01-01T00:00:00", "us")

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 
 from twin.errors import LogError, UnknownName
-from twin.recording.formats.dates import is_date, seconds_of
-from twin.recording.formats.number_file import NumberFile
-from twin.recording.formats.one_pass import Names, Progress, Say, Tables, silent
+from twin.recording.formats.array_file import Names, NumberFile, ReadProgress, Say, Tables, silent
 from twin.recording.formats.text_layout import (
     BLANKS,
+    is_date,
     is_finite,
     is_number,
     layout_of,
+    seconds_of,
     split,
 )
 from twin.stop import check
@@ -236,7 +236,7 @@ class TextFile(NumberFile):
     def _blocks(self) -> Iterator[bytes]:
         """The rows, as the fast reader takes them."""
         self._again = 0
-        progress = Progress(self._say, self.path)
+        progress = ReadProgress(self._say, self.path)
         for block in self._text.blocks(self._below, self._end, progress):
             if self._names and self._names in block:  # written again by a recorder that restarted
                 block, count = _without_lines(block, self._names)
@@ -447,7 +447,7 @@ class _Text:
                 yield line.rstrip("\r")
 
     def blocks(
-        self, skip: int, last: int | None, progress: Progress | None = None
+        self, skip: int, last: int | None, progress: ReadProgress | None = None
     ) -> Iterator[bytes]:
         """The same as pieces of UTF-8 that end with a line."""
         number = 0
@@ -466,7 +466,7 @@ class _Text:
             if stop is not None:
                 return
 
-    def _whole_lines(self, progress: Progress | None) -> Iterator[bytes]:
+    def _whole_lines(self, progress: ReadProgress | None) -> Iterator[bytes]:
         carried = list[bytes]()
         for block in self._checked(progress):
             end = block.rfind(b"\n") + 1
@@ -477,7 +477,7 @@ class _Text:
         if rest := b"".join(carried):
             yield rest
 
-    def _checked(self, progress: Progress | None) -> Iterator[bytes]:
+    def _checked(self, progress: ReadProgress | None) -> Iterator[bytes]:
         """Blocks of the file; a binary one and an endless line are refused before the next."""
         line, length, binary = 1, 0, False
         for block in self._decoded(progress):
@@ -502,7 +502,7 @@ class _Text:
                 return
         raise LogError(self._path, "is not text but binary", "export it as CSV", line=line)
 
-    def _decoded(self, progress: Progress | None) -> Iterator[bytes]:
+    def _decoded(self, progress: ReadProgress | None) -> Iterator[bytes]:
         """In UTF-8, whatever the file is in."""
         decoder = codecs.getincrementaldecoder(self.encoding)("strict")
         with self._open() as file:

@@ -1,8 +1,14 @@
-"""How a text file lays out its table: separator, decimal mark, preamble, names, units, first row.
+"""How a text file lays out its table, its dates, and what a terminal program adds to each line.
 
+How a text file lays out its table: separator, decimal mark, preamble, names, units, first row.
 The layout is read from the beginning of the file. Programs write, in this order and each of it or
 not: lines of free text, one or several rows of names (an object's above those of its columns), a
 row of units, rows of numbers. So the first row of numbers is looked for, then what stands above it.
+
+What a terminal program kept of a serial line, as the text of a table.
+Terminals write a stamp before each line (`10:22:33.123 -> 0.1,0.2`, `[2026-02-03 10:22:33.123]
+0.1,0.2`), and devices that print for a plotter write each value behind its name (`gx:0.1 gy:0.2`).
+Each line of the file stays one line, so that an error names the right one.
 """
 
 import csv
@@ -10,10 +16,88 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from twin.recording.column_names import is_clock, is_counter
-from twin.recording.formats.dates import is_date
 from twin.units import known_unit
+
+Array = NDArray[np.float64]
+
+_CLOCK = r"\d{1,2}:\d\d(?::\d\d(?:[.,:]\d+)?)?(?: ?[AaPp][Mm])?"
+_DAY = r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})|(\d{1,2})([./-])(\d{1,2})[./-](\d{4})"
+_DATE = re.compile(rf"(?:{_DAY})(?:(?:[T ]|, ?)({_CLOCK})(?:Z| ?UTC|([+-])(\d\d):?(\d\d))?)?$")
+_OF_DAY = re.compile(r"\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?(?: ?[AaPp][Mm])?$")
+
+
+def is_date(text: str) -> bool:
+    """Whether a text is a date with or without a time, or a time of day.
+
+    The date is year-month-day (ISO 8601), day.month.year, or day/month/year in either order.
+    """
+    text = text.strip()
+    return _DATE.match(text) is not None or _OF_DAY.match(text) is not None
+
+
+def seconds_of(texts: Sequence[str | None]) -> Array:
+    """Seconds (m,) since 1970 of dates, since midnight of times of day; NaN for the rest.
+
+    A date without a zone is taken as UTC: only its differences count. Of 2/3/2026 the first number
+    is the month, unless a date of the column denies it, or the column spans fewer days otherwise.
+    """
+    seconds = np.full(len(texts), np.nan)
+    days: dict[tuple[str, ...], list[int]] = {}
+    for i, text in enumerate(texts):
+        if text is None:
+            continue
+        if (found := _DATE.match(text.strip())) is not None:
+            *day, clock, sign, hours, minutes = found.groups(default="")
+            days.setdefault(tuple(day), []).append(i)
+            seconds[i] = _of_day(clock or "00:00")
+            if sign:
+                shift = 3600.0 * int(hours) + 60.0 * int(minutes)
+                seconds[i] -= shift if sign == "+" else -shift
+        elif _OF_DAY.match(text.strip()):
+            seconds[i] = _of_day(text.strip())
+    for rows, start in zip(days.values(), _starts(list(days)), strict=True):
+        seconds[rows] += start
+    return seconds
+
+
+def _starts(days: Sequence[tuple[str, ...]]) -> list[float]:
+    """Seconds of the beginnings of days, in the order of day and month that suits them all."""
+    readings: list[list[float]] = []
+    for month_first in (True, False):
+        try:
+            readings.append([_start(day, month_first=month_first) for day in days])
+        except ValueError:  # there is no month 13
+            continue
+    if not readings:
+        return [float("nan")] * len(days)
+    return min(readings, key=lambda one: max(one, default=0.0) - min(one, default=0.0))
+
+
+def _start(day: tuple[str, ...], *, month_first: bool) -> float:
+    year, month, number, first, mark, second, behind = day
+    if not year:
+        first_is_month = month_first and mark == "/"
+        month, number = (first, second) if first_is_month else (second, first)
+    days = date(int(year or behind), int(month), int(number)).toordinal()
+    return 86400.0 * (days - date(1970, 1, 1).toordinal())
+
+
+def _of_day(clock: str) -> float:
+    half = clock[-2:].lower() if clock[-1:].lower() == "m" else ""
+    if half:
+        clock = clock[:-2].strip()
+    hours, minutes, *rest = clock.replace(",", ".").split(":", 2)
+    hour = int(hours) % 12 + 12 * (half == "pm") if half else int(hours)
+    seconds = float(rest[0].replace(":", ".")) if rest else 0.0
+    return 3600.0 * hour + 60.0 * int(minutes) + seconds
+
 
 SEPARATORS = (",", ";", "\t", " ")
 """Of columns; a space stands for any number of spaces and tabs."""
@@ -52,7 +136,7 @@ _IDENTIFIER = re.compile(r"[0-9A-F:-]{8,}$", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class Layout:
+class TextLayout:
     """Where the table of a text file is, and how its rows are written."""
 
     separator: str
@@ -77,7 +161,7 @@ class Layout:
     """Names that stand above several columns, which are numbered: `x.1`, `x.2`."""
 
 
-def layout_of(lines: Sequence[str], above: int = 0) -> Layout:
+def layout_of(lines: Sequence[str], above: int = 0) -> TextLayout:
     """The layout of a table that begins with these lines.
 
     Args:
@@ -105,7 +189,7 @@ def layout_of(lines: Sequence[str], above: int = 0) -> Layout:
     names, repeated = _numbered(names)
     cells = rows[first] if first < len(rows) else []
     empty = [not any(row[i : i + 1] and row[i] for row in rows[top:]) for i in range(len(names))]
-    return Layout(
+    return TextLayout(
         separator=separator,
         names=names,
         units=tuple(units) or ("",) * len(names),
@@ -279,3 +363,100 @@ def _numbered(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
         one = f"{name}.{seen[name]}" if counts[name] > 1 and name else name
         unique.append(one if name or counts[name] == 1 else f"column {place}")
     return tuple(unique), tuple(name for name, count in counts.items() if count > 1 and name)
+
+
+HEAD = 1 << 16
+"""Of a file, from which it is known whether a terminal wrote it [bytes]."""
+MOSTLY = 0.8
+"""Share of the lines that look so."""
+FEWEST = 3
+"""Lines, at least."""
+
+_STAMPS = (
+    re.compile(r"(\d{1,2}:\d\d:\d\d[.,]\d+) -> ?(.*)$"),
+    re.compile(r"\[([^\[\]]*\d\d:\d\d:\d\d[^\[\]]*)\][ \t]?(.*)$"),
+)
+_TERMINAL_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan"
+_PAIR = re.compile(rf"([A-Za-z_][\w.]*)\s*[:=]\s*({_TERMINAL_NUMBER})")
+_PAIRS = re.compile(rf"\s*(?:{_PAIR.pattern}[\s,;]*)+$")
+
+
+def captured(path: Path) -> bytes | None:
+    """The table in a capture of a serial line; None where the file is no such text.
+
+    Args:
+        path: of a text file.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+            lines = _decoded(head).splitlines()[: None if len(head) < HEAD else -1]
+            stamp = next((one for one in _STAMPS if _most(lines, one)), None)
+            bodies = [_parted(line, stamp)[1] for line in lines]
+            pairs = _most(bodies, _PAIRS) and len(_keys(bodies)) > 1
+            if stamp is None and not pairs:
+                return None
+            whole = _decoded(head + file.read()).splitlines()
+    except OSError:  # the reader of the text says what is wrong
+        return None
+    parted = [_parted(line, stamp) for line in whole]
+    if pairs:
+        return _of_pairs(parted, _keys(bodies), stamped=stamp is not None)
+    return _of_rows(parted, layout_of(bodies))
+
+
+def _decoded(content: bytes) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", "replace")
+
+
+def _most(lines: Sequence[str], pattern: re.Pattern[str]) -> bool:
+    filled = [line for line in lines if line.strip()]
+    count = sum(pattern.match(line) is not None for line in filled)
+    return count >= FEWEST and count >= MOSTLY * len(filled)
+
+
+def _parted(line: str, stamp: re.Pattern[str] | None) -> tuple[str, str]:
+    """The stamp of a line, and what the device sent."""
+    found = None if stamp is None else stamp.match(line)
+    if found is None:
+        return "", line
+    return found[1].strip().replace(" ", "T"), found[2]
+
+
+def _keys(bodies: Sequence[str]) -> tuple[str, ...]:
+    """The names that most lines have, in their order."""
+    named = Counter(tuple(key for key, _ in _PAIR.findall(body)) for body in bodies)
+    return max(named, key=lambda keys: (named[keys] * bool(keys), len(keys)), default=())
+
+
+def _of_pairs(parted: Sequence[tuple[str, str]], keys: tuple[str, ...], *, stamped: bool) -> bytes:
+    """A table with a column a name, its names on a line of their own before the first row; lines
+    of other names are left out."""
+    names = ",".join((*(("time",) if stamped else ()), *keys))
+    lines: list[str] = []
+    for stamp, body in parted:
+        pairs = _PAIR.findall(body) if _PAIRS.match(body) else []
+        whole = tuple(key for key, _ in pairs) == keys and bool(stamp) == stamped
+        cells = (*((stamp,) if stamped else ()), *(value for _, value in pairs))
+        lines.append(",".join(cells) if whole else "")
+    return "\n".join([names, *lines, ""]).encode()
+
+
+def _of_rows(parted: Sequence[tuple[str, str]], layout: TextLayout) -> bytes:
+    """The rows behind their stamps, and the names behind `time`."""
+    separator = layout.separator
+    width = len(layout.names)
+    names = None if not layout.named else split(parted[layout.names_line - 1][1], separator)
+    lines: list[str] = []
+    for stamp, body in parted:
+        cells = split(body, separator)
+        if names is not None and cells == names:
+            lines.append(f"time{separator}{body.strip()}")
+        elif len(cells) == width and is_date(stamp):
+            lines.append(f"{stamp}{separator}{body.strip()}")
+        else:
+            lines.append("")
+    return "\n".join([*lines, ""]).encode()

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from twin.errors import LogError
-from twin.recording.formats.array_file import Numbers, Variables
-from twin.recording.formats.extras import damage, imported, library_errors
+from twin.recording.formats.array_file import Numbers, Variables, damage, imported, library_errors
 
 
 def read_ulog(path: Path) -> Variables:

@@ -18,7 +18,7 @@ from twin.reproduce.paper_000.bench import (
     tracked,
     with_noise,
 )
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 Array = NDArray[np.float64]
 
@@ -35,15 +35,15 @@ METHODS = ("integrated", "filtered")
 """The paper's; its result is of the first, the simple integrator."""
 
 
-def rigid(say: Say) -> Found:
+def rigid(say: Say) -> Computed:
     """Principal moments of the printed J."""
     say("principal moments")
     low, middle, high = np.linalg.eigvalsh(PRINTED)
     note = f"Principal moments {low:.1f}, {middle:.1f} and {high:.1f} kg m^2."
-    return Found({"000.eq43.rigid_body": Ours(bool(high <= low + middle), note=note)})
+    return Computed({"000.eq43.rigid_body": Ours(bool(high <= low + middle), note=note)})
 
 
-def products_back(say: Say) -> Found:
+def products_back(say: Say) -> Computed:
     """Fly the machine of eq. 43, tell the identification another one, look what it says."""
     machine = printed_machine()
     stated = with_noise(load_platform("tas2"), MIDDLE)
@@ -64,10 +64,10 @@ def products_back(say: Say) -> Found:
         + (f"Not held: {', '.join(missed)}. " if missed else "")
         + f"Over {len(RUNS)} logs {np.mean(held):.0%} of the intervals hold the truth."
     )
-    return Found({"000.eq43.products_back": Ours(bool(held[0].all()), note=note)})
+    return Computed({"000.eq43.products_back": Ours(bool(held[0].all()), note=note)})
 
 
-def which_effect(say: Say) -> Found:
+def which_effect(say: Say) -> Computed:
     """The batch method on logs of machines that have one of the published faults each."""
     machine = replace(printed_machine(), sensors=load_platform("tas2").sensors)
     stated = load_platform("tas2")
@@ -88,7 +88,7 @@ def which_effect(say: Say) -> Found:
     note = (
         f"The largest comes from {name}. Errors of Jzz [kg m^2], the worse of both filters: {told}."
     )
-    return Found({"000.eq43.which_effect": Ours(float(abs(worst)), note=note)})
+    return Computed({"000.eq43.which_effect": Ours(float(abs(worst)), note=note)})
 
 
 def at_motor(log: Recording, machine: Platform) -> Recording:
@@ -108,7 +108,7 @@ def _worst(logs: Sequence[Recording], stated: Platform, truth: float) -> float:
 
 
 PARTS = (
-    Part(("000.eq43.rigid_body",), rigid),
-    Part(("000.eq43.products_back",), products_back),
-    Part(("000.eq43.which_effect",), which_effect),
+    PaperPart(("000.eq43.rigid_body",), rigid),
+    PaperPart(("000.eq43.products_back",), products_back),
+    PaperPart(("000.eq43.which_effect",), which_effect),
 )

@@ -9,7 +9,7 @@ from twin.platform import load_platform
 from twin.reproduce.flown import Flown, flown, perfect
 from twin.reproduce.paper_000.bench import RollPitch
 from twin.reproduce.paper_000.drawn import side_by_side
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 from twin.rotation import cross, from_rotation_vector, vertical_body
 
 Array = NDArray[np.float64]
@@ -20,7 +20,7 @@ STILL, MOVING = 150.0, 700.0
 """Without excitation, and with it [s]."""
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """Two runs."""
     machine = perfect(load_platform("tas2"))
     law, kind = load_controller("adaptive_balancing"), "passthrough"
@@ -58,7 +58,7 @@ def compute(say: Say) -> Found:
         "Fig. 3, top: momentum error and m r without excitation": _drawn(still),
         "Fig. 3, bottom: the same with excitation": _drawn(moving, RollPitch()),
     }
-    return Found(rows, figures)
+    return Computed(rows, figures)
 
 
 def momentum_error(run: Flown, reference: RollPitch | None = None) -> Array:
@@ -81,7 +81,7 @@ def _drawn(run: Flown, reference: RollPitch | None = None) -> str:
     return side_by_side(run.time, panels)
 
 
-PART = Part(
+PART = PaperPart(
     (
         "000.fig3.momentum_without_excitation",
         "000.fig3.offset_without_excitation",

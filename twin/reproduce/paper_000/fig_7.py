@@ -17,7 +17,7 @@ from scipy.optimize import minimize, minimize_scalar
 
 from twin.platform import Platform, load_platform
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 from twin.rotation import from_rotation_vector, rotate
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ COARSE = 60
 """Directions to each quarter turn of the first search."""
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """Closed form, refined numerically."""
     machine = load_platform("tas2")
     say("the best skew")
@@ -58,7 +58,7 @@ def compute(say: Say) -> Found:
         "one, and the one that encloses the sphere": _surface(axes),
         "Radius of the sphere without singular states over the skew": _radii(skews, radii),
     }
-    return Found(rows, figures)
+    return Computed(rows, figures)
 
 
 def gimbal_axes(machine: Platform, skew: float) -> Array:
@@ -133,4 +133,4 @@ def _radii(skews: Array, radii: Array) -> str:
         return svg(figure)
 
 
-PART = Part(("000.fig7.best_skew", "000.fig7.sphere"), compute)
+PART = PaperPart(("000.fig7.best_skew", "000.fig7.sphere"), compute)

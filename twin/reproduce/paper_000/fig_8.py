@@ -22,7 +22,7 @@ from twin.report.style import FIGURE, PALETTE, svg
 from twin.reproduce.flown import Flown, flown
 from twin.reproduce.paper_000.bench import RollPitch, tracked
 from twin.reproduce.paper_000.drawn import side_by_side
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 from twin.rotation import tilt
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ SETTLED = 2.0 * np.pi / RollPitch().pace
 """One period of the excitation, over which the end is averaged [s]."""
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """Four runs of each."""
     shipped = load_platform("tas2")
     machine = with_effects(shipped, parse_effects(",".join(FAULTS)))
@@ -83,7 +83,7 @@ def compute(say: Say) -> Found:
         "Fig. 8: tilt during adaptive balancing": _tilt(run),
         "Fig. 9: momentum error and positions of the masses": _adapted(run),
     }
-    return Found(rows, figures)
+    return Computed(rows, figures)
 
 
 def _adapting(machine: Platform, runs: Sequence[int]) -> Flown:
@@ -127,4 +127,4 @@ def _adapted(run: Flown) -> str:
     return side_by_side(run.time, panels)
 
 
-PART = Part(("000.fig8.adaptive_beats_direct", "000.fig9.vertical_mass_moves_most"), compute)
+PART = PaperPart(("000.fig8.adaptive_beats_direct", "000.fig9.vertical_mass_moves_most"), compute)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from twin.estimators import Passthrough
 from twin.plant.initial import InitialState
 from twin.platform import Platform
-from twin.reproduce.paper_001.flights import Flown, exact_sensors, flown
+from twin.reproduce.paper_001.flights import FlownRuns, exact_sensors, flown
 from twin.rotation import conjugate, from_rotation_vector, multiply, to_rotation_vector
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def offset_bound(platform: Platform, start: InitialState, duration: float) -> Ar
     return slides.T @ by_stages @ slides
 
 
-def _answers(run: Flown, sizes: Array) -> dict[str, Array]:
+def _answers(run: FlownRuns, sizes: Array) -> dict[str, Array]:
     """d reading / d unknown of each stream, (m, k, unknowns + 3)."""
     count = len(sizes)
     up, down = (

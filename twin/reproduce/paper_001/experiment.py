@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from twin.estimators import InclinometerDifferences
 from twin.reproduce.paper_001.figures import Panel, drawn, named
-from twin.reproduce.paper_001.flights import STABLE, Flown, astros, flown, tilted
-from twin.reproduce.part import Found, Ours, Say
+from twin.reproduce.paper_001.flights import STABLE, FlownRuns, astros, flown, tilted
+from twin.reproduce.part import Computed, Ours, Say
 from twin.rotation import to_euler_zyx, vertical_body
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ SETTLED = np.radians(0.05)
 """[rad]."""
 
 
-def run_from(moment: Array, cutoff: float = np.inf) -> Flown:
+def run_from(moment: Array, cutoff: float = np.inf) -> FlownRuns:
     """The experiment with another m r [kg m], and a low-pass in its inclinometer [Hz]."""
     platform = astros(moment)
     sensors = dict(platform.sensors)
@@ -56,7 +56,7 @@ def hanging() -> Array:
     return astros().center_of_mass_offset[2] * up / up[2]
 
 
-def settled_at(run: Flown) -> float:
+def settled_at(run: FlownRuns) -> float:
     """When roll and pitch stay within `SETTLED` from then on [s]; inf: not at the end."""
     angles = np.abs(to_euler_zyx(run.true["attitude"][:, 0]))[:, 1:]
     outside = np.flatnonzero(angles.max(axis=1) > SETTLED)
@@ -65,12 +65,12 @@ def settled_at(run: Flown) -> float:
     return float(run.time[outside[-1] + 1]) if outside.size else 0.0
 
 
-def final(run: Flown) -> Array:
+def final(run: FlownRuns) -> Array:
     """(stages,) over the last 20 s [m]."""
     return run.true["stage_position"][run.time >= DURATION - 20.0, 0].mean(axis=0)
 
 
-def hardware(say: Say) -> Found:
+def hardware(say: Say) -> Computed:
     """Two offsets: that of Fig. 17, and that with which the machine would hang as it started."""
     say("200 s from the printed start, with two offsets, and behind a low-pass")
     printed, hung = run_from(balanced_by(FINAL)), run_from(hanging())
@@ -93,10 +93,10 @@ def hardware(say: Say) -> Found:
             "(published -1.1 and 1.5 mm).",
         ),
     }
-    return Found(rows, {**_attitudes(printed), **_masses(printed, hung)})
+    return Computed(rows, {**_attitudes(printed), **_masses(printed, hung)})
 
 
-def _attitudes(run: Flown) -> dict[str, str]:
+def _attitudes(run: FlownRuns) -> dict[str, str]:
     angles = np.degrees(to_euler_zyx(run.true["attitude"][:, 0])[:, ::-1])
     panels = [
         Panel("Euler angles [deg]", named(("roll", "pitch"), angles[:, :2])),
@@ -105,7 +105,7 @@ def _attitudes(run: Flown) -> dict[str, str]:
     return {"Fig. 16: Euler angles and angular velocity, K_I = 0.1": drawn(run.time, panels)}
 
 
-def _masses(printed: Flown, hung: Flown) -> dict[str, str]:
+def _masses(printed: FlownRuns, hung: FlownRuns) -> dict[str, str]:
     in_mm = [1e3 * place for place in FINAL]
     panels = [
         Panel(label, named(("1", "2", "3"), run.true["stage_position"][:, 0] * 1e3), in_mm)

@@ -26,7 +26,7 @@ PRINTED = {"proportional": 1.0, "integral": 1.0, "derivative": 5.0}
 
 
 @dataclass(frozen=True)
-class Flown:
+class FlownRuns:
     """n runs, tick by tick."""
 
     time: Array
@@ -90,7 +90,7 @@ def flown(
     gains: Mapping[str, float] | None = None,
     seeds: int = 1,
     believed: Sequence[str] = (),
-) -> Flown:
+) -> FlownRuns:
     """Fly the loop, all seeds as one batch.
 
     Args:
@@ -119,7 +119,7 @@ def flown(
     )
     if plant.stopped:
         raise UsageError(f"a run of {platform.name} was stopped: {plant.stopped}")
-    return Flown(
+    return FlownRuns(
         np.array(rows.time),
         {name: np.array(values) for name, values in rows.true.items()},
         {name: np.array(values) for name, values in rows.applied.items()},

@@ -9,7 +9,7 @@ from twin.platform import Platform
 from twin.reproduce.paper_001.figures import Panel, drawn
 from twin.reproduce.paper_001.flights import PRINTED, STABLE, astros
 from twin.reproduce.paper_001.in_plane import LAST, fly, tilts
-from twin.reproduce.part import Found, Ours, Say
+from twin.reproduce.part import Computed, Ours, Say
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def routh(platform: Platform, gains: Mapping[str, float]) -> Array:
     return gains["derivative"] * (gains["proportional"] + 2.0 * restoring) / moments
 
 
-def printed(say: Say) -> Found:
+def printed(say: Say) -> Computed:
     """Roots and run."""
     say("200 s with the printed gains")
     platform = astros()
@@ -59,4 +59,4 @@ def printed(say: Say) -> Found:
         ),
     }
     panels = [Panel("tilt [deg]", {"": np.degrees(angle)})]
-    return Found(rows, {"The run of Fig. 7 with K_I = 1 as printed": drawn(run.time, panels)})
+    return Computed(rows, {"The run of Fig. 7 with K_I = 1 as printed": drawn(run.time, panels)})

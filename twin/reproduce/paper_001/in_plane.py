@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from twin.estimators import AttitudeFilter, Passthrough
 from twin.reproduce.paper_001.figures import Panel, drawn, named
-from twin.reproduce.paper_001.flights import STABLE, Flown, astros, exact_sensors, flown, tilted
-from twin.reproduce.part import Found, Ours, Say
+from twin.reproduce.paper_001.flights import STABLE, FlownRuns, astros, exact_sensors, flown, tilted
+from twin.reproduce.part import Computed, Ours, Say
 from twin.rotation import tilt, to_euler_zyx
 
 Array = NDArray[np.float64]
@@ -19,19 +19,19 @@ PUBLISHED = (2.3341e-4, -3.3828e-4)
 """Final positions, drawn into our figure [m]."""
 
 
-def fly(gains: Mapping[str, float], *, noisy: bool = False) -> Flown:
+def fly(gains: Mapping[str, float], *, noisy: bool = False) -> FlownRuns:
     """From rest at (1, 1) deg, as the paper's simulation; what sensors it fed its law is unsaid."""
     platform = astros() if noisy else exact_sensors(astros())
     estimator = AttitudeFilter() if noisy else Passthrough()
     return flown(platform, "mass_pid", estimator, tilted(1.0, 1.0), DURATION, gains=gains)
 
 
-def tilts(run: Flown) -> Array:
+def tilts(run: FlownRuns) -> Array:
     """(m,) [rad]."""
     return tilt(run.true["attitude"][:, 0])
 
 
-def settling(say: Say) -> Found:
+def settling(say: Say) -> Computed:
     """The run with K_I = 0.1, with exact sensors, and with those that are shipped."""
     say("200 s with the masses' law, exact sensors and noisy ones")
     run, noisy = fly(STABLE), fly(STABLE, noisy=True)
@@ -54,10 +54,10 @@ def settling(say: Say) -> Found:
             f"average over the last {LAST:g} s, moving by {spread[axis] * 1e6:.0f} um (1 sigma). "
             "The static balance is 134 kg x 5 um over the sliding mass.",
         )
-    return Found(rows, {**_attitudes(run), **_masses(run)})
+    return Computed(rows, {**_attitudes(run), **_masses(run)})
 
 
-def _attitudes(run: Flown) -> dict[str, str]:
+def _attitudes(run: FlownRuns) -> dict[str, str]:
     angles = np.degrees(to_euler_zyx(run.true["attitude"][:, 0])[:, ::-1])
     panels = [
         Panel("Euler angles [deg]", named(("roll", "pitch", "yaw"), angles)),
@@ -66,7 +66,7 @@ def _attitudes(run: Flown) -> dict[str, str]:
     return {"Fig. 7: Euler angles and angular velocity, K_I = 0.1": drawn(run.time, panels)}
 
 
-def _masses(run: Flown) -> dict[str, str]:
+def _masses(run: FlownRuns) -> dict[str, str]:
     moment = run.true["center_of_mass_offset"][:, 0] / astros().mass
     panels = [
         Panel(

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.model import Sliding, compile_model
-from twin.plant.stages import plan
+from twin.plant.prescribed import plan
 from twin.platform import Platform
 from twin.reproduce.paper_001.figures import Panel, drawn, named
-from twin.reproduce.paper_001.flights import STABLE, Flown, astros
+from twin.reproduce.paper_001.flights import STABLE, FlownRuns, astros
 from twin.reproduce.paper_001.in_plane import fly
-from twin.reproduce.part import Found, Ours, Say
+from twin.reproduce.part import Computed, Ours, Say
 from twin.rotation import cross
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def missed(
     return -np.linalg.solve(inertia, np.einsum("b,mbi->im", riding.mass, torque)).T
 
 
-def profile(platform: Platform, run: Flown) -> tuple[Array, Array, Array, Array]:
+def profile(platform: Platform, run: FlownRuns) -> tuple[Array, Array, Array, Array]:
     """Times (m,) and the stages' position, speed and acceleration (m, s) at each physics step.
 
     As their drives plan them from the positions that were commanded.
@@ -72,7 +72,7 @@ def profile(platform: Platform, run: Flown) -> tuple[Array, Array, Array, Array]
     return time, places, speeds, pulls
 
 
-def smooth(run: Flown) -> tuple[Array, Array, Array]:
+def smooth(run: FlownRuns) -> tuple[Array, Array, Array]:
     """Position, speed and acceleration (m, s) of masses that move evenly between two ticks."""
     place = run.true["stage_position"][:, 0]
     speed = np.gradient(place, run.time, axis=0)
@@ -86,7 +86,7 @@ def at_center(platform: Platform) -> Sliding:
     return Sliding(masses, np.zeros_like(axes), np.einsum("bs,bi->bsi", np.eye(len(axes)), axes))
 
 
-def compared(say: Say) -> Found:
+def compared(say: Say) -> Computed:
     """Along the run of Fig. 7: stages at the CR as in eq. 14, and 0.3 m away from it."""
     say("200 s with the masses' law, and what eq. 17 misses of it")
     run = fly(STABLE)
@@ -124,4 +124,4 @@ def compared(say: Say) -> Found:
             (f"{AWAY:g} m away [rad/s^2]", "at the CR [rad/s^2]"), over_time, strict=True
         )
     ]
-    return Found(rows, {"Fig. 5: what eq. 17 misses of eq. 13": drawn(run.time, panels)})
+    return Computed(rows, {"Fig. 5: what eq. 17 misses of eq. 13": drawn(run.time, panels)})

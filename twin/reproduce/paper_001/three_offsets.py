@@ -7,9 +7,9 @@ import numpy as np
 from twin.estimators import OffsetFilter, VerticalOffsetFilter
 from twin.reproduce.paper_001.bound import offset_bound
 from twin.reproduce.paper_001.figures import Panel, drawn
-from twin.reproduce.paper_001.flights import Flown
+from twin.reproduce.paper_001.flights import FlownRuns
 from twin.reproduce.paper_001.vertical import BELOW, START, averaged, machine, swing
-from twin.reproduce.part import Found, Ours, Say
+from twin.reproduce.part import Computed, Ours, Say
 
 LEFT = 5e-6
 """In the plane, along x and along y [m]."""
@@ -20,7 +20,7 @@ DURATION = 200.0
 SEEDS = 100
 
 
-def three_offsets(say: Say) -> Found:
+def three_offsets(say: Say) -> Computed:
     """The better filter, and the paper's on the same machine."""
     platform = machine(-LEFT, LEFT)
     gyro = replace(platform.sensors["gyro"], bias=np.full(3, BIAS))
@@ -49,10 +49,10 @@ def three_offsets(say: Say) -> Found:
         f"printed filter is {short:.0%} short of r_z."
     )
     value = Ours(float(away.max()), note=note)
-    return Found({"001.fig10.three_offsets": value}, _figure(run, printed))
+    return Computed({"001.fig10.three_offsets": value}, _figure(run, printed))
 
 
-def _figure(run: Flown, printed: Flown) -> dict[str, str]:
+def _figure(run: FlownRuns, printed: FlownRuns) -> dict[str, str]:
     mass = machine(0.0, 0.0).mass
     moment, old = (
         r.believed["center_of_mass_offset"][: len(run.time), 0] / mass for r in (run, printed)

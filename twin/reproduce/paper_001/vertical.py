@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from twin.estimators import Estimator, VerticalOffsetFilter
 from twin.platform import Platform
 from twin.reproduce.paper_001.figures import Panel, drawn, named
-from twin.reproduce.paper_001.flights import Flown, astros, flown, tilted
-from twin.reproduce.part import Found, Ours, Say
+from twin.reproduce.paper_001.flights import FlownRuns, astros, flown, tilted
+from twin.reproduce.part import Computed, Ours, Say
 
 Array = NDArray[np.float64]
 
@@ -39,17 +39,17 @@ def swing(
     duration: float = DURATION,
     seeds: int = SEEDS,
     believed: Sequence[str] = ("center_of_mass_offset", "rate_body"),
-) -> Flown:
+) -> FlownRuns:
     """From rest at a pitch of 10 deg, nothing driven."""
     return flown(platform, "free_float", estimator, START, duration, seeds=seeds, believed=believed)
 
 
-def below(run: Flown) -> Array:
+def below(run: FlownRuns) -> Array:
     """(m, n) how far the filter takes the CM to be below the CR [m]."""
     return -run.believed["center_of_mass_offset"][..., 2] / astros().mass
 
 
-def averaged(run: Flown) -> Ours:
+def averaged(run: FlownRuns) -> Ours:
     """Mean over time and seeds; the interval is that of the mean over seeds."""
     each = below(run)[run.time >= BEGIN].mean(axis=0)
     half = 1.96 * float(each.std(ddof=1)) / np.sqrt(len(each))
@@ -62,12 +62,12 @@ def _averaged_words(spread: float) -> str:
     return f"Mean from {BEGIN:g} to {DURATION:g} s; seeds differ by {spread:.1%} (1 sigma). "
 
 
-def rate_error(run: Flown) -> Array:
+def rate_error(run: FlownRuns) -> Array:
     """(m, n, 3) of the filtered rate, once it has settled [rad/s]."""
     return (run.believed["rate_body"] - run.true["rate"])[run.time >= SETTLED]
 
 
-def as_printed(say: Say) -> Found:
+def as_printed(say: Say) -> Computed:
     """No offset in the plane, as the filter takes it."""
     say(f"{DURATION:g} s of free swing, {SEEDS} seeds, with the printed filter")
     run = swing(machine(0.0, 0.0), VerticalOffsetFilter())
@@ -89,10 +89,10 @@ def as_printed(say: Say) -> Found:
             f"rms {np.sqrt(np.mean(quick**2)):.2g}.",
         ),
     }
-    return Found(rows, _figures(run))
+    return Computed(rows, _figures(run))
 
 
-def with_imbalance(say: Say) -> Found:
+def with_imbalance(say: Say) -> Computed:
     """The filter does not know of what is left in the plane."""
     say(f"{DURATION:g} s of free swing, {SEEDS} seeds, {IN_PLANE * 1e6:g} um in plane")
     found = averaged(swing(machine(-IN_PLANE, IN_PLANE), VerticalOffsetFilter()))
@@ -102,7 +102,7 @@ def with_imbalance(say: Say) -> Found:
         f"In plane (-{IN_PLANE * 1e6:g}, {IN_PLANE * 1e6:g}) um, signs as in eq. 38; "
         f"(-5, 5) um, which eq. 38 has before balancing, make it {five.value * 1e6:.1f} um."
     )
-    return Found({"001.fig10.offset_with_imbalance": replace(found, note=found.note + note)})
+    return Computed({"001.fig10.offset_with_imbalance": replace(found, note=found.note + note)})
 
 
 def _faster(platform: Platform) -> Platform:
@@ -110,7 +110,7 @@ def _faster(platform: Platform) -> Platform:
     return replace(platform, step=1.0 / FAST, sensors={**platform.sensors, "gyro": gyro})
 
 
-def _figures(run: Flown) -> dict[str, str]:
+def _figures(run: FlownRuns) -> dict[str, str]:
     estimate, truth = run.believed["rate_body"][:, 0], run.true["rate"][:, 0]
     height = np.stack([-below(run)[:, 0], np.full(len(run.time), -BELOW)], axis=-1)
     error = Panel("error [rad/s]", named(("x", "y", "z"), estimate - truth), (-1e-3, 1e-3))

@@ -17,12 +17,12 @@ from twin.reproduce.inertia import entries_of
 from twin.reproduce.paper_002.manoeuvre import (
     DURATION,
     RATE,
-    Replay,
+    RecordedCommands,
     flown,
     machine,
     measured,
 )
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ VALID = 10.0
 """[%] of median error that a valid estimate has at most."""
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """One flight a period, each at every noise, by both forms."""
     platform = machine()
     say("Fig. 2: flights")
@@ -62,7 +62,7 @@ def compute(say: Say) -> Found:
         "A difference over 0.02 s is that noisy; of the same motion at a step of "
         f"{COARSE / RATE:g} s, which Fig. 2 does not print, the natural form bears {slow:.2g}."
     )
-    return Found(
+    return Computed(
         {
             "002.fig2.natural": Ours(natural, note=f"{note} {step}"),
             "002.fig2.integrated_over_natural": Ours(
@@ -82,7 +82,7 @@ def square_waves(platform: Platform) -> list[Recording]:
         forward = (time / period + 0.25) % 1.0 < 0.5
         for name, on in (("pz1", forward), ("pz2", forward), ("nz1", ~forward), ("nz2", ~forward)):
             value[:, run, names.index(name)] = FORCE * on
-    law = Replay("command_thruster", value)
+    law = RecordedCommands("command_thruster", value)
     return flown(platform, law, start=hanging(platform.center_of_mass_offset), runs=len(PERIODS))
 
 
@@ -132,4 +132,4 @@ def _figure(error: dict[Form, Array]) -> str:
         return svg(figure)
 
 
-PART = Part(("002.fig2.natural", "002.fig2.integrated_over_natural"), compute)
+PART = PaperPart(("002.fig2.natural", "002.fig2.integrated_over_natural"), compute)

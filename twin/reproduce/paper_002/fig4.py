@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from twin.report.style import FIGURE, PALETTE, svg
 from twin.reproduce.paper_002.manoeuvre import ThrustedBody, machine, square, tracked
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 Array = NDArray[np.float64]
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """One flight under eq. 26."""
     say("Fig. 4: tracking")
     log = tracked()
@@ -32,7 +32,7 @@ def compute(say: Say) -> Found:
         (gyro.time, log["command_wheel_torque"].value, "motors' torque [N m]"),
         (gyro.time, log["wheel_speed"].value, "wheel speed [rad/s]"),
     )
-    return Found(
+    return Computed(
         {"002.fig4.tracking": Ours(value, note=note)},
         {"Fig. 3 and 4: the reference body, and wheels that track it": _figure(panels)},
     )
@@ -52,4 +52,4 @@ def _figure(panels: tuple[tuple[Array, Array, str], ...]) -> str:
         return svg(figure)
 
 
-PART = Part(("002.fig4.tracking",), compute)
+PART = PaperPart(("002.fig4.tracking",), compute)

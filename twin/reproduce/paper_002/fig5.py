@@ -15,7 +15,7 @@ from twin.report.style import FIGURE, PALETTE, SOFT, svg
 from twin.reproduce.inertia import entries_of
 from twin.reproduce.paper_002.manoeuvre import DURATION, NOISE, ideal, machine, measured
 from twin.reproduce.paper_002.methods import METHODS
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ EDGE = 2.0
 SEED = 6
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """61 shifts without noise and with it, 9 turns."""
     say("Fig. 5: shifts")
     log = ideal().without_truth()
@@ -54,7 +54,7 @@ def compute(say: Say) -> Found:
             np.degrees(TURNS), turned_log, "turn of the wheels [deg]"
         ),
     }
-    return Found(
+    return Computed(
         {
             "002.fig5.extremum": Ours(
                 float(np.median(places)),
@@ -130,4 +130,4 @@ def _figure(x: Array, estimates: Array, label: str) -> str:
         return svg(figure)
 
 
-PART = Part(("002.fig5.extremum", "002.fig7.linear"), compute)
+PART = PaperPart(("002.fig5.extremum", "002.fig7.linear"), compute)

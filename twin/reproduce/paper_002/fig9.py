@@ -13,7 +13,7 @@ from twin.platform import Platform, load_platform
 from twin.recording import Recording
 from twin.report.style import FIGURE, INK, PALETTE, SOFT, svg
 from twin.reproduce.paper_002.manoeuvre import flown, machine, wheels
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ GYRO, WHEELS = 10.0, 15.0
 SEED = 2
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """Average the gyro of `whorl1` as it is, and hold that against what it should have read."""
     say("Fig. 9: moving averages")
     platform = as_measured()
@@ -41,7 +41,7 @@ def compute(say: Say) -> Found:
         f"its rad/s taken for Hz {fewer} samples are, which leaves {taken / before:.2f}, as was "
         "published."
     )
-    return Found(
+    return Computed(
         {"002.fig9.moving_average": Ours(after / before, note=note)},
         {"Fig. 9: rate and wheel speeds, as read and smoothed": _figure(log, rate, frequency)},
     )
@@ -93,4 +93,4 @@ def _figure(log: Recording, rate: float, frequency: float) -> str:
         return svg(figure)
 
 
-PART = Part(("002.fig9.moving_average",), compute)
+PART = PaperPart(("002.fig9.moving_average",), compute)

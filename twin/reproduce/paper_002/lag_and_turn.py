@@ -12,7 +12,7 @@ from twin.effects.wheels.wheel_misalignment import WheelMisalignment
 from twin.plant.initial import hanging
 from twin.platform import load_platform
 from twin.reproduce.paper_002.manoeuvre import flown, wheels
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 LAG = 0.17
 """[s]: paper, 7 points of 41 Hz."""
@@ -21,12 +21,12 @@ TURN = np.radians(3.6)
 SEED = 9
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """Two logs, each diagnosed without being told what is in it."""
     turn = (0.0, 0.0, TURN)
     late = diagnosed([ClockLag(LAG, target="wheel_speed")], say)
     askew = diagnosed([WheelMisalignment(turn, target=name) for name in ("w1", "w2")], say)
-    return Found({"002.fig5.lag_found": _lag(late), "002.fig7.seen": _turn(askew)})
+    return Computed({"002.fig5.lag_found": _lag(late), "002.fig7.seen": _turn(askew)})
 
 
 def diagnosed(effects: list[Effect], say: Say) -> Diagnosis:
@@ -72,4 +72,4 @@ def _named(found: Diagnosis) -> str:
     return ", ".join(cause.effect.label for cause in found.causes) or f"nothing ({found.verdict})"
 
 
-PART = Part(("002.fig5.lag_found", "002.fig7.seen"), compute)
+PART = PaperPart(("002.fig5.lag_found", "002.fig7.seen"), compute)

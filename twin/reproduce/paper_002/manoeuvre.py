@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.clock import SimulatedClock
 from twin.controller import AnyController, Controller, load_controller
-from twin.estimators.passthrough import Passthrough
+from twin.estimators.estimator import Passthrough
 from twin.loop import fly
 from twin.plant.initial import InitialState, hanging
 from twin.plant.simulated import SimulatedPlant
@@ -78,7 +78,7 @@ class ThrustedBody(Reference):
 
 
 @dataclass(frozen=True)
-class Replay(Controller[None]):
+class RecordedCommands(Controller[None]):
     """Commands as they were recorded, whatever the machine does."""
 
     stream: str
@@ -183,9 +183,9 @@ def ideal() -> Recording:
     return log
 
 
-def wheels() -> Replay:
+def wheels() -> RecordedCommands:
     """The wheels' torques of Fig. 4."""
-    return Replay("command_wheel_torque", tracked()["command_wheel_torque"].value)
+    return RecordedCommands("command_wheel_torque", tracked()["command_wheel_torque"].value)
 
 
 def measured(log: Recording, sigma: float, rng: np.random.Generator) -> Recording:

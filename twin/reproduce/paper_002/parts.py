@@ -11,9 +11,9 @@ from twin.reproduce.paper_002 import (
     table3_ours,
     table4,
 )
-from twin.reproduce.part import Part
+from twin.reproduce.part import PaperPart
 
-PARTS: tuple[Part, ...] = (
+PARTS: tuple[PaperPart, ...] = (
     table2.PART,
     table3.PART,
     table3_ours.PART,

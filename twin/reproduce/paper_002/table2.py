@@ -2,20 +2,20 @@
 
 from twin.reproduce.paper_002.manoeuvre import ideal, machine
 from twin.reproduce.paper_002.methods import METHODS, errors, largest
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 NOTE = (
     "The paper blames its first-order integration; ours is the trapezoidal rule at the same 0.02 s."
 )
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """One flight, four methods."""
     say("Table 2: perfect data")
     log, platform = ideal().without_truth(), machine()
-    return Found(
+    return Computed(
         {f"002.table2.{m}": Ours(largest(errors(log, platform, m)), note=NOTE) for m in METHODS}
     )
 
 
-PART = Part(tuple(f"002.table2.{method}" for method in METHODS), compute)
+PART = PaperPart(tuple(f"002.table2.{method}" for method in METHODS), compute)

@@ -9,7 +9,7 @@ from twin.predict.logs import attitude_of_start
 from twin.recording import Recording
 from twin.reproduce.paper_002.manoeuvre import NOISE, ideal, machine, measured
 from twin.reproduce.paper_002.methods import METHODS, errors, largest
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 Array = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ SEEDS = range(20)
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """Four methods, 20 seeds; the in-plane moments also with an attitude that starts level."""
     platform, log = machine(), ideal().without_truth()
     found: dict[str, list[Array]] = {method: [] for method in METHODS}
@@ -36,7 +36,7 @@ def compute(say: Say) -> Found:
         "a longer one holds a little more motion. Thousands of percent need more than noise on "
         "the gyro."
     )
-    return Found(
+    return Computed(
         {
             "002.table3.torque": Ours(
                 largest_of["torque"],
@@ -88,7 +88,7 @@ def _listed(values: dict[str, float]) -> str:
     return ", ".join(f"{name} {value:.0f} %" for name, value in values.items())
 
 
-PART = Part(
+PART = PaperPart(
     (
         "002.table3.torque",
         "002.table3.momentum_1",

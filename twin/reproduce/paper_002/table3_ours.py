@@ -13,7 +13,7 @@ from twin.identification import identify
 from twin.recording import Recording
 from twin.reproduce.efficiency import Trial, cramer_rao, efficiency_figure, judged, trial_of
 from twin.reproduce.paper_002.manoeuvre import NOISE, as_guessed, ideal, machine, measured
-from twin.reproduce.part import Found, Part, Say
+from twin.reproduce.part import Computed, PaperPart, Say
 
 SEEDS = range(100)
 KNOWN = 5
@@ -23,7 +23,7 @@ SCATTER = {"gyro": NOISE, "attitude": 1e-4, "wheel_speed": 1e-4}
 no likelihood can."""
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """100 seeds of the gyro's noise; neither its size is told nor products of inertia."""
     platform, guess, flight = machine(), as_guessed(), ideal()
     bound = cramer_rao(platform, as_handed_in(flight, 0), SCATTER)
@@ -37,7 +37,7 @@ def compute(say: Say) -> Found:
         trials,
         "The attitude of its start alone is in the log: the rest of it is the gyro's integral.",
     )
-    return Found(
+    return Computed(
         {"002.table3.ours": ratio, "002.table3.ours_coverage": covered},
         {"Table 3 by prediction error: errors over their bounds": efficiency_figure(trials)},
     )
@@ -60,4 +60,4 @@ def as_handed_in(flight: Recording, seed: int) -> Recording:
     return Recording(streams, {**log.provenance, "streams": known})
 
 
-PART = Part(("002.table3.ours", "002.table3.ours_coverage"), compute)
+PART = PaperPart(("002.table3.ours", "002.table3.ours_coverage"), compute)

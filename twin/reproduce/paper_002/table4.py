@@ -5,7 +5,7 @@ import numpy as np
 from twin.identification import identify
 from twin.reproduce.inertia import entries_of, is_rigid_body, tensor
 from twin.reproduce.paper_002.manoeuvre import NOISE, ideal, machine, measured
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 PUBLISHED = {
     "TM": np.array([2.87, 1.83, 7.49, 0.817, -13.0, 3.27]),
@@ -17,7 +17,7 @@ PUBLISHED = {
 SEEDS = range(20)
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """Count them; then project what the torque method makes of Table 3's data."""
     bodies = [name for name, entries in PUBLISHED.items() if is_rigid_body(tensor(entries))]
     platform, truth = machine(), entries_of(machine())
@@ -32,7 +32,7 @@ def compute(say: Say) -> Found:
         before, after = (float(e @ metric @ e) for e in (raw.theta - truth, body.theta - truth))
         # the projection stops a little inside of what it would be exactly
         held += int(is_rigid_body(tensor(body.theta[:6])) and after <= before * (1.0 + 1e-6))
-    return Found(
+    return Computed(
         {
             "002.table4.unphysical": Ours(
                 float(len(bodies)),
@@ -47,4 +47,4 @@ def compute(say: Say) -> Found:
     )
 
 
-PART = Part(("002.table4.unphysical", "002.table4.physical"), compute)
+PART = PaperPart(("002.table4.unphysical", "002.table4.physical"), compute)

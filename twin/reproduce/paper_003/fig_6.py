@@ -20,7 +20,7 @@ from twin.recording import Recording
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
 from twin.reproduce.flown import flown
 from twin.reproduce.paper_003.bench import FLOAT, afloat, mixed, momentum_change
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 from twin.rotation import from_rotation_vector, multiply
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ STATED = 4.3e-5
 """The paper's bound [N m]."""
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """Iterate, then float."""
     machine = load_platform("cubesat:offset_minus")
     stand = InitialState(attitude=hanging(machine.center_of_mass_offset))
@@ -68,7 +68,7 @@ def compute(say: Say) -> Found:
         f"rounds that found m r_z at {', '.join(said)} mg m below the CR; most of it is the gyro's "
         f"noise. Turned on its side, the table would feel {1e6 * whole:.3g} uN m from gravity."
     )
-    return Found(
+    return Computed(
         {"003.fig6.torque": Ours(worst, note=note)},
         {"Fig. 6: residual torque of the free table after the rounds": _figure(size)},
     )
@@ -122,4 +122,4 @@ def _figure(size: Array) -> str:
         return svg(figure)
 
 
-PART = Part(("003.fig6.torque",), compute)
+PART = PaperPart(("003.fig6.torque",), compute)

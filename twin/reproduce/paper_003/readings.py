@@ -16,7 +16,7 @@ from twin.reproduce.paper_003.bench import (
     ratio,
     table,
 )
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 PLAY = 1e-5
 """Of the steppers as shipped [m]."""
@@ -24,7 +24,7 @@ DIPOLE = "residual_dipole=0.01/0/0"
 """Of the table itself: 6 uN m in the cage's field."""
 
 
-def one_motor(say: Say) -> Found:
+def one_motor(say: Say) -> Computed:
     """Table 1 with the mass of section 2."""
     machine = table(-1.0, ONE_MOTOR)
     (value, low, high), alone, both = _compared(machine, say)
@@ -38,7 +38,7 @@ def one_motor(say: Say) -> Found:
         f"play, {1e6 * PLAY * ALL_MOTORS / ONE_MOTOR:.0f} um, the ratio is {wider:.2f}: the play, "
         "which the paper does not print, decides."
     )
-    return Found({"003.mass.one_motor": Ours(value, low, high, note)})
+    return Computed({"003.mass.one_motor": Ours(value, low, high, note)})
 
 
 def _compared(machine: Platform, say: Say) -> tuple[tuple[float, float, float], float, float]:
@@ -57,7 +57,7 @@ def _with_play(machine: Platform, width: float) -> Platform:
     )
 
 
-def field_reversed(say: Say) -> Found:
+def field_reversed(say: Say) -> Computed:
     """Table 1 with the field downwards, on a table that is a weak magnet itself."""
     upright = table(-1.0, effects=parse_effects(DIPOLE))
     down = replace(upright, magnetic_field=-upright.magnetic_field)
@@ -75,10 +75,10 @@ def field_reversed(say: Say) -> Found:
         f"on the table the masses end {hidden:.3g} um to either side as the field points up or "
         "down: balancing in one field hides it."
     )
-    return Found({"003.field.reversed": Ours(value, low, high, note)})
+    return Computed({"003.field.reversed": Ours(value, low, high, note)})
 
 
-def datasheet_noise(say: Say) -> Found:
+def datasheet_noise(say: Say) -> Computed:
     """The mechanical law with nothing but the gyro's own noise."""
     machine = table(-1.0)
     say("masses alone")
@@ -91,7 +91,7 @@ def datasheet_noise(say: Say) -> Found:
         "step of 2 um; the published spread needs "
         f"{2.6e-5 / gain:.2g} rad/s."
     )
-    return Found({"003.datasheet_noise": Ours(float(spread.mean()), note=note)})
+    return Computed({"003.datasheet_noise": Ours(float(spread.mean()), note=note)})
 
 
 def _only_gyro_noise(machine: Platform) -> Platform:
@@ -101,7 +101,7 @@ def _only_gyro_noise(machine: Platform) -> Platform:
 
 
 PARTS = (
-    Part(("003.mass.one_motor",), one_motor),
-    Part(("003.field.reversed",), field_reversed),
-    Part(("003.datasheet_noise",), datasheet_noise),
+    PaperPart(("003.mass.one_motor",), one_motor),
+    PaperPart(("003.field.reversed",), field_reversed),
+    PaperPart(("003.datasheet_noise",), datasheet_noise),
 )

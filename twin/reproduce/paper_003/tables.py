@@ -24,13 +24,13 @@ from twin.reproduce.paper_003.bench import (
     ratio,
     table,
 )
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 from twin.rotation import vertical_body
 
 Array = NDArray[np.float64]
 
 
-def first(say: Say) -> Found:
+def first(say: Say) -> Computed:
     """Table 1 and Fig. 3 to 5."""
     alone, both = _flown(-1.0, say)
     dipole = np.abs(both.run.applied["command_dipole"])
@@ -61,17 +61,17 @@ def first(say: Say) -> Found:
         ),
         "Fig. 5: dipole of the magnetorquers, mixed": _dipoles(both),
     }  # fmt: skip
-    return Found(rows, figures)
+    return Computed(rows, figures)
 
 
-def second(say: Say) -> Found:
+def second(say: Say) -> Computed:
     """Table 2."""
     alone, both = _flown(1.0, say)
     rows = {
         "003.table2.in_plane": _in_plane(alone, both),
         "003.table2.torque": _torque(alone, both),
     }
-    return Found(rows)
+    return Computed(rows)
 
 
 def _flown(side: float, say: Say) -> tuple[Tests, Tests]:
@@ -146,7 +146,7 @@ def _dipoles(both: Tests) -> str:
 
 
 PARTS = (
-    Part(
+    PaperPart(
         (
             "003.table1.in_plane",
             "003.table1.peak_to_peak",
@@ -157,5 +157,5 @@ PARTS = (
         ),
         first,
     ),
-    Part(("003.table2.in_plane", "003.table2.torque"), second),
+    PaperPart(("003.table2.in_plane", "003.table2.torque"), second),
 )

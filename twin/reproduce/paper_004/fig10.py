@@ -10,7 +10,7 @@ from twin.recording import Series
 from twin.reference import Multisine
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
 from twin.reproduce.paper_004.manoeuvre import as_guessed, flown, machine, resimulated
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ DURATION = 60.0
 """[s], ASSUMED."""
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """One log of the machine of Table 3 with the AHRS that `sads` has."""
     say("Fig. 10: a manoeuvre, and its simulation")
     platform = machine("sads:table3")
@@ -37,7 +37,7 @@ def compute(say: Say) -> Found:
         "From where what was found hangs, under the wheels' torques alone; what is left is "
         f"{1e3 * scatter:.2f} mrad/s of noise and the gyro's bias."
     )
-    return Found(
+    return Computed(
         {"004.fig10.rates": Ours(value, note=note)},
         {"Fig. 10: rates measured, and simulated with what was found": _figure(gyro, again)},
     )
@@ -56,4 +56,4 @@ def _figure(gyro: Series, again: Array) -> str:
         return svg(figure)
 
 
-PART = Part(("004.fig10.rates",), compute)
+PART = PaperPart(("004.fig10.rates",), compute)

@@ -10,7 +10,7 @@ from twin.plant.initial import InitialState
 from twin.reference import Multisine
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
 from twin.reproduce.paper_004.manoeuvre import as_guessed, flown, machine
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ LIMIT = 0.01
 """[N m]: paper."""
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """From the offset of Table 3, by Levenberg-Marquardt; eq. 18 and 19."""
     platform = machine("sads:table3")
     pull = np.array([stage.mass * stage.axis for stage in platform.stages])
@@ -43,7 +43,7 @@ def compute(say: Say) -> Found:
         place = np.rint(-np.linalg.solve(pull.T, moment) / step) * step
     shown = ", ".join(f"{1e3 * torque:.3g}" for torque in torques)
     note = f"Largest torque of gravity, from start to end: {shown} mN m."
-    return Found(
+    return Computed(
         {"004.fig11.torque": Ours(torques[-1], note=note)},
         {"Fig. 11: largest torque of gravity over the iterations": _figure(torques)},
     )
@@ -60,4 +60,4 @@ def _figure(torques: list[float]) -> str:
         return svg(figure)
 
 
-PART = Part(("004.fig11.torque",), compute)
+PART = PaperPart(("004.fig11.torque",), compute)

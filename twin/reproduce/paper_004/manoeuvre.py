@@ -9,7 +9,7 @@ from twin.clock import SimulatedClock
 from twin.controller import Controller, load_controller
 from twin.effects import with_effects
 from twin.estimators import load_estimator
-from twin.estimators.passthrough import Passthrough
+from twin.estimators.estimator import Passthrough
 from twin.loop import fly
 from twin.plant.initial import InitialState, hanging
 from twin.plant.simulated import SimulatedPlant
@@ -29,7 +29,7 @@ GAINS = {"proportional": 0.5, "derivative": 0.88}
 
 
 @dataclass(frozen=True)
-class Replay(Controller[None]):
+class RecordedTorques(Controller[None]):
     """Wheel torques as they were recorded, whatever the machine does."""
 
     torque: Series
@@ -108,7 +108,7 @@ def resimulated(platform: Platform, theta: Array, log: Recording) -> Series:
     fly(
         plant,
         Passthrough(),
-        Replay(log["command_wheel_torque"]),
+        RecordedTorques(log["command_wheel_torque"]),
         Hold(),
         SimulatedClock(),
         duration=float(log["command_wheel_torque"].time[-1]),

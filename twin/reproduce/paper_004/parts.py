@@ -9,9 +9,9 @@ from twin.reproduce.paper_004 import (
     table2,
     table2_unphysical,
 )
-from twin.reproduce.part import Part
+from twin.reproduce.part import PaperPart
 
-PARTS: tuple[Part, ...] = (
+PARTS: tuple[PaperPart, ...] = (
     table1_wheels.PART,
     table1.PART,
     table1_ours.PART,

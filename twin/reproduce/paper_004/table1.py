@@ -15,7 +15,7 @@ from twin.report.style import FIGURE, INK, PALETTE, svg
 from twin.reproduce.inertia import entries_of
 from twin.reproduce.paper_004.manoeuvre import as_guessed, flown, machine, resimulated
 from twin.reproduce.paper_004.table1_ours import DURATION, MOTION, TORQUE
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ SEED = 40
 RECURSIVE, TRAJECTORY = "recursive", "levenberg-marquardt"
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """Twenty runs with their own noise and disturbance, both methods."""
     say("Table 1: flights")
     platform = machine("sads:table1_noise")
@@ -40,7 +40,7 @@ def compute(say: Say) -> Found:
     inertia = {m: float(np.median(e[:, :6].max(axis=1))) / mean_moment for m, e in worst.items()}
     offset = float(np.median(worst[TRAJECTORY][:, 6:].max(axis=1))) / platform.mass
     note = f"About the hanging attitude, {DURATION:g} s, median of {SEEDS} runs."
-    return Found(
+    return Computed(
         {
             "004.table1.rls": Ours(
                 inertia[RECURSIVE],
@@ -77,4 +77,4 @@ def _figure(platform: Platform, log: Recording, found: dict[str, Array]) -> str:
         return svg(figure)
 
 
-PART = Part(("004.table1.rls", "004.table1.clm", "004.table1.clm_offset"), compute)
+PART = PaperPart(("004.table1.rls", "004.table1.clm", "004.table1.clm_offset"), compute)

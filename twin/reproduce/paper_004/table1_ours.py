@@ -7,7 +7,7 @@ from twin.reference import Multisine
 from twin.reproduce.efficiency import Trial, cramer_rao, efficiency_figure, judged, trial_of
 from twin.reproduce.paper_004.manoeuvre import as_guessed, flown, machine
 from twin.reproduce.paper_004.uncertain_torque import UncertainTorque
-from twin.reproduce.part import Found, Part, Say
+from twin.reproduce.part import Computed, PaperPart, Say
 
 SEEDS = 100
 SEED = 5
@@ -23,7 +23,7 @@ NOTE = (
 )
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """One batch of runs, each with its own noise and disturbance."""
     say("Table 1 by prediction error: flights")
     platform = machine("sads:table1_noise")
@@ -39,10 +39,10 @@ def compute(say: Say) -> Found:
         bound = cramer_rao(platform, log, noise, UncertainTorque(TORQUE).intensity)
         trials.append(trial_of(identify([log.without_truth()], guess), platform, bound))
     ratio, covered = judged(platform, trials, NOTE)
-    return Found(
+    return Computed(
         {"004.table1.ours": ratio, "004.table1.ours_coverage": covered},
         {"Table 1 by prediction error: errors over their bounds": efficiency_figure(trials)},
     )
 
 
-PART = Part(("004.table1.ours", "004.table1.ours_coverage"), compute)
+PART = PaperPart(("004.table1.ours", "004.table1.ours_coverage"), compute)

@@ -5,13 +5,13 @@ import numpy as np
 from twin.budget import momentum_budget
 from twin.platform import load_platform
 from twin.reference import Hold
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 DURATION = 300.0
 """[s]."""
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """From the balance of momentum alone."""
     say("Table 1: the wheels' momentum")
     platform = load_platform("sads:table1")
@@ -21,7 +21,7 @@ def compute(say: Say) -> Found:
     torque = platform.gravity * float(np.hypot(*platform.center_of_mass_offset[:2]))
     full = "never" if budget.saturates_at is None else f"after {budget.saturates_at:.0f} s"
     note = f"Level, gravity asks {torque:.2f} N m; the first wheel is full {full}."
-    return Found({"004.table1.wheels": Ours(value, note=note)})
+    return Computed({"004.table1.wheels": Ours(value, note=note)})
 
 
-PART = Part(("004.table1.wheels",), compute)
+PART = PaperPart(("004.table1.wheels",), compute)

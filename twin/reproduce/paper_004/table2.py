@@ -16,7 +16,7 @@ from twin.reference import Multisine
 from twin.report.style import FIGURE, PALETTE, svg
 from twin.reproduce.paper_004.manoeuvre import as_guessed, flown, machine
 from twin.reproduce.paper_004.table1_ours import TORQUE
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ DURATION = 300.0
 SEEDS = (60, 61, 62)
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """The spread over the five, three times over."""
     platform = experiment()
     ratios: list[Array] = []
@@ -45,7 +45,7 @@ def compute(say: Say) -> Found:
         f"0.99 a step. With the torque of its simulation besides, {TORQUE:g} N m, the smallest "
         f"of one such five is {less:.1f}: a trajectory takes the model as exact."
     )
-    return Found(
+    return Computed(
         {"004.table2.repeatability": Ours(float(ratio.min()), note=note)},
         {
             "Fig. 7: attitude during a manoeuvre": _attitude(logs[0]),
@@ -107,4 +107,4 @@ def _drawn(time: Array, values: Array, label: str, names: tuple[str, ...] | str)
         return svg(figure)
 
 
-PART = Part(("004.table2.repeatability",), compute)
+PART = PaperPart(("004.table2.repeatability",), compute)

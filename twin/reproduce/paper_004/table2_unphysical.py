@@ -3,7 +3,7 @@
 import numpy as np
 
 from twin.reproduce.inertia import is_rigid_body, tensor
-from twin.reproduce.part import Found, Ours, Part, Say
+from twin.reproduce.part import Computed, Ours, PaperPart, Say
 
 PUBLISHED = np.array(
     [
@@ -17,12 +17,12 @@ PUBLISHED = np.array(
 """xx yy zz xy xz yz of the five tests [kg m^2]."""
 
 
-def compute(say: Say) -> Found:
+def compute(say: Say) -> Computed:
     """Count them."""
     say("Table 2: rigid bodies")
     bodies = [str(i + 1) for i, row in enumerate(PUBLISHED) if is_rigid_body(tensor(row))]
     note = f"Rigid bodies: tests {', '.join(bodies) or 'none'}."
-    return Found({"004.table2.unphysical": Ours(float(len(bodies)), note=note)})
+    return Computed({"004.table2.unphysical": Ours(float(len(bodies)), note=note)})
 
 
-PART = Part(("004.table2.unphysical",), compute)
+PART = PaperPart(("004.table2.unphysical",), compute)

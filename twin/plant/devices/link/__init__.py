@@ -1,18 +1,18 @@
 """Our own link to a microcontroller: frames, messages, schema; no input or output here."""
 
 from twin.plant.devices.link.frame import Frame as Frame
+from twin.plant.devices.link.frame import Parser as Parser
+from twin.plant.devices.link.frame import ParserCounters as ParserCounters
 from twin.plant.devices.link.frame import checksum as checksum
 from twin.plant.devices.link.frame import packed as packed
 from twin.plant.devices.link.messages import EVENTS as EVENTS
 from twin.plant.devices.link.messages import LONGEST_PAYLOAD as LONGEST_PAYLOAD
 from twin.plant.devices.link.messages import MESSAGES as MESSAGES
+from twin.plant.devices.link.messages import FarEndState as FarEndState
 from twin.plant.devices.link.messages import Flag as Flag
 from twin.plant.devices.link.messages import MessageType as MessageType
-from twin.plant.devices.link.messages import State as State
 from twin.plant.devices.link.messages import told as told
-from twin.plant.devices.link.parser import Counters as Counters
-from twin.plant.devices.link.parser import Parser as Parser
-from twin.plant.devices.link.payloads import Arm as Arm
+from twin.plant.devices.link.payloads import ArmRequest as ArmRequest
 from twin.plant.devices.link.payloads import Event as Event
 from twin.plant.devices.link.payloads import Hello as Hello
 from twin.plant.devices.link.payloads import SampleRows as SampleRows

@@ -7,10 +7,16 @@ docs/firmware is held against it, byte for byte.
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.plant.devices.link.frame import Frame, packed
-from twin.plant.devices.link.messages import Flag, MessageType, State
-from twin.plant.devices.link.parser import Parser
-from twin.plant.devices.link.payloads import Arm, Event, Hello, SampleRows, SetPoint, TimeSync
+from twin.plant.devices.link.frame import Frame, Parser, packed
+from twin.plant.devices.link.messages import FarEndState, Flag, MessageType
+from twin.plant.devices.link.payloads import (
+    ArmRequest,
+    Event,
+    Hello,
+    SampleRows,
+    SetPoint,
+    TimeSync,
+)
 from twin.plant.devices.link.schema import Schema
 
 Array = NDArray[np.float64]
@@ -28,7 +34,7 @@ class FarEnd:
     def __init__(self, schema: Schema, name: str, longest_valid_ms: int, now_us: int) -> None:
         """Begin: safe, not greeted, a greeting on its way."""
         self.schema = schema
-        self.state = State.safe
+        self.state = FarEndState.safe
         self.flags = Flag(0)
         self.parser = Parser(schema, "host")
         self.setpoint: dict[int, Array] = {}
@@ -88,7 +94,7 @@ class FarEnd:
     def fault(self, code: str, value: float, now_us: int) -> None:
         """Be safe until a DISARM acknowledges it."""
         self._make_safe()
-        self.state = State.fault
+        self.state = FarEndState.fault
         self.event(code, value, now_us)
 
     def _hear(self, packet: bytes, now_us: int) -> None:
@@ -101,12 +107,12 @@ class FarEnd:
                     answer = TimeSync(asked.host_ns, now_us % _CLOCK).packed()
                     self._send(MessageType.timesync, answer, now_us)
                 case MessageType.arm:
-                    self._arm(Arm.unpacked(frame.payload), now_us)
+                    self._arm(ArmRequest.unpacked(frame.payload), now_us)
                 case MessageType.setpoint:
                     self._told(frame, now_us)
                 case MessageType.disarm:
                     self._make_safe()
-                    self.state = State.safe
+                    self.state = FarEndState.safe
                     self.event("SAFE", 0.0, now_us)
                 case _:
                     self._make_safe()
@@ -121,22 +127,22 @@ class FarEnd:
         if not same:
             self.event("SCHEMA", 0.0, now_us)
 
-    def _arm(self, arm: Arm, now_us: int) -> None:
+    def _arm(self, arm: ArmRequest, now_us: int) -> None:
         if arm.schema_hash != self.schema.hash or Flag.greeted not in self.flags:
             self.event("SCHEMA", 0.0, now_us)
-        elif self.state is State.fault:
+        elif self.state is FarEndState.fault:
             self.event("FAULTED", 0.0, now_us)
         elif not 0 < arm.valid_for_ms <= self._longest:
             self.event("VALUE", ALL_CHANNELS, now_us)
         else:
             self._make_safe()
-            self.state = State.armed
+            self.state = FarEndState.armed
             self._until[ALL_CHANNELS] = now_us + _MS * arm.valid_for_ms
             self.event("ARMED", 0.0, now_us)
 
     def _told(self, frame: Frame, now_us: int) -> None:
         wish = SetPoint.unpacked(frame.payload, self.schema)
-        if self.state is not State.armed:
+        if self.state is not FarEndState.armed:
             self.event("UNARMED", MessageType.setpoint, now_us)
         elif (
             frame.payload[1]
@@ -152,8 +158,8 @@ class FarEnd:
             self.flags |= Flag.live
 
     def _make_safe(self) -> None:
-        if self.state is State.armed:
-            self.state = State.safe
+        if self.state is FarEndState.armed:
+            self.state = FarEndState.safe
         self.flags &= ~Flag.live
         self._until.clear()
         self.setpoint.clear()

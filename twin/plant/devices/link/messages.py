@@ -23,7 +23,7 @@ LONGEST_TEXT = 32
 """Bytes of the name in a greeting."""
 
 
-class State(IntEnum):
+class FarEndState(IntEnum):
     """Of the far end; the host's frames carry the one it heard last."""
 
     safe = 0
@@ -58,7 +58,7 @@ class MessageType(IntEnum):
 
 
 @dataclass(frozen=True)
-class Message:
+class MessageFormat:
     """One row of the table."""
 
     sender: Literal["host", "far end", "both"]
@@ -71,8 +71,8 @@ class Message:
     meaning: str
 
 
-MESSAGES: dict[MessageType, Message] = {
-    MessageType.hello: Message(
+MESSAGES: dict[MessageType, MessageFormat] = {
+    MessageType.hello: MessageFormat(
         "both",
         struct.Struct("<IH"),
         ("schema hash", "longest valid_for [ms]"),
@@ -80,41 +80,41 @@ MESSAGES: dict[MessageType, Message] = {
         "Who is there, and which channels it carries. The far end answers each, and greets when it "
         "starts. The host gives 0 ms.",
     ),
-    MessageType.timesync: Message(
+    MessageType.timesync: MessageFormat(
         "both",
         struct.Struct("<qI"),
         ("host's clock [ns], sent back as it came", "far end's clock at receipt [us], 0 from host"),
         "",
         "The far end answers at once; with the clock in the header it makes four stamps.",
     ),
-    MessageType.samples: Message(
+    MessageType.samples: MessageFormat(
         "far end",
         struct.Struct("<BB"),
         ("channel", "rows"),
         "rows",
         "Measured values of one channel, each row with the instant at which it was true.",
     ),
-    MessageType.setpoint: Message(
+    MessageType.setpoint: MessageFormat(
         "host",
         struct.Struct("<BBH"),
         ("channel", "0", "valid_for [ms]"),
         "values",
         "Do this, for so long; the far end is safe by itself when the time is over.",
     ),
-    MessageType.arm: Message(
+    MessageType.arm: MessageFormat(
         "host",
         struct.Struct("<IH"),
         ("schema hash", "valid_for [ms]"),
         "",
         "Take set-points; the first one must come within valid_for.",
     ),
-    MessageType.disarm: Message(
+    MessageType.disarm: MessageFormat(
         "host", struct.Struct("<"), (), "", "Be safe, and a fault is acknowledged."
     ),
-    MessageType.safe_stop: Message(
+    MessageType.safe_stop: MessageFormat(
         "host", struct.Struct("<"), (), "", "Be safe, whoever asks; a fault stays one."
     ),
-    MessageType.event: Message(
+    MessageType.event: MessageFormat(
         "far end",
         struct.Struct("<8sf"),
         ("code, ASCII, filled up with zeros", "value"),

@@ -8,16 +8,22 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from twin.plant.devices.clock_fit import ClockFit
 from twin.plant.devices.device import Sample
-from twin.plant.devices.link.frame import Frame, packed
-from twin.plant.devices.link.messages import Flag, MessageType, State, told
-from twin.plant.devices.link.parser import Parser
-from twin.plant.devices.link.payloads import Arm, Event, Hello, SampleRows, SetPoint, TimeSync
+from twin.plant.devices.host_time import ClockFit
+from twin.plant.devices.link.frame import Frame, Parser, packed
+from twin.plant.devices.link.messages import FarEndState, Flag, MessageType, told
+from twin.plant.devices.link.payloads import (
+    ArmRequest,
+    Event,
+    Hello,
+    SampleRows,
+    SetPoint,
+    TimeSync,
+)
 from twin.plant.devices.link.schema import Array, Schema
 
 _CLOCK = 2**32
-_STATES = {int(state): state for state in State}
+_STATES = {int(state): state for state in FarEndState}
 
 
 class NearEnd:
@@ -30,7 +36,7 @@ class NearEnd:
         self.clock = ClockFit()
         self.greeting: Hello | None = None
         """Of the far end, once it has answered ours."""
-        self.state = State.safe
+        self.state = FarEndState.safe
         """Of the far end, as its last frame said."""
         self.answered = -1
         """Sequence of our last frame that it has heard; -1 before the first."""
@@ -65,7 +71,9 @@ class NearEnd:
 
     def arm(self, valid_for_ms: int, now: float) -> bytes:
         """Ask it to take set-points."""
-        return self._frame(MessageType.arm, Arm(self.schema.hash, valid_for_ms).packed(), now)
+        return self._frame(
+            MessageType.arm, ArmRequest(self.schema.hash, valid_for_ms).packed(), now
+        )
 
     def disarm(self, now: float) -> bytes:
         """Tell it to take none, and acknowledge its fault."""
@@ -96,7 +104,7 @@ class NearEnd:
         samples: list[Sample] = []
         for frame in self.parser.feed(data):
             self.heard = now
-            self.state = _STATES.get(frame.state, State.fault)
+            self.state = _STATES.get(frame.state, FarEndState.fault)
             if frame.flags & Flag.greeted:
                 self.answered = frame.last_received
             elif self.greeting is not None:

@@ -104,7 +104,7 @@ class SetPoint(NamedTuple):
         return cls(number, valid_for, schema.channels[number].unpacked(payload[_SETPOINT.size :]))
 
 
-class Arm(NamedTuple):
+class ArmRequest(NamedTuple):
     """Permission to move, of one schema, for a time."""
 
     schema_hash: int
@@ -115,7 +115,7 @@ class Arm(NamedTuple):
         return _ARM.pack(self.schema_hash, self.valid_for_ms)
 
     @classmethod
-    def unpacked(cls, payload: bytes) -> "Arm":
+    def unpacked(cls, payload: bytes) -> "ArmRequest":
         """From a payload that passed `Schema.fits`."""
         return cls(*_ARM.unpack(payload))
 

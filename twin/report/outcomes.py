@@ -1,0 +1,334 @@
+"""Runs, balancings, gyro comparisons and identifications in lines for a terminal."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.identification import Identification, Misfit
+from twin.interval import Interval
+from twin.loop import Outcome
+from twin.platform import Platform, beyond_stated, taken_as_at_rest
+from twin.predict.base import NAMES, hinge_axis
+from twin.procedures import Statement
+from twin.recording import Recording
+from twin.report.words import pair
+from twin.strapdown import FAULTS, GyroComparison
+from twin.strapdown.compare import GyroError
+from twin.units import fitting, printed, three_digits
+
+
+def flown(platform: Platform, outcome: Outcome, row: Mapping[str, Any], settle: float) -> list[str]:
+    """What happened, in words a lab uses: degrees and newton metre seconds.
+
+    Args:
+        platform: the machine.
+        outcome: how the loop ended.
+        row: its metrics, by name.
+        settle: from which on tracking counts [s].
+    """
+    end = f"{outcome.ended.value} after {outcome.duration:g} s"
+    lines = [f"{end}: {outcome.reason}" if outcome.reason else end]
+    if "tracking_error_rms_rad" in row:
+        rms, worst = np.degrees([row["tracking_error_rms_rad"], row["tracking_error_max_rad"]])
+        lines.append(
+            f"tracking error {rms:.3g} deg rms, {worst:.3g} deg at worst, from {settle:g} s on"
+        )
+    if "tilt_max_rad" in row:
+        most = row["tilt_max_rad"]
+        touched = platform.pitch_stop is None and most >= platform.tilt_limit
+        stop = ", where it touched its stop" if touched else ""
+        lines.append(f"largest tilt {np.degrees(most):.3g} deg{stop}")
+    peaks = row.get("wheel_momentum_max_N_m_s", ())
+    if "wheel_speed" not in platform.sensors:
+        # nobody has seen them
+        peaks = ()
+    for wheel, peak in zip(platform.wheels, peaks, strict=bool(len(peaks))):
+        lines.append(f"{wheel.name} held up to {peak:.3g} of {wheel.momentum_limit:g} N m s")
+    if np.isfinite(row.get("wheel_saturated_at_s", np.nan)):
+        lines.append(f"a wheel was saturated from {row['wheel_saturated_at_s']:.1f} s on")
+    timing = outcome.timing
+    if timing.lateness:
+        p50, p99, most = (timing.lateness_at(p) * 1e3 for p in (50.0, 99.0, 100.0))
+        own50, own99, longest = (timing.own_at(p) * 1e3 for p in (50.0, 99.0, 100.0))
+        lines.append(
+            f"ticks came {p50:.2f} ms late (median), {p99:.2f} ms (99 %), {most:.2f} ms at most; "
+            f"{timing.overruns} overruns in {timing.ticks} ticks"
+        )
+        lines.append(
+            f"each took {own50:.2f} ms (median), {own99:.2f} ms (99 %), {longest:.2f} ms at most, "
+            f"of {platform.tick * 1e3:g} ms"
+        )
+    return lines
+
+
+def balanced(statement: Statement, platform: Platform, target: float) -> list[str]:
+    """Residual offset and torque with 95 % intervals, and where the masses stand."""
+    per_um = 1e6 / platform.mass
+    offset = ", ".join(
+        pair(axis.value * per_um, 0.5 * (axis.high - axis.low) * per_um)
+        for axis in statement.center_of_mass_offset
+    )
+    whole, plane = statement.residual_torque, statement.residual_torque_in_plane
+    verdict = "keeps" if whole.high <= target else "misses"
+    stands = ", ".join(
+        f"{stage.name} {position * 1e3:.4g} mm"
+        for stage, position in zip(platform.stages, statement.stage_position, strict=True)
+    )
+    lines = [
+        "left, with 95 % intervals:",
+        f"  CM from CR ({offset}) um of {platform.mass:g} kg",
+        f"  gravity torque at the worst attitude {_torque(whole)}, which {verdict} the target of "
+        f"{printed(target, 'N m')}",
+        f"  of the level body {_torque(plane)}",
+        "  95 % of the torque observed in free float stay below "
+        f"{printed(statement.residual_torque_observed, 'N m')}, drag and gyro noise included",
+        f"  masses at {stands}",
+    ]
+    misfit = statement.misfit
+    if not misfit.is_noise:
+        lines.append(
+            f"  The model misses more than noise of this (chi2 per sample "
+            f"{misfit.chi2_per_sample:.3f}, a true one keeps {misfit.low:.3f} to "
+            f"{misfit.high:.3f}): the intervals hold only if what it lacks is a random torque. "
+            "`twin diagnose` names causes."
+        )
+    return lines
+
+
+def _torque(interval: Interval) -> str:
+    """Both ends: near zero the interval is not the same to either side."""
+    scale, unit = fitting(interval.value, "N m")
+    value, low, high = (
+        three_digits(number / scale) for number in (interval.value, interval.low, interval.high)
+    )
+    return f"{value} {unit} ({low} to {high})"
+
+
+TIES = {
+    "gyro_misalignment": "whether the gyro's or the attitude's are turned, the two do not tell",
+    "clock_lag": "or the attitude is early",
+}
+
+
+def gyro_sentences(found: GyroComparison) -> list[str]:
+    """What is wrong with a gyro that is taken as it is, and how far that leads astray."""
+    lines = [
+        "The gyro held against the attitude, without a model of what moves the body:",
+        "taken as it is, its squared innovations are "
+        f"{three_digits(found.chi2_before)} times what they are without the errors below.",
+    ]
+    lines += [_sentence(fault, found) for fault in FAULTS]
+    alone = [
+        f"{printed(raw, 'rad')} in {three_digits(horizon)} s ({printed(mended, 'rad', raw)})"
+        for horizon, raw, mended in found.drift
+    ]
+    if alone:
+        lines.append(f"Alone and as it is (corrected) it strays by {', '.join(alone)}, rms.")
+    lines.append(
+        f"What is left is noise of {printed(found.gyro_noise, 'rad/s')} a sample of the gyro and "
+        f"of {printed(found.attitude_noise, 'rad')} of the attitude; intervals are 95 %."
+    )
+    return lines
+
+
+def _sentence(fault: GyroError, found: GyroComparison) -> str:
+    places = _places(fault)
+    value, half = found.value[places], found.half_width[places]
+    shown = np.isfinite(half)
+    if not shown.any():
+        return f"{fault.name}: the motion does not show it."
+    factor, unit = fitting(float(np.abs(value[shown]).max()), fault.unit)
+    if fault.unit == "1":
+        factor, unit = 0.01, "%"
+    numbers = ", ".join(
+        f"{column}{' ' if column else ''}{three_digits(v / factor)} "
+        f"({three_digits((v - h) / factor)} to {three_digits((v + h) / factor)})"
+        if np.isfinite(h)
+        else f"{column} unknown"
+        for column, v, h in zip(fault.columns, value, half, strict=True)
+    )
+    text = f"{fault.name}: {fault.words} {numbers} {unit}"
+    if not shown.all():
+        text += " (unknown: the body hardly turns that way)"
+    if not found.certain[places].any():
+        return f"{text}: nothing that is sure."
+    return f"{text}; {TIES[fault.name]}." if fault.name in TIES else f"{text}."
+
+
+def gyro_document(source: str, found: GyroComparison) -> dict[str, Any]:
+    """What `twin compare --json` prints of a log without a platform; SI."""
+    parameters: dict[str, Any] = {}
+    for fault in FAULTS:
+        places = _places(fault)
+        value, half = found.value[places], found.half_width[places]
+        parameters[fault.name] = {
+            "value": value,
+            "low": value - half,
+            "high": value + half,
+            "unit": fault.unit,
+            "columns": fault.columns,
+        }
+    return {
+        "log": source,
+        "platform": None,
+        "gyro_against_attitude": {
+            "parameters": parameters,
+            "chi2_before": found.chi2_before,
+            "noise": {"gyro": found.gyro_noise, "attitude": found.attitude_noise},
+            "alone": [
+                {"horizon": horizon, "as_it_is": raw, "corrected": mended}
+                for horizon, raw, mended in found.drift
+            ],
+        },
+    }
+
+
+def _places(fault: GyroError) -> slice:
+    first = sum(len(other.columns) for other in FAULTS[: FAULTS.index(fault)])
+    return slice(first, first + len(fault.columns))
+
+
+Array = NDArray[np.float64]
+
+
+def identified(found: Identification) -> list[str]:
+    """The entries with their 95 % intervals, then how far to trust them."""
+    logs = " and ".join(f"{_duration(log):.0f} s" for log in found.recordings)
+    together = ", fitted together" if len(found.recordings) > 1 else ""
+    lines = [
+        f"{found.platform.title} ({found.platform.name}), {logs} of log{together}",
+        f"  by {found.method}, {_intervals(found)}:",
+    ]
+    lines += [f"    {line}" for line in (*_entries(found), *_joints(found), *_scales(found))]
+    lines += [f"  {line}" for line in (*_excitation(found), *_sentences(found.not_used))]
+    lines += [f"  {line}" for line in taken_as_at_rest(found.recordings, found.platform)]
+    lines += [f"  {line}" for line in beyond_stated(found.recordings, found.platform)]
+    lines += [f"  {line}" for line in _trust(found)]
+    lines += [f"  {found.not_rigid}"] if found.not_rigid else []
+    if found.platform.base.falls:
+        lines.append("  J is about the centre of mass, about which a body turns that falls freely.")
+    lines += [f"  Cannot be told: {sentence}." for sentence in found.not_excited]
+    lines += [f"  Repaired on reading: {r}." for log in found.recordings for r in log.repairs]
+    return lines
+
+
+def _intervals(found: Identification) -> str:
+    if not found.doubt:
+        return "with 95 % intervals"
+    return f"not with 95 % intervals, for {found.doubt}; the +- know the scatter alone"
+
+
+def _entries(found: Identification) -> list[str]:
+    base, platform = found.base, found.platform
+    values = base.entries(found.theta)
+    half = found.quantile * np.sqrt(np.diag(base.map @ found.covariance @ base.map.T))
+    seen = np.abs(base.map).sum(axis=1) > 0.0
+    if platform.base.kind == "hinge":
+        axis = hinge_axis(base.machine)
+        if "J" in base.names:
+            size = pair(found.theta[0], found.half_widths[0])
+        else:
+            size = f"{axis @ platform.inertia @ axis:.6g} (as stated)"
+        lines = [f"J     {size} kg m^2 about the axis"]
+    else:
+        lines = [
+            f"{name:<5} {pair(value, width)} kg m^2"
+            for name, value, width in zip(NAMES[:6], values, half, strict=False)
+        ]
+    moved = _carried(found.recordings[-1], found)
+    for place, extra in [("", np.zeros(3)), (" with the masses as the log left them", moved)]:
+        if place and not extra.any():
+            continue
+        for i, axis in enumerate("xyz"):
+            if not seen[6 + i]:
+                continue
+            value, width = values[6 + i] + extra[i], half[6 + i]
+            lines.append(
+                f"m r_{axis} {pair(value, width)} kg m"
+                f" = {pair(value * platform.gravity, width * platform.gravity)} N m"
+                f" = {pair(value / platform.mass * 1e6, width / platform.mass * 1e6)} um"
+                f" of {platform.mass:g} kg{place}"
+            )
+    return lines
+
+
+def _joints(found: Identification) -> list[str]:
+    first = len(found.theta) - len(found.base.joints)
+    return [
+        f"{joint.name} {pair(value, width)} {joint.unit}"
+        for joint, value, width in zip(
+            found.base.joints, found.theta[first:], found.half_widths[first:], strict=True
+        )
+    ]
+
+
+def _scales(found: Identification) -> list[str]:
+    return [
+        f"scale of {scale.stream} {pair(scale.value, 0.5 * (scale.high - scale.low))} {scale.unit}"
+        for scale in found.scales
+        if scale.known
+    ]
+
+
+def _sentences(said: Sequence[str]) -> list[str]:
+    return [f"{sentence}." for sentence in said]
+
+
+def _excitation(found: Identification) -> list[str]:
+    moved = found.excitation
+    rates = ", ".join(three_digits(float(np.degrees(rate))) for rate in moved.rate)
+    reach = f"{three_digits(float(np.degrees(moved.reach)))} deg"
+    if found.platform.base.kind == "hinge":
+        return [f"Excitation: rate {rates} deg/s rms, angle up to {reach} from its mean"]
+    weights = " ".join(
+        f"{'+-'[weight < 0.0]} {abs(weight):.1f} {name}"
+        for name, weight in moved.least_known.items()
+    ).removeprefix("+ ")
+    return [
+        f"Excitation: rate {rates} deg/s rms about x, y, z; tilt up to {reach}",
+        f"Least known of J: {weights}, to {three_digits(100.0 * moved.half_width)} % of a mean "
+        f"moment, {three_digits(moved.condition)} times worse than the best known",
+    ]
+
+
+def _duration(recording: Recording) -> float:
+    ends = [(s.time[0], s.time[-1]) for _, s in recording.items() if len(s)]
+    return float(max(stop for _, stop in ends) - min(start for start, _ in ends))
+
+
+def _trust(found: Identification) -> list[str]:
+    if not found.misfit:
+        return []
+    total, *streams = found.misfit
+    lines = [
+        f"chi2 per sample {_chi2(total)}, a true model keeps {total.low:.3f} to {total.high:.3f}: "
+        + ", ".join(f"{part.name} {_chi2(part)}" for part in streams)
+    ]
+    if not total.is_noise and not found.disturbance:
+        lines.append("More is left than noise, but no torque explains it: look at the sensors.")
+    elif not total.is_noise:
+        lines.append(
+            "The model misses more than noise. A white torque of "
+            f"{printed(found.disturbance, 'N m')} in a band of 1 Hz about each axis was fitted in "
+            "place of what it lacks; the intervals know of that torque, not of its cause: see "
+            "`twin compare`."
+        )
+    if found.fit is not None and not found.fit.converged:
+        lines.append("The fit has not settled: take its numbers as a guess.")
+    return lines
+
+
+def _chi2(part: Misfit) -> str:
+    value = part.chi2_per_sample
+    return f"{value:.3f}" if value < 100.0 else three_digits(value)
+
+
+def _carried(recording: Recording, found: Identification) -> Array:
+    """(3,) what the sliding masses add to m r at the end of a log [kg m]."""
+    stages = found.platform.stages
+    if not stages or "stage_position" not in recording or not len(recording["stage_position"]):
+        return np.zeros(3)
+    last = recording["stage_position"].value[-1]
+    return np.asarray(sum(s.mass * d * s.axis for s, d in zip(stages, last, strict=True)))
