@@ -225,7 +225,7 @@ def _moved(
 ) -> tuple[Innovations, float] | None:
     """After the largest part of a step that does not make things worse, and that part; None
     without any."""
-    for halving in range(HALVINGS):
+    for halving in range(HALVINGS if step.any() else 1):
         try:
             tried = replace(innovations(now.moved(0.5**halving * step)), tilt=now.tilt)
         except TwinError:

@@ -212,7 +212,7 @@ def as_measured(body: Body, inputs: Inputs) -> Along:
 
 
 def _along(body: Body, path: States, joints: Along) -> Along:
-    """Base, and wheels where they are states, as predicted (`_held`); the other joints as given."""
+    """Base, and wheels where they are states, as predicted (`_effective`), and the other joints."""
     machine, step = body.machine, body.grid.step
     wheels = machine.wheel_dof if body.inputs.wheels_predicted else slice(0, 0)
     begin, end = path.position[0, :, :-1], path.position[0, :, 1:]
@@ -226,18 +226,18 @@ def _along(body: Body, path: States, joints: Along) -> Along:
     joints.position[:, machine.base_qpos] = held.reshape(count, held.shape[-1])
     for dof, rates in ((machine.base_dof, path.rate[0]), (wheels, path.wheel_speed[0])):
         size = rates.shape[-1]
-        joints.velocity[:, dof] = _held(rates).reshape(count, size)
+        joints.velocity[:, dof] = _effective(rates).reshape(count, size)
         joints.acceleration[:, dof] = (np.diff(rates, axis=1) / step).reshape(count, size)
     return joints
 
 
-def _held(rates: Array) -> Array:
-    """(S, n, k) of rates (S, n + 1, k) at the ends of steps, those at which a torque is held over
-    each step.
+def _effective(rates: Array) -> Array:
+    """Rates (S, n, k) at which a torque is held over each step, from (S, n + 1, k) at its ends.
 
-    A torque f of the path, held over a step h, moves the path as it does itself to the fourth order
-    at f - h^2/24 f'': its mean, less the shift of the position by its change within the step. With
-    the values at the middle, a friction of a body that swings by w is wrong by some 0.1 (w h)^2.
+    A torque f(t), held over each step h at f - h^2/24 f'', moves the body along the path of f to
+    the fourth order in h: its mean over the step, f + h^2/24 f'', less the h^2/12 f'' by which the
+    change of f within a step shifts the position. The average of the step's ends is
+    f + h^2/8 f''; a friction of a body that swings by w is wrong by (w h)^2/6 with it.
     """
     between = 0.5 * (rates[:, 1:] + rates[:, :-1])
     if rates.shape[1] < 3:

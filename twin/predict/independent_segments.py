@@ -206,7 +206,7 @@ def _moved(
 ) -> IndependentSegments | None:
     """After the largest part of a step that makes things better, or worse by less than so much;
     None without any."""
-    for halving in range(HALVINGS):
+    for halving in range(HALVINGS if step.any() else 1):
         part = 0.5**halving * step
         try:
             at = now.at.moved(part, now.links)
