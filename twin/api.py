@@ -33,7 +33,7 @@ from twin.diagnosis import Diagnosis, Validation
 from twin.diagnosis import diagnose as diagnose_logs
 from twin.diagnosis import extend as extend_platform
 from twin.diagnosis import validate as validate_diagnosis
-from twin.effects import Effect, parse_effects, with_effects
+from twin.effects import Effect, effect_named, parse_effects, with_effects
 from twin.errors import UnknownName, UsageError
 from twin.flight import Run, prepare
 from twin.identification import Identification, calibrated
@@ -303,20 +303,26 @@ def compare_sensors(log: Log) -> GyroComparison:
 
 
 def diagnose(
-    logs: Log | Sequence[Log], platform: Machine | None = None, *, say: Say = _silent
+    logs: Log | Sequence[Log],
+    platform: Machine | None = None,
+    *,
+    effects: Sequence[str | Path | type[Effect]] = (),
+    say: Say = _silent,
 ) -> Diagnosis:
     """The causes of what a model gets wrong about logs, with their sizes and evidence.
 
     Args:
         logs: at least one, of one machine.
         platform: the machine; None: the one that the first log names.
+        effects: of your own, files or classes, that may be causes beside those of the catalogue.
         say: takes the name of each step.
 
     Raises:
         UsageError: a log without the streams that the prediction needs, or too little in it.
     """
     recordings = _logs(logs)
-    return diagnose_logs(recordings, _machine(platform, recordings), say=say)
+    own = [one if isinstance(one, type) else effect_named(str(one)) for one in effects]
+    return diagnose_logs(recordings, _machine(platform, recordings), own=own, say=say)
 
 
 def extend(diagnosis: Diagnosis, folder: str | Path) -> Platform:

@@ -23,6 +23,8 @@ class Diagnose:
     """Folders with a log.toml, or .rrd recordings."""
     platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """The machine, by name or folder; default: the one that the first log names."""
+    effects: Annotated[str | None, tyro.conf.arg(metavar="FILE,...")] = None
+    """Files of effects of your own, which may be causes beside those of the catalogue."""
     extend: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """Write the platform with what was found into a new folder."""
     validate: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None
@@ -39,7 +41,16 @@ class Diagnose:
     def run(self) -> int:
         """Diagnose, print, write what was asked for."""
         from twin.cli.output import check_writable, print_json, progress
-        from twin.diagnosis import check_logs, check_new, diagnose, extend, laws_in, validate
+        from twin.diagnosis import (
+            check_logs,
+            check_new,
+            diagnose,
+            extend,
+            laws_in,
+            own_causes,
+            validate,
+        )
+        from twin.effects import effect_named, file_of
         from twin.errors import TwinError, UsageError
         from twin.platform import common_platform, in_gravity_of, load_platform
         from twin.report import (
@@ -54,6 +65,7 @@ class Diagnose:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
         if self.extend is not None:
             check_new(self.extend)
+        own = [effect_named(name) for name in self.effects.split(",")] if self.effects else []
         read = self.logs if self.validate is None else (*self.logs, self.validate)
         for path, ending in ((self.report, ".html"), (self.rrd, ".rrd")):
             if path is not None:
@@ -67,7 +79,7 @@ class Diagnose:
         machine = in_gravity_of(every, machine)
         check_logs(every, machine)
         with progress() as say:
-            found = diagnose(logs, machine, say=say)
+            found = diagnose(logs, machine, own=own, say=say)
             gain, trouble = None, None
             if other is not None:
                 say("the log that took no part")
@@ -95,6 +107,12 @@ class Diagnose:
         if self.extend is not None and found.equation is not None:
             laws = ",".join(map(str, laws_in(self.extend)))
             print(f"wrote {laws}: twin run {self.extend} --effects {laws} has it too", file=to)
+        if self.extend is not None:
+            for effect in own_causes(found):
+                file = self.extend / (file_of(type(effect)) or Path()).name
+                sizes = "/".join(f"{value:.6g}" for value in effect.values)
+                option = f"{file}:{effect.target}" if effect.target else f"{file}"
+                print(f"wrote {file}: twin run {self.extend} --effects {option}={sizes}", file=to)
         if trouble is not None:
             raise trouble
         return 0

@@ -9,4 +9,5 @@ from twin.diagnosis.extension import Validation as Validation
 from twin.diagnosis.extension import check_new as check_new
 from twin.diagnosis.extension import extend as extend
 from twin.diagnosis.extension import laws_in as laws_in
+from twin.diagnosis.extension import own_causes as own_causes
 from twin.diagnosis.extension import validate as validate

@@ -98,12 +98,12 @@ class Candidates:
     """Why an effect is no candidate, by label."""
 
 
-def candidates_of(bodies: Sequence[Body]) -> Candidates:
-    """All effects of the catalogue that these logs may show."""
+def candidates_of(bodies: Sequence[Body], own: Sequence[type[Effect]] = ()) -> Candidates:
+    """All effects of the catalogue that these logs may show, and those of a lab's `own`."""
     platform = _widest([body.machine.platform for body in bodies])
     asked: list[Candidate] = []
     not_asked: dict[str, str] = {}
-    for kind in catalogue():
+    for kind in (*catalogue(), *own):
         for target in targets(kind.takes, platform) if kind.takes else ("",):
             label = f"{kind.name}:{target}" if target else kind.name
             why = _why_not(kind, target, platform, bodies)

@@ -154,13 +154,18 @@ class Diagnosis(Shown):
 
 
 def diagnose(
-    recordings: Sequence[Recording], platform: Platform, *, say: Say = lambda _: None
+    recordings: Sequence[Recording],
+    platform: Platform,
+    *,
+    own: Sequence[type[Effect]] = (),
+    say: Say = lambda _: None,
 ) -> Diagnosis:
     """Find the causes of what a platform's model gets wrong about logs.
 
     Args:
         recordings: at least one; the true states of a simulation are not used.
         platform: the machine, as stated.
+        own: kinds of effects that are candidates beside those of the catalogue.
         say: receives the name of each step.
 
     Raises:
@@ -181,7 +186,7 @@ def diagnose(
     findings = tuple(finding for _, found in read for finding in found)
     try:
         baseline = baseline_of(logs, platform)
-        reasoned, pushes = _explained(baseline, logs, say)
+        reasoned, pushes = _explained(baseline, logs, own, say)
     except BeyondBounds as problem:
         doubts = [finding.sentence for finding in findings if finding.ambiguous]
         sign = "look at the signs and units of its commands, or compare it: twin compare LOG"
@@ -237,8 +242,10 @@ class _Reasoned:
         )
 
 
-def _reasoned(baseline: Explanation, logs: Sequence[Recording], say: Say) -> _Reasoned:
-    candidates = candidates_of(baseline.bodies)
+def _reasoned(
+    baseline: Explanation, logs: Sequence[Recording], own: Sequence[type[Effect]], say: Say
+) -> _Reasoned:
+    candidates = candidates_of(baseline.bodies, own)
     engine = Engine(candidates.asked, say)
     # columns along a motion that is far from the logs mean little
     lost = baseline.follows and residual_test(baseline).chi2 > LOST
@@ -264,25 +271,26 @@ def _reasoned(baseline: Explanation, logs: Sequence[Recording], say: Say) -> _Re
 
 
 def _explained(
-    baseline: Explanation, logs: Sequence[Recording], say: Say
+    baseline: Explanation, logs: Sequence[Recording], own: Sequence[type[Effect]], say: Say
 ) -> tuple[_Reasoned, tuple[PushInterval, ...]]:
     """Search over whole logs, or over logs without the time of disturbances from outside.
 
     Disturbances are excluded where nothing explains the whole logs and something explains the rest.
     Where the rest follows the baseline, the whole logs are not searched.
     """
-    pushes = () if _is_noise(baseline) else _pushes(logs, baseline.base.machine.platform, say)
+    machine = baseline.base.machine.platform
+    pushes = () if _is_noise(baseline) else _pushes(logs, machine, own, say)
     if not pushes:
-        return _reasoned(baseline, logs, say), ()
+        return _reasoned(baseline, logs, own, say), ()
     rest = but_for(pushes, logs)
-    bare = baseline_of(rest, baseline.base.machine.platform)
-    whole = None if _is_noise(bare) else _reasoned(baseline, logs, say)
+    bare = baseline_of(rest, machine)
+    whole = None if _is_noise(bare) else _reasoned(baseline, logs, own, say)
     if whole is not None and not whole.unexplained:
         return whole, ()
-    found = _reasoned(bare, rest, say)
+    found = _reasoned(bare, rest, own, say)
     if not found.unexplained:
         return found, pushes
-    return whole or _reasoned(baseline, logs, say), ()
+    return whole or _reasoned(baseline, logs, own, say), ()
 
 
 def _in_part(baseline: Explanation, explanation: Explanation) -> bool:
@@ -295,7 +303,9 @@ def _is_noise(baseline: Explanation) -> bool:
     return baseline.follows and residual_test(baseline).chance > UNEXPLAINED
 
 
-def _pushes(logs: Sequence[Recording], platform: Platform, say: Say) -> tuple[PushInterval, ...]:
+def _pushes(
+    logs: Sequence[Recording], platform: Platform, own: Sequence[type[Effect]], say: Say
+) -> tuple[PushInterval, ...]:
     """Disturbances without which logs follow the model, and that none of the likeliest causes
     explains."""
     say("pushes from outside")
@@ -303,7 +313,9 @@ def _pushes(logs: Sequence[Recording], platform: Platform, say: Say) -> tuple[Pu
     if not pushes or not but_for(pushes, logs):
         return ()
     segments = pushed_look(logs, platform)
-    causes = () if segments is None else likeliest(segments, candidates_of(segments.bodies).asked)
+    if segments is None:
+        return pushes
+    causes = likeliest(segments, candidates_of(segments.bodies, own).asked)
     return () if any(not pushed(one) for one in causes) else pushes
 
 

@@ -25,7 +25,7 @@ from twin.diagnosis.cause import Equation
 from twin.diagnosis.diagnosis import Diagnosis
 from twin.diagnosis.explanation import Explanation
 from twin.diagnosis.laws import TORQUE, Law
-from twin.effects import Effect
+from twin.effects import Effect, file_of, with_effects
 from twin.errors import UsageError
 from twin.identification.prediction_error import NORMAL, fit
 from twin.identification.start import first_biases
@@ -304,11 +304,12 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
     """Write the platform with the base and the causes that a diagnosis found.
 
     Comments and everything else of platform.toml stay; logs are not copied. A law without a name
-    becomes an effect's file beside it (`law_file`): a platform runs no code of its own. A folder
-    that cannot be finished is taken away again.
+    becomes an effect's file beside it (`law_file`): a platform runs no code of its own, so the file
+    of an effect that a lab brought is copied there, too. A folder that cannot be finished is taken
+    away again.
 
     Returns:
-        The platform, read back from the folder.
+        The platform, read back from the folder, with the effects whose files lie beside it.
 
     Raises:
         UsageError: the folder exists and is not empty.
@@ -347,7 +348,11 @@ def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
     if diagnosis.causes:
         effects = document.setdefault("effects", tomlkit.table())
         for cause in diagnosis.causes:
-            state_effect(effects, cause.effect, cause.half_widths, logs)
+            file = file_of(type(cause.effect))
+            if file is None:
+                state_effect(effects, cause.effect, cause.half_widths, logs)
+            else:
+                shutil.copy(file, folder / file.name)
     path.write_text(tomlkit.dumps(document), encoding="utf-8")
     _introduce(folder / "README.md", diagnosis, logs)
     if diagnosis.equation is not None:
@@ -355,7 +360,13 @@ def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
     extended = load_platform(str(folder))
     give_inertial(extended.model_path, extended.base.body, compile_model(extended).model)
     give_joints(extended.model_path, found.base, found.at.theta)
-    return extended
+    return with_effects(extended, own_causes(diagnosis))
+
+
+def own_causes(diagnosis: Diagnosis) -> tuple[Effect, ...]:
+    """Causes that are no effects of the catalogue, but of files that a lab brought."""
+    effects = (cause.effect for cause in diagnosis.causes)
+    return tuple(effect for effect in effects if file_of(type(effect)) is not None)
 
 
 def _about_origin(entries: Array, platform: Platform) -> Array:
