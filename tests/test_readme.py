@@ -88,12 +88,3 @@ def test_the_python_of_the_readme_runs(tmp_path: Path):
 @pytest.mark.parametrize("link", re.findall(r"\]\(([^)#]+)\)", README))
 def test_every_link_of_the_readme_leads_somewhere(link: str):
     assert (REPOSITORY / link).exists()
-
-
-def test_every_folder_on_the_readmes_map_exists():
-    chart = README.split("## Map")[1].split("```")[1]
-    top = [line.split()[0].split("/")[0] for line in chart.splitlines() if line[:1].strip()]
-    package = chart.split("twin/")[1].split("tests/")[0]
-    inside = re.findall(r"\b([a-z]+(?:\.py|/))(?=[\s,])", package)
-    assert all((REPOSITORY / name).exists() for name in top)
-    assert all((REPOSITORY / "twin" / name).exists() for name in inside)

@@ -156,7 +156,7 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
     parts = [
         f"<h1>{escape(title)}</h1>",
         f"<p class='under'>{escape(found.platform.title)} · {length:.3g} s · "
-        f"{len(found.tried) + len(found.causes)} causes asked for</p>",
+        f"{len(found.tried) + len(found.causes)} candidates</p>",
         f"<p class='verdict'>{escape(typeset(verdict))}</p>",
         bullets(own),
         "<h2>Measured and predicted</h2>",

@@ -156,7 +156,7 @@ def _laws_table(comparison: Comparison) -> str:
         for strength in side.strengths
     ]
     if not rows:
-        return "<p>No law was asked for.</p>"
+        return "<p>No law is a candidate.</p>"
     return table(["base", "law", "strength (95 %)", "could be the base", "could be instead"], rows)
 
 
