@@ -74,11 +74,11 @@ def balanced(name: str, runs: Sequence[int], workers: int) -> list[Balanced]:
             observers=[procedure.lab.logbook],
         )
         truth = plant.truth()["truth_center_of_mass_offset"].value[:, 0]
-    found: list[Balanced] = []
+    balanceds: list[Balanced] = []
     for row, notes in enumerate(procedure.lab.notes.runs):
         statement, over = notes.statement, notes.phase.name == "done"
         torque = None if statement is None else statement.residual_torque
-        found.append(
+        balanceds.append(
             Balanced(
                 machine=name,
                 run=runs[row],
@@ -94,7 +94,7 @@ def balanced(name: str, runs: Sequence[int], workers: int) -> list[Balanced]:
                 ),
             )
         )
-    return found
+    return balanceds
 
 
 def kept(name: str) -> list[dict[str, Any]]:
@@ -112,7 +112,7 @@ def grow(name: str, count: int, workers: int) -> None:
         runs = missing[first : first + TOGETHER]
         done = balanced(name, runs, workers)
         with ROWS.open("a", encoding="utf-8") as rows:
-            rows.writelines(json.dumps(vars(one)) + "\n" for one in done)
+            rows.writelines(json.dumps(vars(item)) + "\n" for item in done)
         print(f"{name}: {count - len(missing) + first + len(runs)} of {count}", flush=True)
 
 

@@ -138,14 +138,14 @@ class PairedClock(SimulatedClock):
     def ticks(self, period: float, duration: float) -> Iterator[float]:
         """As the simulated clock's; between two blocks the other has its turn."""
         start = time.perf_counter()
-        for number, now in enumerate(super().ticks(period, duration)):
+        for number, tick in enumerate(super().ticks(period, duration)):
             if number >= LEAD and (number - LEAD) % self.block == 0:
                 loop = time.perf_counter() - start
                 bare = seconds(partial(self._other, self.block))
                 if number > LEAD:
                     self.pairs.append((loop, bare))
                 start = self._mark = time.perf_counter()
-            yield now
+            yield tick
 
 
 def _measure(platform: Platform, case: Case) -> tuple[PairedClock, Outcome]:

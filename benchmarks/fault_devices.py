@@ -117,24 +117,28 @@ def session(name: str, seed: int) -> dict[str, Any]:
                 line.inject(fault)
             samples, fallen = _flown(device)
             device.close()
-        reasons = [one.replace(str(port), "its port") for one in fallen if one]
-    false = [one for one in samples if one.valid and subject.wrong(one)]
-    problems = [f"no reason in {one!r}" for one in reasons if ";" not in one]
-    problems += [f"{one.stream} not valid, and no reason" for one in samples if not one.valid
-                 and not one.reason]  # fmt: skip
+        reasons = [item.replace(str(port), "its port") for item in fallen if item]
+    false = [sample for sample in samples if sample.valid and subject.wrong(sample)]
+    problems = [f"no reason in {reason!r}" for reason in reasons if ";" not in reason]
+    silent = [sample for sample in samples if not sample.valid and not sample.reason]
+    problems += [f"{sample.stream} not valid, and no reason" for sample in silent]
     problems += [] if samples else ["nothing was heard"]
     problems += _outside(b"".join(said)) if name == "stages" else []
     counters = device.counters
     damaged = counters.bad_checksums + counters.resyncs
     # sentences that differ in a number say the same
     invalid = list(
-        {re.sub(r"\d+", "N", one.reason): one.reason for one in samples if not one.valid}.values()
+        {
+            re.sub(r"\d+", "N", sample.reason): sample.reason
+            for sample in samples
+            if not sample.valid
+        }.values()
     )
     ended = "safe_stop" if reasons else "degraded" if invalid or damaged else "continued"
     return {
         "machine": name,
         "seed": seed,
-        "faults": [f"{one.kind} {one.start:.2f}" for one in faults],
+        "faults": [f"{item.kind} {item.start:.2f}" for item in faults],
         "ended": ended,
         "reason": "; ".join(dict.fromkeys(reasons or invalid))[:300] or counters.words(),
         "damaged": damaged,
@@ -167,10 +171,10 @@ def _flown(device: Device) -> tuple[list[Sample], list[str]]:
 def _outside(said: bytes) -> list[str]:
     """Commands that left for a stage beyond what it may be told."""
     most = STAGE.steps(FAR) + 1
-    found = [
+    result = [
         f"MA {target.decode()}"
         for target in re.findall(rb"MA ?=?(-?\d+)", said)
         if not -1 <= int(target) <= most
     ]
-    found += [f"SL {speed.decode()}" for speed in re.findall(rb"SL ?=?(-?[1-9]\d*)", said)]
-    return found + ["MR"] * said.count(b"MR ")
+    result += [f"SL {speed.decode()}" for speed in re.findall(rb"SL ?=?(-?[1-9]\d*)", said)]
+    return result + ["MR"] * said.count(b"MR ")

@@ -221,10 +221,10 @@ def session(seed: int) -> dict[str, Any]:
     return {
         "machine": "cubesat",
         "seed": seed,
-        "faults": [f"{one.kind} {one.start:.2f}" for one in faults],
+        "faults": [f"{fault.kind} {fault.start:.2f}" for fault in faults],
         "ended": ended,
         "reason": _anywhere(reason),
-        "again": [_anywhere(one) for one in again],
+        "again": [_anywhere(item) for item in again],
         "damaged": damaged,
         "undetected": undetected,
         "problems": problems,

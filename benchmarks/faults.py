@@ -90,7 +90,10 @@ def page(results: dict[str, list[dict[str, Any]]]) -> str:
         for came in row.get("again", ())
     )
     hit = Counter(
-        one.rpartition(" ")[0] for rows in results.values() for row in rows for one in row["faults"]
+        item.rpartition(" ")[0]
+        for rows in results.values()
+        for row in rows
+        for item in row["faults"]
     )
     lines = [
         "# Sessions under random faults",

@@ -47,7 +47,7 @@ def main() -> int:
         failed = subprocess.run([*command, f"--junitxml={results}"], cwd=REPOSITORY).returncode
         cases = list(ElementTree.parse(results).iter("testcase"))
     claims = [claim for case in cases for claim in claims_of(case)]
-    loose = [one for one in claims if is_loose(one)]
+    loose = [entry for entry in claims if is_loose(entry)]
     skipped = [case.attrib["name"] for case in cases if case.find("skipped") is not None]
     if skipped:
         print(f"{PAGE.relative_to(REPOSITORY)} is left as it is, for these were skipped:")
@@ -55,9 +55,9 @@ def main() -> int:
         return 1
     PAGE.write_text(page(claims), encoding="utf-8")
     print(f"{len(claims)} claims in {PAGE.relative_to(REPOSITORY)}")
-    for one in loose:
-        print(f"loose: {one['what']}: {one['deviation']:.1e}, claimed {one['tolerance']:.0e}")
-    counts = Counter((chapter_of(one), one["what"]) for one in claims)
+    for item in loose:
+        print(f"loose: {item['what']}: {item['deviation']:.1e}, claimed {item['tolerance']:.0e}")
+    counts = Counter((chapter_of(entry), entry["what"]) for entry in claims)
     twice = [what for (_, what), count in counts.items() if count > 1]
     for what in twice:
         print(f"claimed twice: {what}")
@@ -66,8 +66,8 @@ def main() -> int:
 
 def claims_of(case: ElementTree.Element) -> list[dict[str, Any]]:
     """What a test of a JUnit file claims, and in which module it stands."""
-    found = [one.attrib["value"] for one in case.iter("property") if one.get("name") == "claim"]
-    return [{**json.loads(value), "module": case.attrib["classname"]} for value in found]
+    result = [item.attrib["value"] for item in case.iter("property") if item.get("name") == "claim"]
+    return [{**json.loads(value), "module": case.attrib["classname"]} for value in result]
 
 
 def is_loose(claim: dict[str, Any]) -> bool:
@@ -79,7 +79,7 @@ def page(claims: list[dict[str, Any]]) -> str:
     """The tables, with the versions that they were measured with."""
     lines = [HEAD]
     for heading in CHAPTERS:
-        rows = sorted(row(one) for one in claims if chapter_of(one) == heading)
+        rows = sorted(row(claim) for claim in claims if chapter_of(claim) == heading)
         lines += [f"## {heading}", "", "| what | deviation | tolerance | |"]
         lines += ["| --- | --- | --- | --- |", *rows, ""]
     versions = ", ".join(f"{name} {version(name)}" for name in ("mujoco", "numpy", "scipy"))

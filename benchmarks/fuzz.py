@@ -139,8 +139,8 @@ class Xbus(Fuzzed):
 
     def hears(self, number: int) -> bool:
         # a false length waits for its bytes until the line is quiet, as it is between packets
-        found = [*self.parser.feed(self.good(number)), *self.parser.idle()]
-        return XbusMessage(0x36, self.data(number)) in found
+        result = [*self.parser.feed(self.good(number)), *self.parser.idle()]
+        return XbusMessage(0x36, self.data(number)) in result
 
 
 class MDriveReplies(Fuzzed):
@@ -188,9 +188,9 @@ class Solar2Text(Fuzzed):
 
     def feed(self, data: bytes) -> None:
         for line in self.parser.feed(data):
-            found = decode_text(line)
-            self.refused += found is None
-            self.passed += found is not None and found[0] != -found[1]
+            angles = decode_text(line)
+            self.refused += angles is None
+            self.passed += angles is not None and angles[0] != -angles[1]
         self.most = max(self.most, len(self.parser._buffer))
 
     def hears(self, number: int) -> bool:

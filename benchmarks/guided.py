@@ -79,14 +79,14 @@ def run() -> None:
             print(done.stderr)
             rows.append((name, "failed, see above", "", "", ""))
             continue
-        found = json.loads(done.stdout.splitlines()[-1])
+        result = json.loads(done.stdout.splitlines()[-1])
         rows.append(
             (
                 name,
-                f"{found['bytes']:,}",
-                f"{found['lines']:,}",
-                f"{found['paths']:,}",
-                f"{found['most']}",
+                f"{result['bytes']:,}",
+                f"{result['lines']:,}",
+                f"{result['paths']:,}",
+                f"{result['most']}",
             )
         )
     table(("parser", "bytes", "lines", "lines with new paths", "bytes kept at most"), rows)

@@ -60,20 +60,20 @@ def run() -> None:
         [
             (
                 f"{size:,}",
-                f"{one.seconds:.0f}",
-                f"{size / one.seconds:.0f}",
-                f"{one.bytes / 1e6:.1f} MB",
-                one.files,
-                _mb(one.client),
-                _mb(one.worker) if one.worker else "(there was none)",
-                f"{one.rows:,}",
-                one.failed,
+                f"{item.seconds:.0f}",
+                f"{size / item.seconds:.0f}",
+                f"{item.bytes / 1e6:.1f} MB",
+                item.files,
+                _mb(item.client),
+                _mb(item.worker) if item.worker else "(there was none)",
+                f"{item.rows:,}",
+                item.failed,
             )
-            for size, one in zip(SIZES, told, strict=True)
+            for size, item in zip(SIZES, told, strict=True)
         ],
     )  # fmt: skip
     many = told[-1]
-    largest = [max(one.client, one.worker) for one in told]
+    largest = [max(item.client, item.worker) for item in told]
     print(
         f"\n{cores} cores. Memory of the largest process, {SIZES[1]:,} runs over {SIZES[0]:,}: "
         f"{largest[1] / largest[0]:.3f}.\n"
@@ -160,8 +160,8 @@ def _peak(pid: int) -> int:
         status = Path(f"/proc/{pid}/status").read_text()
     except OSError:
         return 0
-    _, found, rest = status.partition("VmHWM:")
-    return int(rest.split()[0]) * 1024 if found else 0
+    _, result, rest = status.partition("VmHWM:")
+    return int(rest.split()[0]) * 1024 if result else 0
 
 
 def _longer(short: Spec, long: Spec) -> tuple[float, tuple[float, float]]:
@@ -171,5 +171,5 @@ def _longer(short: Spec, long: Spec) -> tuple[float, tuple[float, float]]:
         pair = [seconds(partial(flown, s, draw(s, range(s.runs)))) for s in (short, long)]
         if turn:
             took.append(pair)
-    one, other = (median(side) for side in zip(*took, strict=True))
-    return median([pair[1] / pair[0] for pair in took]), (one, other)
+    item, other = (median(side) for side in zip(*took, strict=True))
+    return median([pair[1] / pair[0] for pair in took]), (item, other)

@@ -48,12 +48,12 @@ class TurnsClock(SimulatedClock):
     def ticks(self, period: float, duration: float) -> Iterator[float]:
         """As the simulated clock's; between two ticks the others have theirs."""
         start = time.perf_counter()
-        for now in super().ticks(period, duration):
+        for tick in super().ticks(period, duration):
             loop = time.perf_counter() - start
             self._others[0](1)  # the loop's NumPy has had the caches
             self.turns.append([*(seconds(partial(other, 1)) for other in self._others), loop])
             start = self._mark = time.perf_counter()
-            yield now
+            yield tick
 
 
 def run() -> None:
@@ -68,7 +68,7 @@ def run() -> None:
             row += [f"{steps / tick / 1e3:.1f}" for tick in np.percentile(turns, 25.0, axis=0)]
         rows.append(row)
     print("Thousand steps a second:\n")
-    head = ("machine", "law", "step [ms]", *(f"{one}, n = {n}" for n in TICKS for one in KINDS))
+    head = ("machine", "law", "step [ms]", *(f"{kind}, n = {n}" for n in TICKS for kind in KINDS))
     table(head, rows)
 
 

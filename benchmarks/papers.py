@@ -151,15 +151,15 @@ def row_of(name: str, seed: int) -> dict[str, Any]:
     effect = fault.drawn(seed)
     log = fault.flown(effect, seed)
     begin = time.perf_counter()
-    found = diagnose([log], load_platform(fault.platform))
-    tried = next((one for one in found.tried if one.label == effect.label), None)
+    result = diagnose([log], load_platform(fault.platform))
+    tried = next((item for item in result.tried if item.label == effect.label), None)
     return {
         "name": name,
         "seed": seed,
         "hidden": effect.words(),
         "label": effect.label,
-        "verdict": found.verdict,
-        "why not": found.not_asked.get(effect.label, ""),
+        "verdict": result.verdict,
+        "why not": result.not_asked.get(effect.label, ""),
         "found from": "" if tried is None else _from(tried),
         "causes": [
             {
@@ -168,7 +168,7 @@ def row_of(name: str, seed: int) -> dict[str, Any]:
                 "evidence": cause.evidence,
                 "ties": [tie.label for tie in cause.ties],
             }
-            for cause in found.causes
+            for cause in result.causes
         ],
         "seconds": time.perf_counter() - begin,
     }

@@ -151,7 +151,7 @@ def _campaign(spec: Spec, errors: list[float]) -> float:
 
     def fly() -> None:
         came = flown(spec, drawn)
-        errors.extend(one.metrics["tracking_error_rms"] for one in came.values())
+        errors.extend(item.metrics["tracking_error_rms"] for item in came.values())
 
     return RUNS * spec.duration / seconds(fly)
 

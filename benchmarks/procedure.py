@@ -77,8 +77,8 @@ class Answered(Fits):
         future: Future[MomentFit] = Future()
         spread_out = self._variance * np.eye(3)
         noise = Misfit("", 1.0, 0.0, 2.0)
-        told = MomentFit(self._offsets[run], spread_out, 1.96, self._machine.inertia, noise)
-        future.set_result(told)
+        fit = MomentFit(self._offsets[run], spread_out, 1.96, self._machine.inertia, noise)
+        future.set_result(fit)
         self._asked[run] = future
 
 
@@ -114,14 +114,14 @@ class TurnsClock(SimulatedClock):
     def ticks(self, period: float, duration: float) -> Iterator[float]:
         """As the simulated clock's."""
         start, fitted = time.perf_counter(), sum(self._fits)
-        for number, now in enumerate(super().ticks(period, duration)):
+        for number, tick in enumerate(super().ticks(period, duration)):
             if number and number % BLOCK == 0:
                 thought = sum(self._fits) - fitted
                 self.loop.append((time.perf_counter() - start - thought) / BLOCK)
                 self.bare.append(seconds(partial(self._other, BARE)) / BARE)
                 start, fitted = time.perf_counter(), sum(self._fits)
                 self._mark = start
-            yield now
+            yield tick
 
 
 def balanced() -> None:
@@ -129,21 +129,21 @@ def balanced() -> None:
     cores = len(os.sched_getaffinity(0))
     with ProcessPoolExecutor(cores, mp_context=get_context("spawn")) as processes:
         without, fitted = (
-            [one.result() for one in [processes.submit(_balanced, n, core, fits)
+            [item.result() for item in [processes.submit(_balanced, n, core, fits)
                                       for core in range(cores)]]
             for n, fits in ((RUNS, False), (max(FITTED // cores, 2), True))
         )  # fmt: skip
-    turns = [one.bare / tick for one in without for tick in one.flown]
-    bare = median([one.bare for one in without])
-    loop = median([tick for one in without for tick in one.flown])
-    fits = [took for one in fitted for took in one.fits]
-    count = len(fits) / sum(one.runs for one in fitted)
-    ticks = float(np.mean([one.ticks for one in fitted]))
+    turns = [item.bare / tick for item in without for tick in item.flown]
+    bare = median([item.bare for item in without])
+    loop = median([tick for item in without for tick in item.flown])
+    fits = [took for item in fitted for took in item.fits]
+    count = len(fits) / sum(item.runs for item in fitted)
+    ticks = float(np.mean([item.ticks for item in fitted]))
     whole = loop + 1e6 * float(np.mean(fits)) * count / ticks
-    runs, done = sum(one.runs for one in without), sum(one.done for one in without)
+    runs, done = sum(item.runs for item in without), sum(item.done for item in without)
     print(
         f"balancing {MACHINE}, direct: {runs} runs in {cores} processes with fits answered from\n"
-        f"the truth ({done} of them balanced), and {sum(one.runs for one in fitted)} with fits "
+        f"the truth ({done} of them balanced), and {sum(item.runs for item in fitted)} with fits "
         f"as they are: {count:.1f} a run, {median(fits):.2f} s each\n"
         f"({min(fits):.2f} to {max(fits):.2f}), in {ticks:.0f} ticks.\n"
     )

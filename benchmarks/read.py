@@ -211,16 +211,16 @@ def run(words: Sequence[str] = ()) -> None:
             free = shutil.disk_usage(place).free
             if free < 1.5 * asked.size:
                 raise SystemExit(f"{place} has {free / 1e9:.1f} GB left: set TMPDIR to another")
-            one = measured(ending, asked.size, Path(place))
+            item = measured(ending, asked.size, Path(place))
         rows.append(
             (
                 ending,
-                f"{one['size'] / 1e6:.0f} MB",
-                f"{sum(one['rows'].values()):,}",
-                f"{one['seconds']:.0f} s",
-                f"{one['size'] / 1e6 / one['seconds']:.1f}",
-                f"{one['kept'] / 1e6:.0f} MB",
-                f"{one['peak'] / 1e6:.0f} MB",
+                f"{item['size'] / 1e6:.0f} MB",
+                f"{sum(item['rows'].values()):,}",
+                f"{item['seconds']:.0f} s",
+                f"{item['size'] / 1e6 / item['seconds']:.1f}",
+                f"{item['kept'] / 1e6:.0f} MB",
+                f"{item['peak'] / 1e6:.0f} MB",
             )
         )
     table(
@@ -238,7 +238,7 @@ def run(words: Sequence[str] = ()) -> None:
 
 
 def _bytes(text: str) -> float:
-    found = re.fullmatch(r"(\d+(?:\.\d+)?) ?(MB|GB)", text)
-    if found is None:
+    result = re.fullmatch(r"(\d+(?:\.\d+)?) ?(MB|GB)", text)
+    if result is None:
         raise argparse.ArgumentTypeError(f"{text!r} is no size; say 2GB or 300MB")
-    return float(found[1]) * UNITS[found[2]]
+    return float(result[1]) * UNITS[result[2]]

@@ -185,9 +185,9 @@ def _rows(campaign: bytes, shard: int, rows: pa.Table) -> pa.Table:
 def _drawn(spec: Spec, sampling: Sampling) -> list[str]:
     cells = [sampling]
     for size in SIZES:
-        one = replace(spec, runs=size, sampling=sampling)
-        last = one.runs_of(one.shards - 1)
-        cells.append(f"{seconds(partial(draw, one, last)) * 1e3:.0f}")
+        item = replace(spec, runs=size, sampling=sampling)
+        last = item.runs_of(item.shards - 1)
+        cells.append(f"{seconds(partial(draw, item, last)) * 1e3:.0f}")
     return cells
 
 

@@ -32,7 +32,7 @@ BAUD = 1_000_000
 def run() -> None:
     """Print the table."""
     with tempfile.TemporaryDirectory() as folder:
-        rows = [_session(Path(folder), *one) for one in SESSIONS]
+        rows = [_session(Path(folder), *session) for session in SESSIONS]
     table(
         ("Hz", "s", "beside it", "a tick takes, ms", "of which read", "write", "record",
          "late, ms", "ticks", "skipped", "ticks that the recording lacks", "ended"),

@@ -31,21 +31,21 @@ def xbus_stream() -> bytes:
 
 def xbus(line: bytes) -> int:
     """Values of all packets."""
-    parser, found = FrameParser(Counters(), 254), 0
+    parser, result = FrameParser(Counters(), 254), 0
     for start in range(0, len(line), PIECE):
         for message in parser.feed(line[start : start + PIECE]):
-            found += len(decode_data(message.data) or ())
-    return found + len(parser.idle())
+            result += len(decode_data(message.data) or ())
+    return result + len(parser.idle())
 
 
 def mdrive(line: bytes) -> int:
     """Answers, each to a question of its own, in the pieces in which they come."""
-    found = 0
+    result = 0
     for reply in line.split(b"\n"):
         answer = Answer("1a", checked=True)
         answer.feed(reply[: len(reply) // 2])
-        found += answer.feed(reply[len(reply) // 2 :] + b"\n") is ExchangeState.done
-    return found
+        result += answer.feed(reply[len(reply) // 2 :] + b"\n") is ExchangeState.done
+    return result
 
 
 def mdrive_noise(line: bytes) -> int:
@@ -58,11 +58,11 @@ def mdrive_noise(line: bytes) -> int:
 
 def solar2_text(line: bytes) -> int:
     """Angles of a stream."""
-    parser, found = LineParser(), 0
+    parser, result = LineParser(), 0
     for start in range(0, len(line), PIECE):
         for each in parser.feed(line[start : start + PIECE]):
-            found += decode_text(each) is not None
-    return found
+            result += decode_text(each) is not None
+    return result
 
 
 def solar2_binary(line: bytes) -> int:

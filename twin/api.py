@@ -321,7 +321,7 @@ def diagnose(
         UsageError: a log without the streams that the prediction needs, or too little in it.
     """
     recordings = _logs(logs)
-    own = [one if isinstance(one, type) else effect_named(str(one)) for one in effects]
+    own = [effect if isinstance(effect, type) else effect_named(str(effect)) for effect in effects]
     return diagnose_logs(recordings, _machine(platform, recordings), own=own, say=say)
 
 
@@ -459,7 +459,7 @@ def replay(folder: str | Path, run: int, *, rrd: str | Path | None = None) -> Re
 
 
 def _held(arm: str | None) -> Held | None:
-    known = {one.value: one for one in Held}
+    known = {item.value: item for item in Held}
     if arm is not None and arm not in known:
         raise UnknownName("state of a table", arm, known)
     return None if arm is None else known[arm]

@@ -238,8 +238,8 @@ class Table:
     def _table(self, key: str, data: dict[str, Any], occurrence: int) -> "Table":
         name = self._child(key)
         header = re.compile(rf"\s*\[+\s*{re.escape(name)}\s*\]")
-        found = [i for i, text in enumerate(self._lines, 1) if header.match(text)]
-        first = found[occurrence] if occurrence < len(found) else self.line(key) or 0
+        result = [i for i, text in enumerate(self._lines, 1) if header.match(text)]
+        first = result[occurrence] if occurrence < len(result) else self.line(key) or 0
         return Table(self.path, data, self._lines, name, max(first - 1, 0), self._error)
 
 

@@ -165,9 +165,9 @@ def undisturbed(platform: Platform) -> Platform:
         )
         for name, sensor in platform.sensors.items()
     }
-    kinds = [one.made_by or effect_named(one.name) for one in platform.effects]
+    kinds = [effect.made_by or effect_named(effect.name) for effect in platform.effects]
     known = zip(platform.effects, kinds, strict=True)
-    effects = tuple(one for one, kind in known if not issubclass(kind, ScatterEffect))
+    effects = tuple(item for item, kind in known if not issubclass(kind, ScatterEffect))
     return replace(platform, sensors=sensors, effects=effects, tilt_limit=np.pi)
 
 

@@ -76,13 +76,13 @@ class Metrics:
 
     def rows(self) -> dict[str, Any]:
         """Each metric, (n,) or (n, wheels), by name with its SI unit; absent: not applicable."""
-        found: dict[str, Any] = {}
+        result: dict[str, Any] = {}
         if self._counted:
-            found["tracking_error_rms_rad"] = np.sqrt(self._squares / self._counted)
-            found["tracking_error_max_rad"] = self._worst
+            result["tracking_error_rms_rad"] = np.sqrt(self._squares / self._counted)
+            result["tracking_error_max_rad"] = self._worst
         if self.platform.base.kind != "hinge":
-            found["tilt_max_rad"] = self._tilt
+            result["tilt_max_rad"] = self._tilt
         if self._saturated is not None:
-            found["wheel_momentum_max_N_m_s"] = self._momentum
-            found["wheel_saturated_at_s"] = self._saturated
-        return found
+            result["wheel_momentum_max_N_m_s"] = self._momentum
+            result["wheel_saturated_at_s"] = self._saturated
+        return result

@@ -359,12 +359,12 @@ def _index(addresses: ArrayLike) -> Index:
 
 
 def _named(platform: Platform, model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
-    found = mujoco.mj_name2id(model, kind, name)
-    if found < 0:
+    result = mujoco.mj_name2id(model, kind, name)
+    if result < 0:
         noun = kind.name.removeprefix("mjOBJ_").lower()
         raise PlatformError(
             platform.model_path,
             f"has no {noun} named {name!r}, which platform.toml refers to",
             "name it so in the MJCF, or change platform.toml",
         )
-    return found
+    return result

@@ -35,8 +35,8 @@ def identified_box(file: Path) -> tuple[Array, Array]:
     """
     try:
         document: Any = json.loads(file.read_text(encoding="utf-8"))
-        found = cast(Mapping[str, Any], document["base"]["center_of_mass_offset"])
-        low, high = (np.array(found[end], dtype=np.float64) for end in ("low", "high"))
+        result = cast(Mapping[str, Any], document["base"]["center_of_mass_offset"])
+        low, high = (np.array(result[end], dtype=np.float64) for end in ("low", "high"))
     except (OSError, ValueError, KeyError, TypeError) as problem:
         raise UsageError(
             f"{file} tells no 95 % set of the CM ({type(problem).__name__}: {problem}); give what "

@@ -233,11 +233,11 @@ def _product(text: str) -> _Product | None:
         part = re.sub(rf"({'|'.join(_PREFIX_WORDS)})[- ]", r"\1", part, flags=re.IGNORECASE)
         part = re.sub(r"(?<=[A-Za-z])-(?=[A-Za-z])", " ", part)
         for token in part.replace(".", " ").split():
-            found = _FACTOR.match(token)
-            atom = _atom(found[1]) if found else None
-            if found is None or atom is None:
+            result = _FACTOR.match(token)
+            atom = _atom(result[1]) if result else None
+            if result is None or atom is None:
                 return None
-            power = sign * int(found[2] or 1)
+            power = sign * int(result[2] or 1)
             factor *= atom[0] ** power
             for name, exponent in atom[1].items():
                 powers[name] = powers.get(name, 0) + power * exponent

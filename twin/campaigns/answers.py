@@ -131,12 +131,12 @@ def conditions(results: Results) -> tuple[FactorPart, ...]:
             machines = len(np.unique(results.machine[left]))
             if machines < MIN_MACHINES or min(x.min(), y.min()) <= 0.0:
                 continue
-            for factor, found, p in dependences(results, left, y / x):
+            for factor, result, p in dependences(results, left, y / x):
                 # every machine is in each part of a grid
                 enough = factor.strip("|") in grids or machines >= MIN_MACHINES * PARTS
-                if enough and np.isfinite(found.value):
-                    asked.append((a, b, metric, factor, abs(found.value), p))
-    corrected = holm(np.array([one[-1] for one in asked]))
+                if enough and np.isfinite(result.value):
+                    asked.append((a, b, metric, factor, abs(result.value), p))
+    corrected = holm(np.array([item[-1] for item in asked]))
     strongest: dict[tuple[int, int, str], tuple[float, str]] = {}
     for (a, b, metric, factor, size, _), p in zip(asked, corrected, strict=True):
         if p < CERTAIN_FACTOR and size >= STRONG:
@@ -151,14 +151,14 @@ def conditions(results: Results) -> tuple[FactorPart, ...]:
 def _parts(results: Results, a: int, b: int, metric: str, factor: str) -> list[FactorPart]:
     left, x, y = _pairs(results, a, b, metric)
     values = results.causes[factor][left]
-    one, other = (results.spec.arms[number].name for number in (a, b))
-    found: list[FactorPart] = []
+    item, other = (results.spec.arms[number].name for number in (a, b))
+    parts: list[FactorPart] = []
     within = factor.strip("|") in grids_within(results)
     for rows in _split(values, np.arange(len(left)) if within else results.machine[left]):
         ratio = ratio_of_pairs(x[rows], y[rows], results.sample[left][rows])
         ends = float(values[rows].min()), float(values[rows].max())
-        found.append(FactorPart(one, other, metric, factor, *ends, len(rows), ratio))
-    return found
+        parts.append(FactorPart(item, other, metric, factor, *ends, len(rows), ratio))
+    return parts
 
 
 def _split(values: Array, together: NDArray[np.int64]) -> list[NDArray[np.intp]]:
@@ -213,8 +213,8 @@ def sobol_indices(results: Results) -> tuple[Index, ...]:
     if spec.sampling != "saltelli":
         return ()
     place = (results.run // spec.points) % spec.together
-    found: list[Index] = []
-    for arm in (one.name for one in spec.arms):
+    indexes: list[Index] = []
+    for arm in (item.name for item in spec.arms):
         rows = results.of(arm)
         points, row_of = np.unique(results.sample[rows], return_inverse=True)
         for metric, column in results.metrics.items():
@@ -225,8 +225,8 @@ def sobol_indices(results: Results) -> tuple[Index, ...]:
                 continue
             for number, factor in enumerate(spec.dispersed):
                 first, total = indices_of(values, number)
-                found.append(Index(arm, metric, factor.name, first, total, len(values)))
-    return tuple(found)
+                indexes.append(Index(arm, metric, factor.name, first, total, len(values)))
+    return tuple(indexes)
 
 
 def indices_of(values: Array, factor: int) -> tuple[Interval, Interval]:
@@ -379,9 +379,9 @@ def answers(results: Results, against: Results | None = None) -> Answers:
                 continue
             spreads.append(_spread(arm, metric, column[known], results.sample[known]))
             own = known[results.free[known]]
-            for factor, found, p in dependences(results, own, column[own]):
-                if np.isfinite(found.value):
-                    links.append((arm, metric, factor, found, p))
+            for factor, result, p in dependences(results, own, column[own]):
+                if np.isfinite(result.value):
+                    links.append((arm, metric, factor, result, p))
     corrected = holm(np.array([link[-1] for link in links]))
     sensitivities = tuple(
         MetricSensitivity(*link[:-1], bool(p < CERTAIN))
@@ -428,8 +428,8 @@ def _at_points(results: Results) -> Iterator[AtPoint]:
         at = [tuple(zip((f.name for f, _ in grids), p, strict=True)) for p in points.tolist()]
         runs = [rows[place == number] for number in range(len(points))]
         for metric, column in results.metrics.items():
-            for point, there in zip(at, runs, strict=True):
-                known = there[np.isfinite(column[there])]
+            for point, run in zip(at, runs, strict=True):
+                known = run[np.isfinite(column[run])]
                 if known.size:
                     own, sample = column[known], results.sample[known]
                     median, high = (quantile(own, sample, share) for share in (0.5, HIGH))
@@ -437,15 +437,15 @@ def _at_points(results: Results) -> Iterator[AtPoint]:
 
 
 def _at_stop(results: Results) -> dict[str, int]:
-    found: dict[str, int] = {}
+    result: dict[str, int] = {}
     if "tilt_max" not in results.metrics:
-        return found
+        return result
     for arm in results.spec.arms:
         platform, tilt = arm.platform, results.metrics["tilt_max"][results.of(arm.name)]
         touched = int(np.count_nonzero(tilt >= platform.stop_angle))
         if touched and platform.base.kind == "ball" and platform.pitch_stop is None:
-            found[arm.name] = touched
-    return found
+            result[arm.name] = touched
+    return result
 
 
 def _reasons(results: Results) -> tuple[tuple[str, int, int], ...]:
@@ -468,7 +468,7 @@ def _without_numbers(reason: str) -> str:
 
 
 def _worst(results: Results, links: Sequence[MetricSensitivity]) -> tuple[Worst, ...]:
-    found: list[Worst] = []
+    worsts: list[Worst] = []
     for metric, column in results.metrics.items():
         side = METRICS[metric].worse
         known = np.flatnonzero(np.isfinite(column))
@@ -479,8 +479,8 @@ def _worst(results: Results, links: Sequence[MetricSensitivity]) -> tuple[Worst,
             arm = str(results.arm[row])
             own = [s for s in links if s.arm == arm and s.metric == metric and s.certain]
             blamed = _blamed(results, row, own, side)
-            found.append(Worst(int(results.run[row]), arm, metric, float(column[row]), blamed))
-    return tuple(found)
+            worsts.append(Worst(int(results.run[row]), arm, metric, float(column[row]), blamed))
+    return tuple(worsts)
 
 
 def _blamed(

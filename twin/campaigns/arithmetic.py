@@ -15,11 +15,11 @@ _ARGUMENTS = np.linspace(-0.999, 0.999, 1001)
 
 def arithmetic() -> str:
     """A mark of it."""
-    found = hashlib.sha256()
+    result = hashlib.sha256()
     for function in _FUNCTIONS:
-        found.update(function(_ARGUMENTS).tobytes())
+        result.update(function(_ARGUMENTS).tobytes())
     square = _ARGUMENTS[:900].reshape(30, 30)
-    found.update(
+    result.update(
         (square @ square).tobytes() + np.linalg.solve(square + np.eye(30), square).tobytes()
     )
-    return found.hexdigest()[:12]
+    return result.hexdigest()[:12]

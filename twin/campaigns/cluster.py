@@ -95,9 +95,9 @@ def unpacked(data: bytes, folder: Path) -> Spec:
     made_by, effects, files, inner = pickle.loads(zlib.decompress(data))
     here = code_of()
     for name, wanted in made_by.items():
-        if (found := here.get(name)) != wanted:
+        if (result := here.get(name)) != wanted:
             raise OtherVersions(
-                f"{name} is {found} there and {wanted} here; install the same, for others come to "
+                f"{name} is {result} there and {wanted} here; install the same, for others come to "
                 "other bits"
             )
     for path, wanted in effects.items():
@@ -355,8 +355,8 @@ def connected(address: str) -> Generator[Cluster]:
         UsageError: that is no such address, or Dask is not installed.
         ClusterError: no scheduler answers there.
     """
-    found = _ADDRESS.fullmatch(address)
-    if found is None or int(found[3]) > 65535:
+    result = _ADDRESS.fullmatch(address)
+    if result is None or int(result[3]) > 65535:
         raise UsageError(
             f"cluster is {address!r}; give the address of a Dask scheduler: tcp://HOST:PORT"
         )
@@ -369,7 +369,7 @@ def connected(address: str) -> Generator[Cluster]:
     # it tells connections that come and go line by line; what matters of them is told here
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
-        _listen(found[2].strip("[]"), int(found[3]), greets=found[1] == "tcp")
+        _listen(result[2].strip("[]"), int(result[3]), greets=result[1] == "tcp")
         client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as problem:
         raise ClusterError(

@@ -139,23 +139,25 @@ class Merits:
 
     def rows(self) -> dict[str, Array]:
         """Every metric that there is, (n,); NaN where a run has none."""
-        found = {name: np.sqrt(total / max(self._counted, 1)) for name, total in self._sums.items()}
-        found |= {"tilt_max": self._tilt, "joint_angle_max": self._angle}
-        found["stage_travel"] = self._travel
+        result = {
+            name: np.sqrt(total / max(self._counted, 1)) for name, total in self._sums.items()
+        }
+        result |= {"tilt_max": self._tilt, "joint_angle_max": self._angle}
+        result["stage_travel"] = self._travel
         gravity, offset = self._platform.gravity, self._offset
-        found["gravity_torque"] = gravity * np.sqrt(_square(offset))
+        result["gravity_torque"] = gravity * np.sqrt(_square(offset))
         plane = offset[:, 0] ** 2 + offset[:, 1] ** 2
-        found["gravity_torque_in_plane"] = gravity * np.sqrt(plane)
+        result["gravity_torque_in_plane"] = gravity * np.sqrt(plane)
         tracked: dict[str, Any] = self._tracking.rows()
         for name, unit in (("tracking_error_rms", "rad"), ("tracking_error_max", "rad")):
             if f"{name}_{unit}" in tracked:
-                found[name] = np.asarray(tracked[f"{name}_{unit}"])
+                result[name] = np.asarray(tracked[f"{name}_{unit}"])
         if self._platform.wheels:
-            found["wheel_momentum_max"] = np.max(tracked["wheel_momentum_max_N_m_s"], axis=1)
-            found["wheel_saturated_at"] = np.asarray(tracked["wheel_saturated_at_s"])
+            result["wheel_momentum_max"] = np.max(tracked["wheel_momentum_max_N_m_s"], axis=1)
+            result["wheel_saturated_at"] = np.asarray(tracked["wheel_saturated_at_s"])
         if self._notes is not None:
-            found |= _balanced(self._notes)
-        return found
+            result |= _balanced(self._notes)
+        return result
 
     def _going(self, n: int) -> NDArray[np.bool_]:
         if self._notes is None:

@@ -96,17 +96,17 @@ def read_values(
         values = spread.numbers(kind, None, low=low, high=high, unit=unit)
         if len(set(values.tolist())) < len(values):
             raise spread.fail(kind, "has a value twice", "give each once")
-        found: tuple[Distribution, ...] = (GridValues(tuple(values.tolist())),)
+        result: tuple[Distribution, ...] = (GridValues(tuple(values.tolist())),)
     else:
         first, second = _pair(spread, kind, size)
-        found = tuple(
+        result = tuple(
             Fixed(a)
             if size > 1 and low <= a <= high and (b == 0.0 if kind == "normal" else a == b)
             else _distribution(spread, kind, a, b, (low, high), unit)
             for a, b in zip(first.tolist(), second.tolist(), strict=True)
         )
     spread.close()
-    return found
+    return result
 
 
 def usual(known: Parameter) -> tuple[Distribution, ...]:
@@ -285,19 +285,19 @@ def _effects(table: Table, platform: Platform) -> tuple[DispersedEffect, ...]:
 
 
 def _given(table: Table) -> list[DispersedEffect]:
-    found: list[DispersedEffect] = []
+    effects: list[DispersedEffect] = []
     for name in table.keys:
         kind = _named(table, name, effect_named, name)
         inner = table.table(name)
-        known = {one.name for one in (*kind.parameters(), *kind.settings())}
+        known = {parameter.name for parameter in (*kind.parameters(), *kind.settings())}
         shown = table.table(name)  # what is only looked at counts as asked for
         aims = [key for key in inner.keys if key not in known and isinstance(shown.raw(key), dict)]
         if kind.takes and aims:
-            found += [_dispersed(name, kind, aim, inner.table(aim)) for aim in aims]
+            effects += [_dispersed(name, kind, aim, inner.table(aim)) for aim in aims]
             inner.close()
         else:
-            found.append(_dispersed(name, kind, "", inner))
-    return found
+            effects.append(_dispersed(name, kind, "", inner))
+    return effects
 
 
 def _dispersed(called: str, kind: type[Effect], target: str, table: Table) -> DispersedEffect:
@@ -312,7 +312,7 @@ def _dispersed(called: str, kind: type[Effect], target: str, table: Table) -> Di
             else usual(known)
         )
         pairs = zip(known.names, spread, strict=True)
-        factors += [Factor(f"{stem}.{name}", known.unit, one) for name, one in pairs]
+        factors += [Factor(f"{stem}.{name}", known.unit, item) for name, item in pairs]
     names = [entry.name for entry in kind.settings()]
     settings = {name: _setting(table.raw(name)) for name in names if name in table}
     for known in kind.parameters():
@@ -342,10 +342,10 @@ def _with_effects(
     whole = bare
     for effect in effects:
         try:
-            one = effect.at({})
-            whole = with_effects(whole, [one])
+            item = effect.at({})
+            whole = with_effects(whole, [item])
             differs = any(not isinstance(f.distribution, Fixed) for f in effect.factors)
-            why = cannot_differ(one, bare) if differs else ""
+            why = cannot_differ(item, bare) if differs else ""
         except TwinError as problem:
             raise _about(table, effect, str(problem)) from None
         if why:
@@ -437,12 +437,12 @@ def read_initial(table: Table, arms: Sequence[Arm]) -> Initial:
         bounds = _bounds(platform, key, hangs=hangs)
         if bounds:
             spread = tuple(
-                _held(own, key, name, one, ends, unit)
-                for name, one, ends in zip(names, spread, bounds, strict=True)
+                _held(own, key, name, item, ends, unit)
+                for name, item, ends in zip(names, spread, bounds, strict=True)
             )
         factors[key] = tuple(
-            Factor(f"initial.{key}" + (f".{name}" if name else ""), unit, one)
-            for name, one in zip(names, spread, strict=True)
+            Factor(f"initial.{key}" + (f".{name}" if name else ""), unit, item)
+            for name, item in zip(names, spread, strict=True)
         )
     if reach:
         own.text("center_of_mass_offset", among=("within_reach",))
@@ -476,14 +476,22 @@ def _bounds(platform: Platform, key: str, *, hangs: bool) -> list[tuple[float, f
 
 
 def _held(
-    table: Table, key: str, name: str, one: Distribution, ends: tuple[float, float], unit: str
+    table: Table,
+    key: str,
+    name: str,
+    distribution: Distribution,
+    ends: tuple[float, float],
+    unit: str,
 ) -> Distribution:
     """The distribution, refused beyond the ends; a normal one is cut off there."""
     low, high = ends
-    least, most = one.ends
-    if isinstance(one, Normal):
+    least, most = distribution.ends
+    if isinstance(distribution, Normal):
         # what is cut off should be its tails
-        least, most = one.mean - one.deviation, one.mean + one.deviation
+        least, most = (
+            distribution.mean - distribution.deviation,
+            distribution.mean + distribution.deviation,
+        )
     for value in (least, most):
         if not low <= value <= high:
             raise table.fail(
@@ -491,7 +499,11 @@ def _held(
                 f"goes to {value:.4g} {unit} in {name}",
                 _ALLOWED[key].format(f"{low:.4g} to {high:.4g} {unit}"),
             )
-    return replace(one, low=low, high=high) if isinstance(one, Normal) else one
+    return (
+        replace(distribution, low=low, high=high)
+        if isinstance(distribution, Normal)
+        else distribution
+    )
 
 
 MOST = 10**9
@@ -586,7 +598,7 @@ def _gain_factors(table: Table, arms: Sequence[Arm], procedure: Procedure) -> tu
     own = table.table("gains")
     if procedure == "balance":
         raise table.fail("gains", "are of a law", "a balancing has its own: leave them out")
-    found: list[Factor] = []
+    factors: list[Factor] = []
     for name in own.keys:
         unit = ""
         for arm in arms:
@@ -602,9 +614,9 @@ def _gain_factors(table: Table, arms: Sequence[Arm], procedure: Procedure) -> tu
             if math.isfinite(end):
                 for arm in arms:
                     load_controller(arm.controller, {**arm.gains, name: end})
-        found.append(Factor(f"gains.{name}", unit, spread))
+        factors.append(Factor(f"gains.{name}", unit, spread))
     own.close()
-    return tuple(found)
+    return tuple(factors)
 
 
 def _metrics(table: Table, key: str, known: Sequence[str]) -> tuple[str, ...]:

@@ -193,7 +193,7 @@ def read_results(path: Path) -> Results:
     kinds = {entry.name: (entry.metadata or {}).get(b"kind", b"") for entry in table.schema}
 
     def numbers(kind: bytes) -> dict[str, Array]:
-        names = [name for name, found in kinds.items() if found == kind]
+        names = [name for name, result in kinds.items() if result == kind]
         return {name: np.asarray(table[name].to_numpy(), dtype=np.float64) for name in names}
 
     return Results(

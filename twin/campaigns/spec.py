@@ -131,12 +131,12 @@ class Spec:
     @property
     def factors(self) -> tuple[Factor, ...]:
         """All that differ from run to run, in the order of the file."""
-        found = [*self.gains]
+        result = [*self.gains]
         for effect in self.arms[0].effects:
-            found += effect.factors
+            result += effect.factors
         for of in self.initial.factors.values():
-            found += of
-        return tuple(f for f in found if not isinstance(f.distribution, Fixed))
+            result += of
+        return tuple(f for f in result if not isinstance(f.distribution, Fixed))
 
     @property
     def grids(self) -> tuple[tuple[Factor, tuple[float, ...]], ...]:

@@ -99,15 +99,15 @@ def resampled(
     block = max(_BLOCK // len(sample), 1) if alike else 1
     parts = np.split(order, starts[1:])
     table = order.reshape(len(starts), -1) if alike else None
-    found: list[Array] = []
+    result: list[Array] = []
     for first in range(0, times, block):
         picked = draw.integers(len(starts), size=(min(block, times - first), len(starts)))
         if table is not None:
             rows = table[picked].reshape(len(picked), -1)
         else:
             rows = np.concatenate([parts[number] for number in picked[0]])[None]
-        found.append(np.asarray(statistic(*(column[rows] for column in columns))))
-    return np.concatenate(found)
+        result.append(np.asarray(statistic(*(column[rows] for column in columns))))
+    return np.concatenate(result)
 
 
 def mean(values: Array) -> Array:
@@ -115,12 +115,12 @@ def mean(values: Array) -> Array:
     return np.asarray(np.mean(values, axis=-1))
 
 
-def _interval(value: float, found: Array, draws: int) -> Interval:
+def _interval(value: float, result: Array, draws: int) -> Interval:
     """Of resamples, as much wider as Student's t of few draws is than the normal distribution.
 
     Source: T. C. Hesterberg, The American Statistician 69, 2015, section 4.3.
     """
-    known = found[np.isfinite(found)]
+    known = result[np.isfinite(result)]
     if draws < FEWEST or not known.size:
         return Interval(value, np.nan, np.nan)
     tail = stats.norm.cdf(np.sqrt(draws / (draws - 1.0)) * stats.t.ppf(0.025, draws - 1))
@@ -136,11 +136,11 @@ def rank_correlation(one: Array, other: Array) -> tuple[Interval, float]:
     n = len(one)
     if n < 5 or np.ptp(one) == 0.0 or np.ptp(other) == 0.0:
         return Interval(np.nan, np.nan, np.nan), 1.0
-    found = stats.spearmanr(one, other)
-    rho = float(np.clip(found.statistic, -0.999999, 0.999999))
+    result = stats.spearmanr(one, other)
+    rho = float(np.clip(result.statistic, -0.999999, 0.999999))
     half = 1.96 * np.sqrt((1.0 + 0.5 * rho**2) / (n - 3))
     low, high = np.tanh(np.arctanh(rho) + np.array([-half, half]))
-    return Interval(rho, float(low), float(high)), float(found.pvalue)
+    return Interval(rho, float(low), float(high)), float(result.pvalue)
 
 
 def correlation_within(table: Array, levels: Array) -> tuple[Interval, float]:
@@ -157,12 +157,12 @@ def correlation_within(table: Array, levels: Array) -> tuple[Interval, float]:
         levels: (k,) what it is correlated with.
     """
     known = np.isfinite(table)
-    one, other = (_centred_ranks(np.where(known, values, np.nan)) for values in (table, levels))
+    item, other = (_centred_ranks(np.where(known, values, np.nan)) for values in (table, levels))
     across = np.sum(other**2, axis=-1)
     told = across > 0.0  # a block of a single level says nothing
     machines = told.any(axis=-1)
-    size = np.sqrt(np.sum(one**2, axis=-1) * across)
-    rho = np.sum(one * other, axis=-1) / np.where(size > 0.0, size, 1.0)
+    size = np.sqrt(np.sum(item**2, axis=-1) * across)
+    rho = np.sum(item * other, axis=-1) / np.where(size > 0.0, size, 1.0)
     # from the lowest, so that the slope of what does not change is 0 and no rounding
     lowest = np.min(table, axis=-1, keepdims=True, initial=np.inf, where=known)
     rise = np.where(known, table - lowest, 0.0)
@@ -240,10 +240,10 @@ class ArmComparison:
 
 def between_arms(results: Results) -> tuple[ArmComparison, ...]:
     """Every two arms, on the samples that both flew."""
-    found: list[ArmComparison] = []
+    comparisons: list[ArmComparison] = []
     count = len(results.spec.arms)
     for a, b in combinations(range(count), 2):
-        one, other = (results.spec.arms[number].name for number in (a, b))
+        item, other = (results.spec.arms[number].name for number in (a, b))
         left, right = paired_rows(results, a, b)
         for metric, column in results.metrics.items():
             known = np.isfinite(column[left]) & np.isfinite(column[right])
@@ -252,8 +252,10 @@ def between_arms(results: Results) -> tuple[ArmComparison, ...]:
             x, y = column[left[known]], column[right[known]]
             ratio = ratio_of_pairs(x, y, results.sample[left[known]])
             more = of_machines(y - x, results.machine[left[known]])
-            found.append(ArmComparison(one, other, metric, len(x), len(more), ratio, *_sided(more)))
-    return _corrected(found)
+            comparisons.append(
+                ArmComparison(item, other, metric, len(x), len(more), ratio, *_sided(more))
+            )
+    return _corrected(comparisons)
 
 
 def paired_rows(results: Results, a: int, b: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -283,14 +285,14 @@ def between_campaigns(results: Results, against: Results) -> tuple[ArmComparison
     Where both drew the same machines they are paired, machine by machine.
     """
     same = same_machines(results, against)
-    found: list[ArmComparison] = []
+    comparisons: list[ArmComparison] = []
     ours, theirs = ([arm.name for arm in r.spec.arms] for r in (results, against))
     couples = [(name, name) for name in ours if name in theirs]
     if not couples:
-        couples = [(one, other) for one in ours for other in theirs]
-    for one, other in couples:
+        couples = [(our, other) for our in ours for other in theirs]
+    for item, other in couples:
         for metric in (name for name in results.metrics if name in against.metrics):
-            rows, others = _free(results, one), _free(against, other)
+            rows, others = _free(results, item), _free(against, other)
             x, y = results.metrics[metric][rows], against.metrics[metric][others]
             x_known, y_known = np.isfinite(x), np.isfinite(y)
             if min(x_known.sum(), y_known.sum()) < 5:
@@ -298,14 +300,14 @@ def between_campaigns(results: Results, against: Results) -> tuple[ArmComparison
             x, y, rows, others = x[x_known], y[y_known], rows[x_known], others[y_known]
             machine, machines = results.machine[rows], against.machine[others]
             x_mean, y_mean = of_machines(x, machine), of_machines(y, machines)
-            names = f"{results.folder.name}: {one}", f"{against.folder.name}: {other}", metric
+            names = f"{results.folder.name}: {item}", f"{against.folder.name}: {other}", metric
             both = np.intersect1d(machine, machines)
             if same and len(both) >= 5:
                 left, right = (np.searchsorted(np.unique(m), both) for m in (machine, machines))
                 x_mean, y_mean = x_mean[left], y_mean[right]
                 ratio = ratio_of_pairs(x_mean, y_mean, both)
                 sided = _sided(y_mean - x_mean)
-                found.append(ArmComparison(*names, len(both), len(both), ratio, *sided))
+                comparisons.append(ArmComparison(*names, len(both), len(both), ratio, *sided))
                 continue
             ratio = ratio_of_means((x, results.sample[rows]), (y, against.sample[others]))
             order = np.sort(x_mean)
@@ -314,8 +316,8 @@ def between_campaigns(results: Results, against: Results) -> tuple[ArmComparison
             wins = 1.0 - float(np.mean(not_above) / len(order))
             ties = float(np.mean(not_above - below) / len(order))
             p = unpaired_difference(x_mean, y_mean)
-            found.append(ArmComparison(*names, 0, 0, ratio, wins, ties, p))
-    return _corrected(found)
+            comparisons.append(ArmComparison(*names, 0, 0, ratio, wins, ties, p))
+    return _corrected(comparisons)
 
 
 def same_machines(results: Results, against: Results) -> bool:
@@ -337,9 +339,9 @@ def _sided(more: Array) -> tuple[float, float, float]:
     return float(np.mean(more < 0.0)), float(np.mean(more == 0.0)), signed_ranks(more)
 
 
-def _corrected(found: list[ArmComparison]) -> tuple[ArmComparison, ...]:
-    corrected = holm(np.array([one.p for one in found]))
-    return tuple(replace(one, p=float(p)) for one, p in zip(found, corrected, strict=True))
+def _corrected(comparisons: list[ArmComparison]) -> tuple[ArmComparison, ...]:
+    corrected = holm(np.array([item.p for item in comparisons]))
+    return tuple(replace(item, p=float(p)) for item, p in zip(comparisons, corrected, strict=True))
 
 
 def _ratio(one: Array, other: Array) -> Array:

@@ -28,9 +28,9 @@ class Finding:
     """What is wrong and what would do; empty when ok."""
 
 
-def compare(check: str, stated: ArrayLike, found: ArrayLike, unit: str, otherwise: str) -> Finding:
+def compare(check: str, stated: ArrayLike, like: ArrayLike, unit: str, otherwise: str) -> Finding:
     """Numbers that must agree; `otherwise` is said when they do not."""
-    want, have = np.asarray(stated, dtype=np.float64), np.asarray(found, dtype=np.float64)
+    want, have = np.asarray(stated, dtype=np.float64), np.asarray(like, dtype=np.float64)
     scale = max(float(np.max(np.abs(want), initial=0.0)), SMALLEST)
     difference = float(np.max(np.abs(want - have), initial=0.0))
     return judge(
@@ -38,9 +38,9 @@ def compare(check: str, stated: ArrayLike, found: ArrayLike, unit: str, otherwis
     )
 
 
-def judge(check: str, ok: bool, stated: Value, found: Value, unit: str, otherwise: str) -> Finding:
+def judge(check: str, ok: bool, stated: Value, result: Value, unit: str, otherwise: str) -> Finding:
     """A finding whose sentence is kept only when it is needed."""
-    return Finding(check, ok, stated, found, unit, "" if ok else otherwise)
+    return Finding(check, ok, stated, result, unit, "" if ok else otherwise)
 
 
 def choose(names: Sequence[str]) -> str:

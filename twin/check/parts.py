@@ -39,11 +39,11 @@ def check_sites(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
 
 def _range(model: mujoco.MjModel, name: str, low: float, high: float, unit: str) -> Finding:
     row = model.actuator(name).id
-    found = model.actuator_ctrlrange[row] if model.actuator_ctrllimited[row] else (-np.inf, np.inf)
+    result = model.actuator_ctrlrange[row] if model.actuator_ctrllimited[row] else (-np.inf, np.inf)
     return compare(
         f"{name} range",
         [low, high],
-        found,
+        result,
         unit,
         f"actuator {name!r} of the MJCF has another ctrlrange than platform.toml's limit",
     )
@@ -85,15 +85,15 @@ def _joint(platform: Platform, model: mujoco.MjModel, name: str, kind: str) -> F
         return judge(
             f"joint {name}", False, kind, None, "", f"the MJCF has no joint {name!r}, only {known}"
         )
-    found = mujoco.mjtJoint(model.jnt_type[row]).name.removeprefix("mjJNT_").lower()
-    if found != kind:
+    result = mujoco.mjtJoint(model.jnt_type[row]).name.removeprefix("mjJNT_").lower()
+    if result != kind:
         return judge(
             f"joint {name}",
             False,
             kind,
-            found,
+            result,
             "",
-            f"joint {name!r} of the MJCF is a {found} joint; it must be a {kind} joint",
+            f"joint {name!r} of the MJCF is a {result} joint; it must be a {kind} joint",
         )
     body, bus = int(model.jnt_bodyid[row]), platform.base.body
     if name in platform.base.planar:
@@ -214,13 +214,13 @@ def _motor(model: mujoco.MjModel, name: str, joint: str, limit: float) -> Findin
             f'actuator {name!r} of the MJCF must be <motor joint="{joint}"> of gear 1, '
             f"not in group {STAGE_GROUP}",
         )
-    found = model.actuator_ctrlrange[row] if model.actuator_ctrllimited[row] else (-np.inf, np.inf)
-    if np.isinf(limit) and not np.all(np.isfinite(found)):
+    result = model.actuator_ctrlrange[row] if model.actuator_ctrllimited[row] else (-np.inf, np.inf)
+    if np.isinf(limit) and not np.all(np.isfinite(result)):
         return Finding(check, True, None, "unlimited", "")
     return compare(
         check,
         [-limit, limit],
-        found,
+        result,
         "N m",
         f"actuator {name!r} of the MJCF has another ctrlrange than the torque limit",
     )
@@ -264,14 +264,14 @@ def check_masses(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
         name, mass = model.body(body).name or f"body {body}", float(model.body_mass[body])
         findings.append(Finding(f"{name} mass", True, None, mass, "kg"))
     for name, mass in stages.items():
-        found = mass_properties(model, int(model.jnt_bodyid[model.joint(name).id])).mass
+        result = mass_properties(model, int(model.jnt_bodyid[model.joint(name).id])).mass
         findings.append(
             compare(
                 f"{name} mass that slides",
                 mass,
-                found,
+                result,
                 "kg",
-                f"what slides on joint {name!r} of the MJCF weighs {found:g} kg",
+                f"what slides on joint {name!r} of the MJCF weighs {result:g} kg",
             )
         )
     for wheel in (*platform.wheels, *platform.rotors):
@@ -285,28 +285,28 @@ def check_masses(platform: Platform, model: mujoco.MjModel) -> list[Finding]:
     return findings + whole
 
 
-def check_whole(platform: Platform, found: MassProperties, what: str) -> list[Finding]:
+def check_whole(platform: Platform, properties: MassProperties, what: str) -> list[Finding]:
     """Total mass, J and m r about the CR against those that `platform` states."""
     remedy = f"mend the <inertial> of {platform.base.body!r} or mass_properties in platform.toml"
     return [
         compare(
             f"{what}: floating mass",
             platform.mass,
-            found.mass,
+            properties.mass,
             "kg",
-            f"the bodies that float add up to {found.mass:.9g} kg; {remedy}",
+            f"the bodies that float add up to {properties.mass:.9g} kg; {remedy}",
         ),
         compare(
             f"{what}: J about the CR",
             _six(platform.inertia),
-            _six(found.inertia),
+            _six(properties.inertia),
             "kg m^2",
             f"the inertia (xx yy zz xy xz yz, wheels locked, stages at 0) differs; {remedy}",
         ),
         compare(
             f"{what}: m r",
             platform.center_of_mass_offset,
-            found.center_of_mass_offset,
+            properties.center_of_mass_offset,
             "kg m",
             f"the mass moment from CR to CM differs; {remedy}",
         ),
@@ -343,12 +343,12 @@ def _wheel(model: mujoco.MjModel, name: str, inertia: float) -> list[Finding]:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     axis = data.xaxis[joint]
-    found = mass_properties(model, int(model.jnt_bodyid[joint]))
-    spin = float(axis @ found.inertia @ axis)
+    properties = mass_properties(model, int(model.jnt_bodyid[joint]))
+    spin = float(axis @ properties.inertia @ axis)
     across = np.eye(3) - np.outer(axis, axis)
-    transverse = 0.5 * (np.trace(found.inertia) - spin)
-    uneven = found.inertia - spin * np.outer(axis, axis) - transverse * across
-    off_axis = across @ found.center_of_mass_offset
+    transverse = 0.5 * (np.trace(properties.inertia) - spin)
+    uneven = properties.inertia - spin * np.outer(axis, axis) - transverse * across
+    off_axis = across @ properties.center_of_mass_offset
     return [
         compare(
             f"{name} spin inertia",

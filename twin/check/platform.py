@@ -86,8 +86,8 @@ def _compiled(platform: Platform) -> list[Finding]:
         machine = compile_model(platform)
     except PlatformError as problem:
         return [Finding(f"{platform.name}: can be compiled", False, "yes", "no", "", str(problem))]
-    found = mass_properties(machine.model, machine.base_body)
-    return [*check_whole(platform, found, platform.name), *check_step(platform)]
+    properties = mass_properties(machine.model, machine.base_body)
+    return [*check_whole(platform, properties, platform.name), *check_step(platform)]
 
 
 def draw(platform: Platform, path: Path) -> None:

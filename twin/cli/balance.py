@@ -94,14 +94,14 @@ class BalanceVerb:
         machine = load_platform(self.platform)
         if self.rrd is not None:
             check_writable(self.rrd, ".rrd", anew=self.plant == "sim")
-        found = session.run(machine, rrd=self.rrd, tell=tell, watch=LiveView)
+        result = session.run(machine, rrd=self.rrd, tell=tell, watch=LiveView)
         if self.json:
-            print_json(found.document())
+            print_json(result.document())
         else:
-            print(found)
-        if found.outcome.asked and not found.done:
-            raise Stopped(found.outcome.asked)
-        return 0 if found.done else 1
+            print(result)
+        if result.outcome.asked and not result.done:
+            raise Stopped(result.outcome.asked)
+        return 0 if result.done else 1
 
     def kept(self) -> str:
         """What is there of a balancing that was stopped."""

@@ -138,20 +138,22 @@ def _ends(folder: "Folder", spec: "Spec") -> dict[str, int]:
     return dict(sorted(count.items()))
 
 
-def _foretold(told: "Forecast", spec: "Spec", workers: int) -> list[str]:
+def _foretold(forecast: "Forecast", spec: "Spec", workers: int) -> list[str]:
     arms = ", ".join(arm.name for arm in spec.arms)
-    most = "at most " if told.at_most else "about "
-    ways = f"{told.points} combination{'s' * (told.points > 1)} ({arms})"
+    most = "at most " if forecast.at_most else "about "
+    ways = f"{forecast.points} combination{'s' * (forecast.points > 1)} ({arms})"
     lines = [
-        f"{told.runs} runs of {spec.duration:g} s in {told.shards} shards: {told.samples} samples "
+        f"{forecast.runs} runs of {spec.duration:g} s in {forecast.shards} "
+        f"shards: {forecast.samples} samples "
         f"of {ways}, {spec.sampling}, seed {spec.seed}",
-        *(f"  {factor}" for factor in told.factors),
-        *(f"  {one} (the same in all runs)" for one in told.fixed),
-        f"{most}{told.seconds:.3g} s on {workers} processes of this machine; processes take a few "
+        *(f"  {factor}" for factor in forecast.factors),
+        *(f"  {item} (the same in all runs)" for item in forecast.fixed),
+        f"{most}{forecast.seconds:.3g} s on {workers} processes of this machine; "
+        "processes take a few "
         "seconds to come up",
-        f"about {told.bytes / 1e6:.3g} MB of metrics",
+        f"about {forecast.bytes / 1e6:.3g} MB of metrics",
     ]
-    if told.at_most:
+    if forecast.at_most:
         lines.append(
             "and what its identifications take, which no short probe shows: some ten a run, "
             "each of seconds"
@@ -161,7 +163,7 @@ def _foretold(told: "Forecast", spec: "Spec", workers: int) -> list[str]:
     return lines
 
 
-def _document(told: "Forecast") -> dict[str, Any]:
+def _document(forecast: "Forecast") -> dict[str, Any]:
     from dataclasses import asdict
 
-    return asdict(told)
+    return asdict(forecast)

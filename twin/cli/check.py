@@ -103,13 +103,13 @@ def _table(title: str, findings: "list[Finding]") -> str:
     width = max(len(finding.check) for finding in findings)
     lines = [title]
     for finding in findings:
-        found, unit = _text(finding.found, finding.unit), _unit(finding.unit)
+        result, unit = _text(finding.found, finding.unit), _unit(finding.unit)
         if finding.ok:
-            lines.append(f"  ok     {finding.check:<{width}}  {found} {unit}".rstrip())
+            lines.append(f"  ok     {finding.check:<{width}}  {result} {unit}".rstrip())
             continue
         stated = _text(finding.stated, finding.unit)
         lines.append(
-            f"  WRONG  {finding.check:<{width}}  stated {stated}, found {found} {unit}".rstrip()
+            f"  WRONG  {finding.check:<{width}}  stated {stated}, found {result} {unit}".rstrip()
         )
         lines.append(f"         {finding.sentence}")
     wrong = sum(not finding.ok for finding in findings)

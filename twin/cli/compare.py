@@ -108,14 +108,14 @@ class Compare:
             raise UsageError(
                 "a log that names no platform has no prediction to draw; leave out --report, --rrd"
             )
-        found = [compare_gyro(log) for log in logs]
+        result = [compare_gyro(log) for log in logs]
         if self.json:
             documents = [
-                gyro_document(str(path), one) for path, one in zip(self.logs, found, strict=True)
+                gyro_document(str(path), item) for path, item in zip(self.logs, result, strict=True)
             ]
             print_json(documents[0] if len(documents) == 1 else documents)
             return 0
-        for path, one in zip(self.logs, found, strict=True):
+        for path, item in zip(self.logs, result, strict=True):
             print(f"{path}, on no platform")
-            print("".join(f"  {sentence}\n" for sentence in gyro_sentences(one)))
+            print("".join(f"  {sentence}\n" for sentence in gyro_sentences(item)))
         return 0

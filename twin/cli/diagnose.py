@@ -79,36 +79,36 @@ class Diagnose:
         machine = in_gravity_of(every, machine)
         check_logs(every, machine)
         with progress() as say:
-            found = diagnose(logs, machine, own=own, say=say)
+            result = diagnose(logs, machine, own=own, say=say)
             gain, trouble = None, None
             if other is not None:
                 say("the log that took no part")
                 try:
-                    gain = validate(found, other)
+                    gain = validate(result, other)
                 except TwinError as problem:  # what the other logs said is said first
                     trouble = problem
             if self.report is not None:
                 say("the page")
-                write_diagnosis(self.report, found, gain)
+                write_diagnosis(self.report, result, gain)
         if self.rrd is not None:
             from twin.stream.runfile import write_recording
 
-            write_recording(with_prediction(found.explained.account), self.rrd, machine)
+            write_recording(with_prediction(result.explained.account), self.rrd, machine)
         if self.json:
-            print_json(diagnosis_document(found, gain))
+            print_json(diagnosis_document(result, gain))
         else:
-            print("\n".join([*diagnosed(found), *([] if gain is None else [validated(gain)])]))
+            print("\n".join([*diagnosed(result), *([] if gain is None else [validated(gain)])]))
         if self.extend is not None:
-            extend(found, self.extend)
+            extend(result, self.extend)
         to = sys.stderr if self.json else sys.stdout
         for written in (self.report, self.extend, self.rrd):
             if written is not None:
                 print(f"wrote {written}", file=to)
-        if self.extend is not None and found.equation is not None:
+        if self.extend is not None and result.equation is not None:
             laws = ",".join(map(str, laws_in(self.extend)))
             print(f"wrote {laws}: twin run {self.extend} --effects {laws} has it too", file=to)
         if self.extend is not None:
-            for effect in own_causes(found):
+            for effect in own_causes(result):
                 file = self.extend / (file_of(type(effect)) or Path()).name
                 sizes = "/".join(f"{value:.6g}" for value in effect.values)
                 option = f"{file}:{effect.target}" if effect.target else f"{file}"

@@ -48,10 +48,10 @@ class Doctor:
         if self.platform is not None:
             devices = read_hardware(load_platform(self.platform)).devices
             ports = {name: settings.port for name, settings in devices.items()}
-        found = examine(ports, seconds=self.seconds, rate=self.rate)
+        findings = examine(ports, seconds=self.seconds, rate=self.rate)
         if self.json:
-            print_json([asdict(one) | {"verdict": one.verdict.value} for one in found])
+            print_json([asdict(item) | {"verdict": item.verdict.value} for item in findings])
         else:
-            for one in found:
-                print(f"{one.verdict.value:<5} {one.what}: {one.sentence}")
-        return 1 if any(one.verdict is Verdict.bad for one in found) else 0
+            for item in findings:
+                print(f"{item.verdict.value:<5} {item.what}: {item.sentence}")
+        return 1 if any(item.verdict is Verdict.bad for item in findings) else 0

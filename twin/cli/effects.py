@@ -55,25 +55,25 @@ class Effects:
         if self.name is None or self.show is None or len(self.show) > 1:
             raise UsageError("--show takes one effect and one platform: twin effects NAME --show")
         effect, platform = _aimed(self.name, self.show[0] if self.show else None)
-        found = contrast(platform, effect)
+        result = contrast(platform, effect)
         label = effect.label.replace(":", "-")
         picture = Path("runs", "effects", f"{label}-{platform.name.replace(':', '-')}.png")
-        draw_contrast(found, picture)
+        draw_contrast(result, picture)
         if self.json:
             rows = [
                 {
-                    "stream": one.stream,
-                    "unit": one.unit,
-                    "rms": one.rms,
-                    "worst": one.worst,
-                    "noise": one.noise,
+                    "stream": difference.stream,
+                    "unit": difference.unit,
+                    "rms": difference.rms,
+                    "worst": difference.worst,
+                    "noise": difference.noise,
                 }
-                for one in found.differences
+                for difference in result.differences
             ]
             facts = {"name": effect.name, "target": effect.target, "platform": platform.name}
             print_json({**facts, "differences": rows, "picture": picture})
         else:
-            print(contrast_words(found))
+            print(contrast_words(result))
             print(f"\ndrawn in {picture}")
         return 0
 
@@ -91,9 +91,9 @@ def _aimed(text: str, name: str | None) -> "tuple[Effect, Platform]":
     if len(effects) != 1:
         raise UsageError(f"{text}: --show takes one effect")
     reasons: list[str] = []
-    names = [name] if name else sorted(model_names(), key=lambda one: (one != "sads", one))
-    for one in names:
-        platform = load_platform(one)
+    names = [name] if name else sorted(model_names(), key=lambda entry: (entry != "sads", entry))
+    for item in names:
+        platform = load_platform(item)
         effect = effects[0]
         known = targets(effect.takes, platform)
         if not effect.target and effect.takes == "stream" and known:
@@ -115,15 +115,15 @@ def _facts(kind: "type[Effect]") -> dict[str, Any]:
         "target": kind.takes or None,
         "parameters": [
             {
-                "name": one.name,
-                "words": one.words,
-                "unit": one.unit,
-                "typical": one.typical,
-                "source": one.source,
-                "low": one.low,
-                "high": one.high,
+                "name": parameter.name,
+                "words": parameter.words,
+                "unit": parameter.unit,
+                "typical": parameter.typical,
+                "source": parameter.source,
+                "low": parameter.low,
+                "high": parameter.high,
             }
-            for one in kind.parameters()
+            for parameter in kind.parameters()
         ],
         "observable": kind.observable,
         "streams": kind.streams,
@@ -143,7 +143,7 @@ def _list(kinds: "list[type[Effect]]") -> str:
 
 def _short(kind: "type[Effect]") -> str:
     aim = f":{kind.takes.upper()}" if kind.takes else ""
-    sizes = [f"typical: {_size(one)} ({one.source})" for one in kind.parameters()]
+    sizes = [f"typical: {_size(parameter)} ({parameter.source})" for parameter in kind.parameters()]
     seen = f"seen in: {', '.join(kind.streams)}; {kind.observable}"
     return "\n".join(
         [
@@ -160,16 +160,17 @@ def _text(kind: "type[Effect]") -> str:
     body = textwrap.indent(inspect.getdoc(kind) or "", "  ")
     aim = f", aimed at a {kind.takes}" if kind.takes else ""
     lines = [f"{kind.name} ({kind.domain.value}{aim})", body, ""]
-    for one in kind.parameters():
+    for parameter in kind.parameters():
         lines += [
-            f"  {one.name} [{one.unit}]: {one.words}",
-            f"    typical {_size(one)} ({one.source}); between {one.low:g} and {one.high:g}",
+            f"  {parameter.name} [{parameter.unit}]: {parameter.words}",
+            f"    typical {_size(parameter)} ({parameter.source}); between "
+            f"{parameter.low:g} and {parameter.high:g}",
         ]
     lines += ["", f"  observable: {kind.observable}", f"  streams: {', '.join(kind.streams)}"]
     return "\n".join(lines)
 
 
-def _size(one: "Parameter") -> str:
+def _size(parameter: "Parameter") -> str:
     from twin.effects.effect import value_words
 
-    return value_words(one, one.typical)
+    return value_words(parameter, parameter.typical)

@@ -75,8 +75,8 @@ class Hardware:
         from twin.service.status import status
 
         if self.action == "status":
-            found = status(bench)
-            return asdict(found) | {"would_be_armed": not found.refusals}, found.words()
+            result = status(bench)
+            return asdict(result) | {"would_be_armed": not result.refusals}, result.words()
         print(
             f"{bench.platform.name}: {self.action}, plant {self.plant}, "
             f"{'captured' if self.captured else 'floating'}",

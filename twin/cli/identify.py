@@ -80,22 +80,24 @@ class Identify:
             if warning:
                 print(f"{path}: {warning}", file=sys.stderr)
         if self.method == "all":
-            found = identify_by_all(recordings, machine, settings, physical=self.physical)
+            result = identify_by_all(recordings, machine, settings, physical=self.physical)
             if self.json:
                 print_json(
                     [
-                        {"method": name, "failed": str(one)}
-                        if isinstance(one, TwinError)
-                        else one.document()
-                        for name, one in found.items()
+                        {"method": name, "failed": str(item)}
+                        if isinstance(item, TwinError)
+                        else item.document()
+                        for name, item in result.items()
                     ]
                 )
             else:
-                print("\n".join(compared(found)))
+                print("\n".join(compared(result)))
             return 0
-        one = identify(recordings, machine, self.method, settings, physical=self.physical)
+        identification = identify(
+            recordings, machine, self.method, settings, physical=self.physical
+        )
         if self.json:
-            print_json(one.document())
+            print_json(identification.document())
         else:
-            print("\n".join(identified(one)))
+            print("\n".join(identified(identification)))
         return 0

@@ -49,7 +49,11 @@ class Import:
         if name is not None and Path(name).exists():
             name = str(Path(name).resolve())
         done = import_files(files, folder, platform, name, self.rate)
-        unsure = [(one.stream, question) for one in done.proposals for question in one.unsure]
+        unsure = [
+            (proposal.stream, question)
+            for proposal in done.proposals
+            for question in proposal.unsure
+        ]
         recording = LogPart().open(folder)
         contents = contents_of(str(folder), recording, *platform_of_log(recording))
         if self.json:

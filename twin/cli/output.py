@@ -59,7 +59,7 @@ def check_writable(
                 f"{path} exists, and may be a session that cannot be flown again; "
                 "name another file, or move that one away"
             )
-        if path.resolve() in [one.resolve() for one in read]:
+        if path.resolve() in [item.resolve() for item in read]:
             raise UsageError(f"{path} is the log that is read; name another file")
         if not os.access(path, os.W_OK):
             raise UsageError(f"{path} exists, and you may not write to it; name another file")

@@ -32,11 +32,11 @@ class ReplayVerb:
             check_writable(self.rrd, ".rrd")
         spec = read_spec(folder.spec)
         folder.check_spec()
-        told = replay(spec, folder, self.run_number, self.rrd)
+        replayed = replay(spec, folder, self.run_number, self.rrd)
         if self.json:
-            print_json({**told.document(), "recording": self.rrd})
+            print_json({**replayed.document(), "recording": self.rrd})
         else:
-            print(told)
+            print(replayed)
             if self.rrd is not None:
                 print(f"recorded in {self.rrd}: look at it with `twin view {self.rrd}`")
-        return 1 if told.differs else 0
+        return 1 if replayed.differs else 0

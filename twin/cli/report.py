@@ -39,12 +39,12 @@ class Report:
         check_writable(page, ".html")
         with progress() as say:
             say("computing")
-            found = answers(results, against)
+            result = answers(results, against)
             say("drawing")
-            write_campaign_page(page, found)
-            write_whole(page.with_suffix(".md"), markdown(found))
+            write_campaign_page(page, result)
+            write_whole(page.with_suffix(".md"), markdown(result))
         if self.json:
-            print_json(campaign_document(found) | {"report": page})
+            print_json(campaign_document(result) | {"report": page})
         else:
-            print("\n".join([*summary(found), *verdicts(found), f"report: {page}"]))
+            print("\n".join([*summary(result), *verdicts(result), f"report: {page}"]))
         return 0

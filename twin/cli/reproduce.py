@@ -46,20 +46,20 @@ class Reproduce:
         chosen = papers if self.paper is None else (paper_named(papers, self.paper),)
         check_writable(self.table, ".md")
         check_writable(self.report, ".html")
-        found = [
+        result = [
             reproduce(paper, parts_of(paper.number), jobs=self.jobs, say=_say) for paper in chosen
         ]
         order = [paper.number for paper in papers]
-        write_markdown(self.table, found, order)
-        write_html(self.report, found, order)
-        rows = [row for one in found for row in one.rows]
+        write_markdown(self.table, result, order)
+        write_html(self.report, result, order)
+        rows = [row for item in result for row in item.rows]
         if self.json:
             print_json([row.document() for row in rows])
         else:
             for row in rows:
                 print(f"{row.row.id:<42} {row.verdict}")
             print(f"{summary(rows)} Wrote {self.table} and {self.report}.")
-        failures = [failure for one in found for failure in one.failures]
+        failures = [failure for item in result for failure in item.failures]
         for failure in failures:
             print(f"twin: {failure}", file=sys.stderr)
         return 1 if failures else 0

@@ -258,7 +258,7 @@ class RunVerb:
 def _unused(path: Path) -> Path:
     """That path, or with the first number at which no file stands."""
     numbered = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in count(2))
-    return next(one for one in chain((path,), numbered) if not one.exists())
+    return next(item for item in chain((path,), numbered) if not item.exists())
 
 
 def _gains(words: Sequence[str]) -> dict[str, float]:

@@ -72,11 +72,16 @@ class ColumnMisfit:
         return float(norm.ppf(0.975) / np.sqrt(self.samples))
 
 
-def misfits(problem: Problem, now: Innovations) -> tuple[ColumnMisfit, ...]:
+def misfits(problem: Problem, innovations: Innovations) -> tuple[ColumnMisfit, ...]:
     """Of a motion that follows the model exactly; the blocks are those of the first log that has
     the stream."""
-    left = [body.cells.gather(rows) for body, rows in zip(problem.bodies, now.left(), strict=True)]
-    return misfits_of(problem, left, now.columns.shape[1] + sum(s.width for s in now.at.starts))
+    left = [
+        body.cells.gather(rows)
+        for body, rows in zip(problem.bodies, innovations.left(), strict=True)
+    ]
+    return misfits_of(
+        problem, left, innovations.columns.shape[1] + sum(s.width for s in innovations.at.starts)
+    )
 
 
 def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[ColumnMisfit, ...]:
@@ -88,7 +93,7 @@ def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[
         fitted: how many numbers were fitted to them.
     """
     total = sum(body.samples for body in problem.bodies)
-    found: list[ColumnMisfit] = []
+    result: list[ColumnMisfit] = []
     of_stream: dict[str, tuple[Output, list[Array]]] = {}
     for body, parts in zip(problem.bodies, left, strict=True):
         for output, part in zip(body.outputs, parts, strict=True):
@@ -99,7 +104,7 @@ def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[
         values = np.concatenate(parts)
         for k, column in enumerate(output.columns):
             steps = resolution_of(output.value[:, k]) / np.sqrt(12.0)
-            found.append(
+            result.append(
                 _misfit(
                     output.stream,
                     column,
@@ -110,24 +115,24 @@ def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[
                     rounded=steps > ROUNDED * output.noise[k],
                 )
             )
-    return tuple(found)
+    return tuple(result)
 
 
-def is_noise(found: Sequence[ColumnMisfit]) -> bool:
+def is_noise(result: Sequence[ColumnMisfit]) -> bool:
     """Whether no column leaves more than noise, beyond the chance of a false alarm."""
-    limit = float(norm.ppf(1.0 - FALSE_ALARM / max(len(found), 1)))
-    return all(part.sigmas < limit for part in found)
+    limit = float(norm.ppf(1.0 - FALSE_ALARM / max(len(result), 1)))
+    return all(part.sigmas < limit for part in result)
 
 
-def quiet(found: Sequence[ColumnMisfit]) -> list[ColumnMisfit]:
+def quiet(result: Sequence[ColumnMisfit]) -> list[ColumnMisfit]:
     """Columns that leave far less than their stated noise, which was stated too large."""
-    limit = float(norm.isf(FALSE_ALARM / max(len(found), 1)))
-    return [part for part in found if part.sigmas < -limit and part.chi2 < QUIET]
+    limit = float(norm.isf(FALSE_ALARM / max(len(result), 1)))
+    return [part for part in result if part.sigmas < -limit and part.chi2 < QUIET]
 
 
-def coloured(found: Sequence[ColumnMisfit]) -> list[ColumnMisfit]:
+def coloured(result: Sequence[ColumnMisfit]) -> list[ColumnMisfit]:
     """Columns whose residual is not white, beyond the chance of a false alarm."""
-    return [part for part in found if part.whiteness < FALSE_ALARM / len(found)]
+    return [part for part in result if part.whiteness < FALSE_ALARM / len(result)]
 
 
 def _misfit(
@@ -206,12 +211,12 @@ def whiteness(correlation: Array, count: int) -> float:
 
 def _partial(correlation: Array) -> Array:
     """(lags,) each autocorrelation less what those at shorter lags explain (Durbin's recursion)."""
-    found, model, left = np.empty_like(correlation), correlation[:0], 1.0
+    result, model, left = np.empty_like(correlation), correlation[:0], 1.0
     for lag, value in enumerate(correlation):
-        found[lag] = (value - float(model @ correlation[:lag][::-1])) / left
-        model = np.append(model - found[lag] * model[::-1], found[lag])
-        left = max(left * (1.0 - float(found[lag]) ** 2), 1e-12)
-    return found
+        result[lag] = (value - float(model @ correlation[:lag][::-1])) / left
+        model = np.append(model - result[lag] * model[::-1], result[lag])
+        left = max(left * (1.0 - float(result[lag]) ** 2), 1e-12)
+    return result
 
 
 class Stand(Protocol):
@@ -378,15 +383,15 @@ def follow(problem: Problem, chosen: tuple[Symptom, ...], start: Unknowns) -> Ac
     exact = fit(problem, start)
     if not exact.converged:
         return None
-    found = misfits(problem, exact.innovations)
-    return Account(problem, chosen, exact.innovations, found, follows=is_noise(found))
+    result = misfits(problem, exact.innovations)
+    return Account(problem, chosen, exact.innovations, result, follows=is_noise(result))
 
 
 def loosen(problem: Problem, chosen: tuple[Symptom, ...], start: Unknowns) -> Account:
     """Fit segments apart."""
-    now = fit_independent_segments(problem, start)
-    bare = Account(problem, chosen, now, (), follows=False)
-    return replace(bare, misfits=misfits_of(problem, bare.left, now.columns.shape[1]))
+    segments = fit_independent_segments(problem, start)
+    bare = Account(problem, chosen, segments, (), follows=False)
+    return replace(bare, misfits=misfits_of(problem, bare.left, segments.columns.shape[1]))
 
 
 def imitated(stand: Stand | Innovations, effect: Array, base: int) -> float:
@@ -403,7 +408,7 @@ def shown(stand: Stand, column: int) -> float:
     """Share of an effect on the logs that no other states of the motion could take."""
     own = stand.cluster >= 0
     place = column - stand.columns.shape[1]
-    alone = sum(float(np.sum(np.square(one.linear.shared[..., place]))) for one in stand.exact)
+    alone = sum(float(np.sum(np.square(item.linear.shared[..., place]))) for item in stand.exact)
     return float(np.sum(np.square(stand.columns[own, column]))) / max(alone, 1e-300)
 
 

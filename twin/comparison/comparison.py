@@ -142,8 +142,8 @@ class Comparison(Shown):
         """
         if self.found.strengths:
             ties = [tie for strength in self.found.strengths for tie in strength.ties]
-            own = _domains(strength.symptom for strength in self.found.strengths)
-            return own, tuple(d for d in _domains(ties) if d not in own)
+            domains = _domains(strength.symptom for strength in self.found.strengths)
+            return domains, tuple(d for d in _domains(ties) if d not in domains)
         out = [score for score in self.best.scores if score.stands_out]
         limit = max((score.evidence - score.needed for score in out), default=0.0) - TIED
         first, *others = _domains(s.symptom for s in out if s.evidence - s.needed > limit) or (
@@ -214,8 +214,8 @@ def compare(
 def _along(body: Body, base: BaseParameters) -> Body:
     """The log along a motion in which rings what is stated to."""
     problem = Problem([body], base)
-    found = fit(problem, problem.start(base.as_stated, [first_biases(body)]))
-    return along_what_rings(problem, found)[0].bodies[0]
+    result = fit(problem, problem.start(base.as_stated, [first_biases(body)]))
+    return along_what_rings(problem, result)[0].bodies[0]
 
 
 def prepare(
@@ -249,14 +249,16 @@ def missing_torque(comparison: Comparison, mean: float) -> Unexplained:
     account = side.explained
     problem = Problem([comparison.body], comparison.base, held=True)
     at = problem.start(account.theta, account.at.biases)
-    found = unexplained_torque(problem, most_likely(problem, problem.innovations(at)), 0)
-    count = max(round(mean / float(found.time[1] - found.time[0])), 1)
-    whole = len(found.time) // count * count
+    unexplained = unexplained_torque(problem, most_likely(problem, problem.innovations(at)), 0)
+    count = max(round(mean / float(unexplained.time[1] - unexplained.time[0])), 1)
+    whole = len(unexplained.time) // count * count
 
     def averaged(values: Array) -> Array:
         return values[:whole].reshape(-1, count, *values.shape[1:]).mean(axis=1)
 
-    return Unexplained(averaged(found.time), averaged(found.rate), averaged(found.torque))
+    return Unexplained(
+        averaged(unexplained.time), averaged(unexplained.rate), averaged(unexplained.torque)
+    )
 
 
 @dataclass(frozen=True)

@@ -93,14 +93,14 @@ class Screen:
         """Of all symptoms that the fit lacks, the best first."""
         chosen = self.account.chosen
         before, _ = self._weigh(chosen)
-        found: list[SymptomScore] = []
+        result: list[SymptomScore] = []
         for symptom in self.symptoms:
             after, change = self._weigh((*chosen, symptom))
             strengths = change[self._columns[symptom.name]]
             odd = symptom.dissipative and bool(np.all(strengths < 0.0))
             evidence = 0.0 if odd else max(before - after, 0.0)
-            found.append(SymptomScore(symptom, evidence, strengths, self._needed(symptom)))
-        return sorted(found, key=lambda score: -score.evidence)
+            result.append(SymptomScore(symptom, evidence, strengths, self._needed(symptom)))
+        return sorted(result, key=lambda score: -score.evidence)
 
     def select(self) -> tuple[Symptom, ...]:
         """The set that explains most, each of its symptoms beyond the chance of a false alarm."""
@@ -124,7 +124,7 @@ class Screen:
             ]
             if not weak:
                 break
-            chosen = min(weak, key=lambda one: one[0])[1]
+            chosen = min(weak, key=lambda item: item[0])[1]
         return chosen
 
     def ties(self, symptom: Symptom) -> list[Symptom]:
@@ -149,8 +149,8 @@ class Screen:
         """The set after every exchange of one for another that lowers the cost."""
         while True:
             tries = [
-                (*_without(chosen, one), other)
-                for one in chosen
+                (*_without(chosen, item), other)
+                for item in chosen
                 for other in everything
                 if other not in chosen
             ]
@@ -170,13 +170,13 @@ class Screen:
         return np.inf if odd else cost
 
     def _strengths(self, change: Array) -> dict[str, Array]:
-        found = {name: change[columns].copy() for name, columns in self._columns.items()}
+        result = {name: change[columns].copy() for name, columns in self._columns.items()}
         first = 0
         for symptom in self.account.chosen:
             last = first + len(symptom.perturbations)
-            found[symptom.name] += self.account.strengths[first:last]
+            result[symptom.name] += self.account.strengths[first:last]
             first = last
-        return found
+        return result
 
     def _weigh(self, chosen: Sequence[Symptom]) -> tuple[float, Array]:
         key = frozenset(s.name for s in chosen)
@@ -395,16 +395,16 @@ def side(
     if plain is not None and plain.follows and content:
         return Side(plain, plain, (), ())
     if plain is not None:
-        found, scores, seen = _explained(plain, pose, symptoms, follow)
-        if plain.follows or found.follows:
-            return Side(plain, found, _strengths(found, seen), scores)
+        account, scores, seen = _explained(plain, pose, symptoms, follow)
+        if plain.follows or account.follows:
+            return Side(plain, account, _strengths(account, seen), scores)
     plain = loosen(pose(()), (), start)
-    found, scores, seen = _explained(plain, pose, symptoms, loosen)
-    if found.chosen and is_noise(found.misfits):
-        settled = follow(pose(found.chosen), found.chosen, found.at)
+    account, scores, seen = _explained(plain, pose, symptoms, loosen)
+    if account.chosen and is_noise(account.misfits):
+        settled = follow(pose(account.chosen), account.chosen, account.at)
         if settled is not None and settled.follows:
-            found = _refined(settled, Screen(settled, seen), pose, seen, follow)
-    return Side(plain, found, _strengths(found, seen), scores)
+            account = _refined(settled, Screen(settled, seen), pose, seen, follow)
+    return Side(plain, account, _strengths(account, seen), scores)
 
 
 def _explained(
@@ -458,41 +458,41 @@ def _without_unsure(now: Account, pose: Pose, refit: Refit) -> Account:
     return now
 
 
-def _start(now: Account, chosen: tuple[Symptom, ...]) -> Unknowns:
+def _start(account: Account, chosen: tuple[Symptom, ...]) -> Unknowns:
     """Where an account stands, with the strengths of other symptoms."""
-    known = dict(zip([s.name for s in now.chosen], _split(now), strict=True))
+    known = dict(zip([s.name for s in account.chosen], _split(account), strict=True))
     parts = [known.get(s.name, np.zeros(len(s.perturbations))) for s in chosen]
-    return replace(now.at, strengths=np.concatenate([np.zeros(0), *parts]))
+    return replace(account.at, strengths=np.concatenate([np.zeros(0), *parts]))
 
 
-def _split(now: Account) -> list[Array]:
-    edges = np.cumsum([len(s.perturbations) for s in now.chosen])[:-1]
-    return np.split(now.strengths, edges) if now.chosen else []
+def _split(account: Account) -> list[Array]:
+    edges = np.cumsum([len(s.perturbations) for s in account.chosen])[:-1]
+    return np.split(account.strengths, edges) if account.chosen else []
 
 
-def _strengths(now: Account, symptoms: Sequence[Symptom]) -> tuple[Strength, ...]:
-    if not now.chosen:
+def _strengths(account: Account, symptoms: Sequence[Symptom]) -> tuple[Strength, ...]:
+    if not account.chosen:
         return ()
-    screen = Screen(now, symptoms)
-    covariance, quantile = now.covariance()
-    half = quantile * np.sqrt(np.maximum(np.diag(covariance), 0.0))[-len(now.strengths) :]
-    first, found = 0, list[Strength]()
-    for symptom, values in zip(now.chosen, _split(now), strict=True):
+    screen = Screen(account, symptoms)
+    covariance, quantile = account.covariance()
+    half = quantile * np.sqrt(np.maximum(np.diag(covariance), 0.0))[-len(account.strengths) :]
+    first, result = 0, list[Strength]()
+    for symptom, values in zip(account.chosen, _split(account), strict=True):
         last = first + len(values)
-        found.append(
+        result.append(
             Strength(
                 symptom,
                 values,
                 half[first:last],
-                _imitated(now, first, last),
+                _imitated(account, first, last),
                 tuple(screen.ties(symptom)),
             )
         )
         first = last
-    return tuple(found)
+    return tuple(result)
 
 
-def _imitated(now: Account, first: int, last: int) -> float:
+def _imitated(account: Account, first: int, last: int) -> float:
     """Share of a symptom's effect, at its strengths, that a change of the base could imitate."""
-    own = now.prediction.columns[:, -len(now.strengths) :][:, first:last]
-    return imitated(now.prediction, own @ now.strengths[first:last], len(now.theta))
+    own = account.prediction.columns[:, -len(account.strengths) :][:, first:last]
+    return imitated(account.prediction, own @ account.strengths[first:last], len(account.theta))

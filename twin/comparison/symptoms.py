@@ -267,10 +267,10 @@ def symptoms_of(bodies: Sequence[Body]) -> tuple[Symptom, ...]:
     """Those that the streams of these logs can show."""
     body = bodies[0]
     ball = body.machine.platform.base.kind == "ball"
-    found = [*_dissipative(), *_steady(bodies, ball=ball), *_inside(body)]
+    result = [*_dissipative(), *_steady(bodies, ball=ball), *_inside(body)]
     for output in body.outputs:
-        found += _of_sensor(output.stream, output.columns, output.unit, body)
-    return tuple(found)
+        result += _of_sensor(output.stream, output.columns, output.unit, body)
+    return tuple(result)
 
 
 def _torque(
@@ -317,7 +317,7 @@ def _dissipative() -> list[Symptom]:
 
 
 def _steady(bodies: Sequence[Body], *, ball: bool) -> list[Symptom]:
-    found = [
+    result = [
         _torque(
             "harness_stiffness",
             "a torque back towards the first position (a cable or a spring)",
@@ -336,8 +336,8 @@ def _steady(bodies: Sequence[Body], *, ball: bool) -> list[Symptom]:
         ),
     ]
     if not ball:
-        return found
-    found.append(
+        return result
+    result.append(
         _torque(
             "body_fixed_torque",
             "a torque that turns with the body (a leaking jet)",
@@ -346,7 +346,7 @@ def _steady(bodies: Sequence[Body], *, ball: bool) -> list[Symptom]:
             *(on_base(fixed(axis)) for axis in range(3)),
         )
     )
-    found.append(
+    result.append(
         _torque(
             "center_of_mass_drift",
             "a gravity torque that grows with time (the centre of mass moves)",
@@ -356,7 +356,7 @@ def _steady(bodies: Sequence[Body], *, ball: bool) -> list[Symptom]:
         )
     )
     if all(np.any(body.inputs.field_world) for body in bodies):
-        found.append(
+        result.append(
             _torque(
                 "residual_dipole",
                 "a torque across the magnetic field (a dipole of the body)",
@@ -365,7 +365,7 @@ def _steady(bodies: Sequence[Body], *, ball: bool) -> list[Symptom]:
                 *(on_base(dipole(axis)) for axis in range(3)),
             )
         )
-    return found
+    return result
 
 
 def _inside(body: Body) -> list[Symptom]:
@@ -398,7 +398,7 @@ def _inside(body: Body) -> list[Symptom]:
             offset=offset,
         )
 
-    found = [
+    result = [
         inside(
             "torque_gain" if hinge else "wheel_torque_gain",
             "a commanded torque of which another share arrives",
@@ -416,7 +416,7 @@ def _inside(body: Body) -> list[Symptom]:
         ),
     ]
     if not hinge:
-        found += [
+        result += [
             inside(
                 "wheel_viscous_friction",
                 "a torque between wheel and body that grows with the wheel's speed",
@@ -445,11 +445,11 @@ def _inside(body: Body) -> list[Symptom]:
                 ],
             ),
         ]
-    return found
+    return result
 
 
 def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> list[Symptom]:
-    found: list[Symptom] = []
+    symptoms: list[Symptom] = []
 
     def fault(
         kind: str,
@@ -462,7 +462,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
     ) -> None:
         perturbations = tuple(make(index) for index in range(count))
         name = f"{kind}:{stream}" if domain is SymptomDomain.clock else f"{stream}_{kind}"
-        found.append(Symptom(name, domain, looks, words, unit, perturbations))
+        symptoms.append(Symptom(name, domain, looks, words, unit, perturbations))
 
     stated = {o.stream: o.bias for o in body.outputs}[stream]
     rate = stream in ("gyro", "joint_rate")
@@ -508,7 +508,7 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
         )
     if len(body.outputs) == 1 and not any(name.startswith("command") for name in body.recording):
         # nothing to be late against: another start of the motion is as good
-        return found
+        return symptoms
     fault(
         "clock_lag",
         f"{stream} late against the others",
@@ -527,4 +527,4 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
         SymptomDomain.clock,
         1,
     )
-    return found
+    return symptoms

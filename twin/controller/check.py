@@ -232,11 +232,11 @@ def _refused(platform: Platform, command: Command, n: int) -> Iterator[str]:
             )
 
 
-def _other_columns(platform: Platform, command: str, found: int) -> str:
+def _other_columns(platform: Platform, command: str, result: int) -> str:
     parts = platform.columns(command)
     kind = _PARTS.get(command, "columns")
     return (
-        f"{command} has {found} column{'s' * (found != 1)}, and {platform.name} has "
+        f"{command} has {result} column{'s' * (result != 1)}, and {platform.name} has "
         f"{len(parts)} {kind if len(parts) > 1 else kind[:-1]} ({', '.join(parts)}): give each its "
         "column, in this order, or check the law on the machine that it is for (--platform)"
     )

@@ -138,8 +138,8 @@ class Gyros:
         """
         square, scale = self.square(estimate)
         near = np.exp(-np.linalg.det(square) / regularity)
-        one, two, three = dither * np.sin(0.5 * np.pi * time + _PHASES)
-        spread = np.array([[1.0, three, two], [three, 1.0, one], [two, one, 1.0]])
+        item, two, three = dither * np.sin(0.5 * np.pi * time + _PHASES)
+        spread = np.array([[1.0, three, two], [three, 1.0, item], [two, item, 1.0]])
         # What is added to the damping only keeps the plain inverse from dividing by zero.
         damped = square + (damping * near)[:, None, None] * spread + 1e-14 * np.eye(3)
         share = np.linalg.solve(damped, change[..., None])[..., 0] / scale[:, None]

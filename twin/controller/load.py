@@ -119,11 +119,11 @@ def _imported(path: Path) -> ModuleType:
 
 def _only_law(path: Path, module: ModuleType) -> type[AnyController]:
     laws = [
-        found
-        for found in vars(module).values()
-        if isinstance(found, type)
-        and issubclass(found, Controller)
-        and found.__module__ == module.__name__
+        var
+        for var in vars(module).values()
+        if isinstance(var, type)
+        and issubclass(var, Controller)
+        and var.__module__ == module.__name__
     ]
     if len(laws) != 1:
         names = ", ".join(law.__name__ for law in laws) or "none"

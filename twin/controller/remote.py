@@ -166,7 +166,7 @@ class RemoteLaw(Controller[str]):
     def _answered(self, asked: int) -> bool:
         """Every channel in force was set anew by somebody who had heard that frame."""
         heard = self._far.heard.values()
-        return bool(heard) and all((one - asked) % _FULL < _HALF for one in heard)
+        return bool(heard) and all((item - asked) % _FULL < _HALF for item in heard)
 
     def _hear(self, now_us: int, patience: float) -> bool:
         """Take what comes, and reply; False: nothing came in time.

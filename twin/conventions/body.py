@@ -97,8 +97,8 @@ class BodyStreams:
         # what only the wheels can tell is kept for them: the log as read, and in other frames
         for framed in (False, True):
             whole = [h for h in ranked if h.of_whole_log and h.framed == framed]
-            kept += [h for h in whole[:1] if not any(h is one for one in kept)]
-        return [one for h in kept for one in self._with_forces(h)]
+            kept += [h for h in whole[:1] if not any(h is item for item in kept)]
+        return [force for h in kept for force in self._with_forces(h)]
 
     def _with_forces(self, h: Hypothesis) -> list[Hypothesis]:
         """A hypothesis, and the same with the axes of the accelerometer that fit about best once
@@ -113,7 +113,7 @@ class BodyStreams:
         place = sum(c.kind != "frame" for c in rest)
         misfit = 0.5 * upright.match(h.attitude)
         bare = h.misfit - float(misfit[place_of(h.force)])
-        found: list[tuple[float, Hypothesis]] = []
+        result: list[tuple[float, Hypothesis]] = []
         for axes, change in axes_changes(self._recording, "accelerometer"):
             force, changes = frame @ axes, [] if change is None else [change]
             other = replace(
@@ -124,11 +124,11 @@ class BodyStreams:
                 force=force,
             )
             left = upright.residual(h.attitude, force, h.gyro)
-            found.append((0.5 * float(np.sum(np.square(left))) + other.cost, other))
-        near = min(score for score, _ in found) + ALIKE
+            result.append((0.5 * float(np.sum(np.square(left))) + other.cost, other))
+        near = min(score for score, _ in result) + ALIKE
         return [
             h,
-            *(other for score, other in found if score < near and (other.force != h.force).any()),
+            *(other for score, other in result if score < near and (other.force != h.force).any()),
         ]
 
     @cached_property
@@ -168,8 +168,8 @@ class BodyStreams:
         if self._wheels is None or self._wheels.momentum.follows_body:
             return None
         momentum = self._wheels.momentum
-        found = [factor_of(momentum, self._exchange(h, rough=True)) for h in bodies[:LATE_WHEELS]]
-        factor, share = max(found, key=lambda pair: pair[1])
+        result = [factor_of(momentum, self._exchange(h, rough=True)) for h in bodies[:LATE_WHEELS]]
+        factor, share = max(result, key=lambda pair: pair[1])
         return factor if share > ANSWERED else None
 
     def with_wheels(self) -> list[Hypothesis]:

@@ -175,7 +175,7 @@ def choose(ranked: Sequence[R], weigh: Callable[[R, R], float]) -> tuple[list[R]
         The best and what fits as well, none for a log that was read rightly; and the evidence
         against the log as read [nats].
     """
-    as_read = [one for one in ranked if not one.corrections]
+    as_read = [item for item in ranked if not item.corrections]
     best = ranked[0]
     for rival in ranked[1:]:
         best = rival if weigh(rival, best) > 0.0 else best
@@ -183,7 +183,7 @@ def choose(ranked: Sequence[R], weigh: Callable[[R, R], float]) -> tuple[list[R]
     # of those that the data cannot tell apart, one that says less than another says enough
     simplest = [h for h in equals if not any(_signature(other) < _signature(h) for other in equals)]
     best = simplest[0]
-    certainty = min(weigh(best, one) for one in as_read)
+    certainty = min(weigh(best, item) for item in as_read)
     return (simplest, certainty) if best.corrections and certainty >= CLEAR else ([], certainty)
 
 

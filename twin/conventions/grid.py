@@ -156,9 +156,9 @@ def _cell(recording: Recording) -> float:
         # the variance of count values is known to sqrt(2 / count) of itself: four times that is
         # beyond chance
         doubt = 4.0 * noise * np.sqrt(2.0 / count)
-        found = float(np.sum(np.var(values, axis=0))) - noise
-        power = max(power, found - doubt)
-        if power > 0.0 and found + doubt < KEPT * power:
+        result = float(np.sum(np.var(values, axis=0))) - noise
+        power = max(power, result - doubt)
+        if power > 0.0 and result + doubt < KEPT * power:
             break
         best = cell
         if cell >= USUAL and noise < QUIET * power:

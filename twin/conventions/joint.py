@@ -88,15 +88,15 @@ class _Option:
 def joint_findings(recording: Recording) -> list[ConventionFinding]:
     """What is wrong with joint_rate or joint_angle, for a hinge with one of each."""
     units = _unit(recording)
-    found = [
+    result = [
         ConventionFinding(unit, CERTAIN, tuple(other.words for other in units[1:]))
         for unit in units[:1]
     ]
     if len(units) > 1:
-        return found
+        return result
     hinge = _hinge_of(apply_all(recording, units))
     if hinge is None or hinge.factor() is None:
-        return found
+        return result
     options = list(_options(hinge))
     left = [hinge.residual(option.sign, option.lag) for option in options]
     power = [0.5 * float(np.sum(np.square(r))) for r in left]
@@ -105,14 +105,14 @@ def joint_findings(recording: Recording) -> list[ConventionFinding]:
     best = int(np.argmin(scores))
     certainty = evidence(left[best], left[0], inflated) - options[best].cost
     if not options[best].readings or certainty < CLEAR:
-        return found
+        return result
     told = _dated(hinge, options[best])
     words = told.words[1:]
     for option, residual in zip(options, left, strict=True):
         rival = evidence(left[best], residual, inflated) + option.cost - options[best].cost
         if option is not options[best] and rival < TIED:
             words += _dated(hinge, option).words
-    return found + [ConventionFinding(c, certainty, tuple(words)) for c in told.readings[0]]
+    return result + [ConventionFinding(c, certainty, tuple(words)) for c in told.readings[0]]
 
 
 def _options(hinge: Hinge) -> Iterator[_Option]:

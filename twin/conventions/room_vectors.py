@@ -95,7 +95,7 @@ STRAIGHT = 0.05
 """Half an arc below which it is as long as its chord, to a thousandth [rad]."""
 FINER = (0.03, 0.01, 0.003)
 """Between the lags tried for that [s]."""
-CROSS = np.array([np.cross(np.eye(3), one) for one in np.eye(3)]).transpose(1, 0, 2)
+CROSS = np.array([np.cross(np.eye(3), item) for item in np.eye(3)]).transpose(1, 0, 2)
 """(i, k, l): the component l of e_i x e_k."""
 
 
@@ -181,7 +181,7 @@ class RoomVector:
         for step in FINER:
             tried = np.round(lag + step * np.array([-1.0, 0.0, 1.0]), 4)
             tried = tried[np.abs(tried) <= farthest + 1e-9]
-            left = np.array([self._left(rates[None], float(one))[0] for one in tried])
+            left = np.array([self._left(rates[None], float(item))[0] for item in tried])
             if len(tried) == 3:
                 value, lag = least_of(tried, left)
             else:
@@ -284,7 +284,7 @@ def _parts(rates: Array) -> Array:
 def relative_axes() -> NDArray[np.intp]:
     """(48, 48) where det(T) T' S stands among signed permutations, for T and S among them."""
     axes = signed_permutations(3)
-    place = {one.tobytes(): index for index, one in enumerate(axes)}
+    place = {axis.tobytes(): index for index, axis in enumerate(axes)}
     signs = np.round(np.linalg.det(axes))
     pairs = np.einsum("t,tji,sjk->tsik", signs, axes, axes) + 0.0
     return np.array([[place[pair.tobytes()] for pair in row] for row in pairs], dtype=np.intp)
@@ -359,13 +359,13 @@ class _Reading:
     @property
     def polished(self) -> "_Reading":
         """The same with its lags sought finely."""
-        found = [vector.polished(axes, lag) for vector, axes, lag in self.relative]
+        result = [vector.polished(axes, lag) for vector, axes, lag in self.relative]
         return replace(
             self,
-            misfit=sum(left for left, _ in found),
+            misfit=sum(left for left, _ in result),
             relative=tuple(
                 (vector, axes, lag)
-                for (vector, axes, _), (_, lag) in zip(self.relative, found, strict=True)
+                for (vector, axes, _), (_, lag) in zip(self.relative, result, strict=True)
             ),
         )
 
@@ -395,21 +395,23 @@ def _findings(
     turns: Sequence[Correction | None],
     streams: Sequence[str] = VECTORS,
 ) -> list[ConventionFinding]:
-    found = (room_vector(recording, name, source) for name in streams)
-    seen = [_tabled(one, units) for one in found if one is not None]
+    result = (room_vector(recording, name, source) for name in streams)
+    seen = [_tabled(item, units) for item in result if item is not None]
     every = _sorted(recording, source, seen, units, turns)
     rocked = [vector for vector, axes, _ in every[0].relative if vector.is_rocked(_factor(axes))]
     if rocked:
-        seen = [one for one in seen if one.vector not in rocked]
+        seen = [item for item in seen if item.vector not in rocked]
         every = _sorted(recording, source, seen, units, turns)
     if not seen:
         return []
-    ranked = best_of(every, lambda one: one.relative)
+    ranked = best_of(every, lambda item: item.relative)
     if not _explains(ranked[0]):
         # accelerations may hide from an accelerometer that a body leans: a pendulum's do
-        apart = [one.vector for one in seen if one.vector.stream != "accelerometer" and _apart(one)]
+        apart = [
+            item.vector for item in seen if item.vector.stream != "accelerometer" and _apart(item)
+        ]
         return [_no_fit(source, vector) for vector in apart[:1]]
-    inflated = [inflation(left[:-2]) for left in ranked[0].residuals]
+    inflated = [inflation(residual[:-2]) for residual in ranked[0].residuals]
 
     def weigh(one: _Reading, other: _Reading) -> float:
         pairs = zip(one.residuals, other.residuals, inflated, strict=True)
@@ -418,8 +420,8 @@ def _findings(
     chosen, certainty = choose(ranked, weigh)
     if not chosen:
         return []
-    best, *rivals = (_dated(one) for one in chosen)
-    others = dict.fromkeys(words_of(one) for one in rivals if words_of(one) != words_of(best))
+    best, *rivals = (_dated(item) for item in chosen)
+    others = dict.fromkeys(words_of(rival) for rival in rivals if words_of(rival) != words_of(best))
     return list(findings_of(best.corrections, certainty, tuple(others)))
 
 
@@ -431,13 +433,13 @@ def best_of(every: Sequence[R], seen: Callable[[R], Sequence[Seen]]) -> list[R]:
         seen: what a reading makes of the vectors.
     """
     motions, pool = set[tuple[object, ...]](), list[R]()
-    for one in every:
-        motion = tuple((id(vector), axes.tobytes(), lag) for vector, axes, lag in seen(one))
-        if motion in motions or len(motions) < POLISHED or not one.corrections:
+    for item in every:
+        motion = tuple((id(vector), axes.tobytes(), lag) for vector, axes, lag in seen(item))
+        if motion in motions or len(motions) < POLISHED or not item.corrections:
             motions.add(motion)
-            pool.append(one.polished)
-    pool.sort(key=lambda one: one.score)
-    return pool[:RIVALS] + [one for one in pool[RIVALS:] if not one.corrections]
+            pool.append(item.polished)
+    pool.sort(key=lambda item: item.score)
+    return pool[:RIVALS] + [item for item in pool[RIVALS:] if not item.corrections]
 
 
 def _factor(axes: Array) -> float:
@@ -455,9 +457,9 @@ def _sorted(
     """Every reading, the likeliest first; the log as read alone without a vector."""
     if not seen:
         return [_Reading((), 0.0, 0.0, ())]
-    options = [list(enumerate(_changes(recording, one.vector.stream))) for one in seen]
+    options = [list(enumerate(_changes(recording, item.vector.stream))) for item in seen]
     readings = _readings(source, seen, options, units, turns)
-    return sorted(readings, key=lambda one: one.score)
+    return sorted(readings, key=lambda reading: reading.score)
 
 
 def _changes(recording: Recording, stream: str) -> list[Correction | None]:
@@ -472,7 +474,7 @@ def _tabled(vector: RoomVector, units: Sequence[Correction | None]) -> _Seen:
 
 def _explains(best: _Reading) -> bool:
     """Whether the rates explain most of what the vectors do: else nothing is said of their axes."""
-    left = sum(float(np.sum(np.square(one))) for one in best.residuals)
+    left = sum(float(np.sum(np.square(residual))) for residual in best.residuals)
     moved = sum(float(np.sum(np.square(vector.movement))) for vector, *_ in best.relative)
     return left < (1.0 - COMMON) * moved
 
@@ -513,8 +515,8 @@ def _readings(
                     cost + LATE * (clock is not None),
                     misfit,
                     tuple(
-                        (one.vector, factor * axes[r], lag)
-                        for one, r, lag in zip(seen, relative, lags, strict=True)
+                        (item.vector, factor * axes[r], lag)
+                        for item, r, lag in zip(seen, relative, lags, strict=True)
                     ),
                 )
 
@@ -539,20 +541,20 @@ def _clocks(
 ) -> Iterator[tuple[Correction | None, float, list[float]]]:
     """No clock off, that of the rates, or that of one vector; [nats], and by how much the rates
     are late beside each vector [s]."""
-    near = [one.near[:, unit, r] for one, r in zip(seen, relative, strict=True)]
-    far = [one.far[:, unit, r] for one, r in zip(seen, relative, strict=True)]
+    near = [item.near[:, unit, r] for item, r in zip(seen, relative, strict=True)]
+    far = [item.far[:, unit, r] for item, r in zip(seen, relative, strict=True)]
     misfit, lag = least_of(CLOSE, np.sum(near, axis=0))
     yield None, misfit, [lag] * len(seen)
     if len(seen[0].lags) < 3:
         return
     misfit, lag = least_of(seen[0].lags, np.sum(far, axis=0))
     yield lag_change(source, lag), misfit, [lag] * len(seen)
-    for k, one in enumerate(seen):
+    for k, item in enumerate(seen):
         rest = [left for i, left in enumerate(near) if i != k]
         in_step, close = least_of(CLOSE, np.sum(rest, axis=0)) if rest else (0.0, 0.0)
-        misfit, lag = least_of(one.lags, far[k])
+        misfit, lag = least_of(item.lags, far[k])
         lags = [lag if i == k else close for i in range(len(seen))]
-        yield lag_change(one.vector.stream, -lag), in_step + misfit, lags
+        yield lag_change(item.vector.stream, -lag), in_step + misfit, lags
 
 
 def least_of(lags: Array, misfit: Array) -> tuple[float, float]:
@@ -561,16 +563,16 @@ def least_of(lags: Array, misfit: Array) -> tuple[float, float]:
     return float(value[0]), float(lag[0])
 
 
-def _dated(one: _Reading) -> _Reading:
+def _dated(item: _Reading) -> _Reading:
     """The same with the offset of its clock sought finely."""
-    clocks = [c for c in one.corrections if c.kind == "clock_lag"]
+    clocks = [c for c in item.corrections if c.kind == "clock_lag"]
     if not clocks:
-        return one
+        return item
     (clock,) = clocks
     vector, axes, lag = next(
-        (r for r in one.relative if r[0].stream == clock.stream), one.relative[0]
+        (r for r in item.relative if r[0].stream == clock.stream), item.relative[0]
     )
     best, half_width = dated(lambda tried: vector.residual(axes, tried)[:-2], lag)
     own = -best if clock.stream == vector.stream else best
     told = lag_change(clock.stream, own, half_width) or clock
-    return replace(one, corrections=tuple(told if c is clock else c for c in one.corrections))
+    return replace(item, corrections=tuple(told if c is clock else c for c in item.corrections))

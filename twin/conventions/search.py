@@ -85,20 +85,20 @@ def check_conventions(
         plain += unit
         recording = scaled
     if turning is None or strange is not None:
-        found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
-        found += [one for one in (gravity_shown, strange) if one is not None]
+        result = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
+        result += [item for item in (gravity_shown, strange) if item is not None]
         if "attitude" in recording:
             beside = vertical_findings(recording, gravity)
         else:
             beside = gyro_findings(recording)
-        return found + _sound(recording, beside, gravity)
+        return result + _sound(recording, beside, gravity)
     body = BodyStreams(recording, platform, turning)
     wheels = _wheel_unit(body, recording) if "wheel_speed" in recording else None
     if wheels is not None:
         plain.append(wheels)
         body = body.with_wheels_in(wheels)
-    found = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
-    return found + _with_field(recording, _choose(body, body.with_wheels()), gravity)
+    result = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
+    return result + _with_field(recording, _choose(body, body.with_wheels()), gravity)
 
 
 def _with_field(
@@ -188,7 +188,7 @@ def _inclinometer_unit(recording: Recording) -> list[Correction]:
     if float(np.abs(recording["inclinometer"].value).max()) <= 0.5 * np.pi:
         return []
     changes = unit_changes(recording, "inclinometer")
-    return [one for one in changes if ("unit", "deg") in one.keys]
+    return [change for change in changes if ("unit", "deg") in change.keys]
 
 
 def _wheel_unit(body: BodyStreams, recording: Recording) -> Correction | None:

@@ -63,7 +63,11 @@ def check_times(recording: Recording, platform: Platform) -> None:
         UsageError: they look like another unit of time.
     """
     changes = time_unit_changes(recording, platform)
-    wrong = [one for one in changes if one.time_factor < 1.0 or "time_scale" in dict(one.keys)]
+    wrong = [
+        change
+        for change in changes
+        if change.time_factor < 1.0 or "time_scale" in dict(change.keys)
+    ]
     if wrong:
         ((key, text),) = wrong[0].keys
         value = text if key == "time_scale" else f'"{text}"'

@@ -249,10 +249,10 @@ def vertical_of(recording: Recording, gravity: float) -> Vertical | None:
     if grid is None:
         return None
     shaken = shaken_by(recording)
-    found = Vertical(recording["attitude"], recording["accelerometer"], grid, gravity, shaken)
+    vertical = Vertical(recording["attitude"], recording["accelerometer"], grid, gravity, shaken)
     gyro = recording.streams.get("gyro")
     turns = gyro is not None and gyro.columns == ("x", "y", "z") and grid_of(recording, "gyro")
-    return found.without_arm(gyro) if gyro is not None and turns else found
+    return vertical.without_arm(gyro) if gyro is not None and turns else vertical
 
 
 def vertical_findings(recording: Recording, gravity: float) -> list[ConventionFinding]:
@@ -267,18 +267,18 @@ def vertical_findings(recording: Recording, gravity: float) -> list[ConventionFi
     field = room_vector(recording, "magnetometer", "attitude")
     if grid is None and field is None:
         return []
-    every = sorted(_leanings(recording, grid, gravity, field), key=lambda one: one.score)
+    every = sorted(_leanings(recording, grid, gravity, field), key=lambda leaning: leaning.score)
     if not every:
         return []
-    ranked = best_of(every, lambda one: [one.field] if one.field is not None else [])
-    inflated = [inflation(left[:-2]) for left in ranked[0].residuals]
+    ranked = best_of(every, lambda item: [item.field] if item.field is not None else [])
+    inflated = [inflation(residual[:-2]) for residual in ranked[0].residuals]
 
     def weigh(one: _Leaning, other: _Leaning) -> float:
         pairs = zip(one.residuals, other.residuals, inflated, strict=True)
         return sum(evidence(*pair) for pair in pairs) + other.cost - one.cost
 
     chosen, certainty = choose(ranked, weigh)
-    best = chosen[0] if chosen else next(one for one in ranked if not one.corrections)
+    best = chosen[0] if chosen else next(item for item in ranked if not item.corrections)
     if best.vertical is not None:
         angle = best.vertical.angle(best.attitude, best.force)
         if angle > ASTRAY + best.vertical.shaken_aside:
@@ -299,13 +299,13 @@ def _leanings(
     fields = list[Field]()
     if field is not None:
         fields = [Field(field, series, far=change is None) for change, series in read]
-    if fields and min(one.best for one in fields) > (1.0 - COMMON) * fields[0].movement:
+    if fields and min(item.best for item in fields) > (1.0 - COMMON) * fields[0].movement:
         # what moves the field is not the body in any reading
         names, fields = [name for name in names if name != "magnetometer"], []
     if not names:
         return
     options = [list(axes_changes(recording, name)) for name in names]
-    numbered = [list(enumerate(change for _, change in one)) for one in options]
+    numbered = [list(enumerate(change for _, change in option)) for option in options]
     axes = signed_permutations(3)
     shaken = shaken_by(recording) if grid is not None else 0.0
     for k, (change, series) in enumerate(read):
@@ -327,10 +327,10 @@ def _leanings(
                 for late in (False, True) if fields else (False,):
                     seen, left = None, float(misfit[force])
                     if fields:
-                        found = fields[k].at(attitude, total[-1], late=late)
-                        if found is None:
+                        result = fields[k].at(attitude, total[-1], late=late)
+                        if result is None:
                             continue
-                        left, seen = left + found[0], found[1]
+                        left, seen = left + result[0], result[1]
                     lag = seen[2] if seen is not None else 0.0
                     clocks = [lag_change("attitude", lag), lag_change("magnetometer", -lag)]
                     for clock in clocks if late else [None]:

@@ -411,13 +411,13 @@ class WheelStreams:
             return []
         near = self.lags[np.abs(self.lags) <= SMALL_LAG + 1e-9]
         moments = self.drive.moments(near)
-        same, found = self._axes[0], list[WheelReading]()
+        same, result = self._axes[0], list[WheelReading]()
         for axes in self._axes:
             left = moments.misfit(self._axes[:1], axes)
             misfit, lag = least(near, 0.5 * left / self.drive.inflation)
-            found.append(WheelReading(same, axes, float(lag[0]), float(misfit[0])))
-        as_read, *others = found
-        best = min(others, key=lambda one: one.misfit + cost_of(one.command))
+            result.append(WheelReading(same, axes, float(lag[0]), float(misfit[0])))
+        as_read, *others = result
+        best = min(others, key=lambda other: other.misfit + cost_of(other.command))
         return [as_read, best, replace(best, axes=best.command.T, command=same)]
 
     def polished(self, exchange: Exchange, reading: WheelReading) -> WheelReading:

@@ -111,8 +111,12 @@ def read_rightly(
     A late clock is not corrected: it is a candidate, and is fitted with the others.
     """
     log = calibrated(recording.without_truth(), platform)
-    found = tuple(one for one in check_conventions(log, platform) if one.kind != "clock_lag")
-    return corrected(log, list(found)), found
+    result = tuple(
+        convention
+        for convention in check_conventions(log, platform)
+        if convention.kind != "clock_lag"
+    )
+    return corrected(log, list(result)), result
 
 
 def baseline_of(
@@ -169,25 +173,25 @@ def _fitted(bodies: Sequence[Body], base: BaseParameters, *, follows: bool) -> E
     problem = Problem(bodies, base)
     biases = [first_biases(body) for body in bodies]
     start = problem.start(theta, biases)
-    found = explain(bodies, base, (), start, follows=follows)
-    if not isinstance(found.prediction, Innovations):
-        return found
-    if not found.converged:
+    result = explain(bodies, base, (), start, follows=follows)
+    if not isinstance(result.prediction, Innovations):
+        return result
+    if not result.converged:
         # the momentum fit may be further off than the machine as stated
         start_as_stated = problem.start(base.as_stated, biases)
         again = explain(bodies, base, (), start_as_stated, follows=follows)
-        found = min(found, again, key=lambda one: one.cost)
-    if not found.converged and isinstance(found.prediction, Innovations):
+        result = min(result, again, key=lambda item: item.cost)
+    if not result.converged and isinstance(result.prediction, Innovations):
         # a white torque lets the fit converge from a bad start
-        near = fit_disturbed(problem, Fit(found.prediction, converged=False), start)
+        near = fit_disturbed(problem, Fit(result.prediction, converged=False), start)
         again = explain(bodies, base, (), near.at, follows=follows)
-        found = min(found, again, key=lambda one: one.cost)
-    if rings(machine) and isinstance(found.prediction, Innovations):
-        settled = Fit(found.prediction, converged=found.converged)
-        bodies = along_what_rings(found.problem, settled)[0].bodies
-        found = explain(bodies, base, (), found.at, follows=follows)
-    left = found.account.left
+        result = min(result, again, key=lambda item: item.cost)
+    if rings(machine) and isinstance(result.prediction, Innovations):
+        settled = Fit(result.prediction, converged=result.converged)
+        bodies = along_what_rings(result.problem, settled)[0].bodies
+        result = explain(bodies, base, (), result.at, follows=follows)
+    left = result.account.left
     known = [body.with_noise_of(parts) for body, parts in zip(bodies, left, strict=True)]
     if all(new is body for new, body in zip(known, bodies, strict=True)):
-        return found
-    return explain(known, base, (), found.at, follows=follows)
+        return result
+    return explain(known, base, (), result.at, follows=follows)

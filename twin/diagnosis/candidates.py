@@ -101,7 +101,7 @@ class Candidates:
 def candidates_of(bodies: Sequence[Body], own: Sequence[type[Effect]] = ()) -> Candidates:
     """All effects of the catalogue that these logs may show, and those of a lab's `own`."""
     platform = _widest([body.machine.platform for body in bodies])
-    asked: list[Candidate] = []
+    candidates: list[Candidate] = []
     not_asked: dict[str, str] = {}
     for kind in (*catalogue(), *own):
         for target in targets(kind.takes, platform) if kind.takes else ("",):
@@ -112,38 +112,38 @@ def candidates_of(bodies: Sequence[Body], own: Sequence[type[Effect]] = ()) -> C
                 continue
             shapes = kind.typical(target).absent().variants(platform)
             looked = float(np.log(len(shapes)))
-            found = [replace(candidate(shape, platform), looked=looked) for shape in shapes]
-            if not found[0].perturbations:
+            result = [replace(candidate(shape, platform), looked=looked) for shape in shapes]
+            if not result[0].perturbations:
                 not_asked[label] = (
                     "not observable: no scatter beyond chance follows it"
                     if issubclass(kind, ScatterEffect)
                     else "not observable: the prediction does not depend on it"
                 )
                 continue
-            asked += found
-    return Candidates(tuple(asked), not_asked)
+            candidates += result
+    return Candidates(tuple(candidates), not_asked)
 
 
 def ringing(
-    asked: Sequence[Candidate], lines: Sequence[float], bodies: Sequence[Body]
+    candidates: Sequence[Candidate], lines: Sequence[float], bodies: Sequence[Body]
 ) -> tuple[Candidate, ...]:
     """Resonant and periodic effects at given frequencies.
 
     Args:
-        asked: candidates.
+        candidates: candidates.
         lines: spectral lines of the residual [Hz].
         bodies: the logs.
     """
     platform, looked = bodies[0].machine.platform, looked_among(bodies)
     return tuple(
-        replace(one, looked=looked)
-        for known in asked
+        replace(item, looked=looked)
+        for known in candidates
         for hertz in lines
-        for one in _shaped(known.effect.at_frequency, hertz, platform)
+        for item in _shaped(known.effect.at_frequency, hertz, platform)
     )
 
 
-def resonators(asked: Sequence[Candidate], bodies: Sequence[Body]) -> tuple[Candidate, ...]:
+def resonators(candidates: Sequence[Candidate], bodies: Sequence[Body]) -> tuple[Candidate, ...]:
     """Resonant effects at frequencies over the whole spectrum, up to a quarter of the control
     rate."""
     platform, looked = bodies[0].machine.platform, looked_among(bodies)
@@ -151,19 +151,19 @@ def resonators(asked: Sequence[Candidate], bodies: Sequence[Body]) -> tuple[Cand
     count = max(int(np.log(fastest / SLOWEST) / APART), 0) + 1
     every = np.geomspace(SLOWEST, fastest, count).tolist()
     return tuple(
-        replace(one, looked=looked)
-        for known in asked
+        replace(item, looked=looked)
+        for known in candidates
         for hertz in every
-        for one in _shaped(known.effect.resonating, hertz, platform)
+        for item in _shaped(known.effect.resonating, hertz, platform)
     )
 
 
-def winding(asked: Sequence[Candidate], bodies: Sequence[Body]) -> tuple[Candidate, ...]:
+def winding(candidates: Sequence[Candidate], bodies: Sequence[Body]) -> tuple[Candidate, ...]:
     """Effects that make waves around the turn of a hinge, at each number of waves."""
     platform = bodies[0].machine.platform
     return tuple(
         replace(candidate(shape, platform), looked=looked_for(shape, bodies))
-        for known in asked
+        for known in candidates
         for waves in range(1, WAVES + 1)
         for shape in known.effect.with_waves(float(waves))
     )
@@ -186,7 +186,7 @@ def candidate(effect: Effect, platform: Platform) -> Candidate:
     size = amplitudes(effect)
     low, high = effect.bounds()
     parts = perturbations_of(effect, platform)
-    own = tuple(one for one, free in zip(parts, size, strict=True) if free) if parts else ()
+    own = tuple(part for part, free in zip(parts, size, strict=True) if free) if parts else ()
     return Candidate(effect, own, low[size], high[size])
 
 
@@ -209,15 +209,15 @@ def _shaped(
 ) -> list[Candidate]:
     """Shapes of an effect at a frequency that effect and machine can have."""
     try:
-        found = shapes(hertz, platform.gravity)
+        result = shapes(hertz, platform.gravity)
     except TwinError:  # beyond the effect's bounds
         return []
-    return [candidate(shape, platform) for shape in found if not _refused(shape, platform)]
+    return [candidate(shape, platform) for shape in result if not _refused(shape, platform)]
 
 
 def _widest(platforms: Sequence[Platform]) -> Platform:
     """The platform in the strongest magnetic field of all logs."""
-    return max(platforms, key=lambda one: float(np.linalg.norm(one.magnetic_field)))
+    return max(platforms, key=lambda platform: float(np.linalg.norm(platform.magnetic_field)))
 
 
 def _why_not(kind: type[Effect], target: str, platform: Platform, bodies: Sequence[Body]) -> str:
@@ -251,9 +251,9 @@ def _why_not(kind: type[Effect], target: str, platform: Platform, bodies: Sequen
         return f"not observable: needs stream {target}"
     for name in kind.streams:
         enough = _enough(effect, name, hinge=hinge)
-        if not any(one in body.recording for one in enough for body in bodies):
+        if not any(item in body.recording for item in enough for body in bodies):
             return f"not observable: needs stream {' or '.join(enough)}"
-        if not any(one in seen for one in enough):
+        if not any(item in seen for item in enough):
             return f"not observable: {' or '.join(enough)} has no part in the prediction"
     return ""
 

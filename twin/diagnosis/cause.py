@@ -83,7 +83,7 @@ def uncertainties_of(explanation: Explanation) -> tuple[Uncertainty, ...]:
     known[hidden] = inverse[edge - len(explanation.at.strengths) + explanation.layout.rests :][
         : hidden.sum()
     ]
-    found: list[Uncertainty] = []
+    uncertainties: list[Uncertainty] = []
     first = 0
     for effect, ones in zip(explanation.effects, explanation.free, strict=True):
         part = slice(first, first := first + len(ones))
@@ -92,8 +92,8 @@ def uncertainties_of(explanation: Explanation) -> tuple[Uncertainty, ...]:
         leaning = np.abs(share @ moved[part]) @ wrong > LEANS * deviations
         # a component that is not fitted has an uncertainty where it follows one that is
         tells = (np.abs(share) @ ones) > NEARBY
-        found.append(Uncertainty(np.where(tells, deviations, np.nan), leaning & tells))
-    return tuple(found)
+        uncertainties.append(Uncertainty(np.where(tells, deviations, np.nan), leaning & tells))
+    return tuple(uncertainties)
 
 
 def _least_by(effect: Effect, platform: Platform) -> Array:
@@ -191,7 +191,7 @@ def causes_of(
             set that was not fitted, the screen's prediction counts.
         unexplained: whether something else is unexplained, which may also explain each cause.
     """
-    found: list[Cause] = []
+    causes: list[Cause] = []
     labels = frozenset(part.label for part in (*explanation.effects, *explanation.laws))
     for index, (effect, free, known) in enumerate(
         zip(explanation.effects, explanation.free, uncertainties_of(explanation), strict=True)
@@ -202,14 +202,14 @@ def causes_of(
         evidence = others.get(remaining, linear)
         lost = {
             label: behind
-            for one, behind in others.items()
-            if len(one) == len(labels) and one > remaining
-            for label in one - labels
+            for item, behind in others.items()
+            if len(item) == len(labels) and item > remaining
+            for label in item - labels
         }
         instead = _as_fitted(search, search.instead(explanation.own, index), lost)
         if not explanation.follows:
             # the columns of independent segments may predict of a rival what no fit of it shows
-            instead = [one for one in instead if search.screen.traces[one[0]].label in lost]
+            instead = [item for item in instead if search.screen.traces[item[0]].label in lost]
         behind = [far for _, far in instead] + [max(evidence, 0.0)]
         beside = NORMAL * known.deviations
         half = np.where(known.leaning, np.nan, beside)
@@ -218,8 +218,8 @@ def causes_of(
         ties = ties_of(search, instead, search.apart(explanation.own, index))
         least = effect.least(explanation.bodies[0].machine.platform)
         told_of = free | np.isfinite(known.deviations)
-        found.append(Cause(least, told_of, half, beside, evidence, alone, share, ties))
-    return tuple(sorted(found, key=lambda cause: -cause.evidence))
+        causes.append(Cause(least, told_of, half, beside, evidence, alone, share, ties))
+    return tuple(sorted(causes, key=lambda cause: -cause.evidence))
 
 
 def _as_fitted(
@@ -227,11 +227,11 @@ def _as_fitted(
 ) -> list[tuple[int, float]]:
     """Other causes in place of one, and the evidence that is lost; of those that were fitted there,
     by label, what their fits lose."""
-    fitted, found = dict(lost), list(instead)
+    fitted, result = dict(lost), list(instead)
     for place, (other, behind) in enumerate(instead):
         # of several shapes of a cause, the nearest was fitted
-        found[place] = (other, fitted.pop(search.screen.traces[other].label, behind))
-    return sorted(found, key=lambda one: one[1])
+        result[place] = (other, fitted.pop(search.screen.traces[other].label, behind))
+    return sorted(result, key=lambda item: item[1])
 
 
 def ties_of(
@@ -247,12 +247,12 @@ def ties_of(
         instead: `Search.instead` of that cause.
         apart: `Search.apart` of it.
     """
-    found: dict[str, Tie] = {}
+    result: dict[str, Tie] = {}
     for other, behind in instead:
         label = search.screen.traces[other].label
         if behind < (TIED if apart[label] < TIED else EVEN):
-            found.setdefault(label, Tie(label, behind))
-    return tuple(found.values())
+            result.setdefault(label, Tie(label, behind))
+    return tuple(result.values())
 
 
 def share_of(behind: Sequence[float]) -> float:
@@ -260,32 +260,34 @@ def share_of(behind: Sequence[float]) -> float:
     return float(1.0 / (1.0 + np.sum(np.exp(-0.5 * np.clip(behind, -1400.0, 1400.0)))))
 
 
-def tried_of(search: Search, own: tuple[int, ...], asked: Sequence[Candidate]) -> tuple[Tried, ...]:
+def tried_of(
+    search: Search, own: tuple[int, ...], candidates: Sequence[Candidate]
+) -> tuple[Tried, ...]:
     """All candidates that are not among the causes."""
     first = len(own)
     best: dict[str, Tried] = {}
     for score in search.scores(own):
         if score.index < first:
             continue
-        one = asked[score.index - first]
-        size = amplitudes(one.effect)
-        names = [name for name, free in zip(one.effect.names, size, strict=True) if free]
-        units = [k.unit for k in one.effect.parameters() for _ in range(k.size)]
+        item = candidates[score.index - first]
+        size = amplitudes(item.effect)
+        names = [name for name, free in zip(item.effect.names, size, strict=True) if free]
+        units = [k.unit for k in item.effect.parameters() for _ in range(k.size)]
         screen = search.screen
         seen = screen.identifiability(score.index) * screen.size_of(score.index)
         # the detection limit of the best of many shapes is higher
-        needed = float(chi2.isf(np.exp(search.limit - one.looked), len(names)))
+        needed = float(chi2.isf(np.exp(search.limit - item.looked), len(names)))
         least = (np.sqrt(needed) + MOSTLY) / np.maximum(seen, 1e-300)
-        most = np.maximum(np.abs(one.low), np.abs(one.high))
+        most = np.maximum(np.abs(item.low), np.abs(item.high))
         tried = Tried(
-            one.label,
+            item.label,
             score.evidence,
             search.evidence((score.index,)),
             np.where(least > most, np.inf, least),
             tuple(names),
             tuple(unit for unit, free in zip(units, size, strict=True) if free),
         )
-        best.setdefault(one.label, tried)
+        best.setdefault(item.label, tried)
     return tuple(best.values())
 
 
@@ -326,14 +328,14 @@ def scatter_causes(
         if issubclass(kind, ScatterEffect) and len(kind.parameters()) == 1
         for target in targets(kind.takes, platform)
     ]
-    known = [one.label for one in (*effects_of(platform), *taken)]
-    asked = [one for one in unit if not one.unfit(platform) and one.label not in known]
-    found = [one for effect in asked if (one := _cause(explanation, effect, taken)) is not None]
-    found.sort(key=lambda cause: -cause.evidence)
-    if not found or np.exp(-0.5 * found[0].alone) > FALSE_ALARM / len(asked):
+    known = [item.label for item in (*effects_of(platform), *taken)]
+    asked = [item for item in unit if not item.unfit(platform) and item.label not in known]
+    result = [item for effect in asked if (item := _cause(explanation, effect, taken)) is not None]
+    result.sort(key=lambda cause: -cause.evidence)
+    if not result or np.exp(-0.5 * result[0].alone) > FALSE_ALARM / len(asked):
         return ()
-    first, *others = found
-    behind = {one.effect.label: first.evidence - one.evidence for one in others}
+    first, *others = result
+    behind = {other.effect.label: first.evidence - other.evidence for other in others}
     share = share_of([*behind.values(), first.evidence]) * (NAMELESS if unexplained else 1.0)
     ties = tuple(Tie(label, far) for label, far in behind.items() if far < EVEN)
     named = replace(first, confidence=share, ties=ties, alone=first.evidence)
@@ -349,7 +351,7 @@ def _cause(
     """One such cause fitted to the squared residual; None where it has no evidence."""
     every = (*effects_of(explanation.bodies[0].machine.platform), *taken)
     others = [
-        one for one in every if isinstance(one, ScatterEffect) and one.acts_on == effect.acts_on
+        item for item in every if isinstance(item, ScatterEffect) and item.acts_on == effect.acts_on
     ]
     squares: list[Array] = []
     added: list[Array] = []
@@ -360,7 +362,7 @@ def _cause(
                 continue
             squares.append(np.square(left * output.sigma))
             own = added_variance(effect, body.inputs, output.time)
-            known = [added_variance(one, body.inputs, output.time) for one in others]
+            known = [added_variance(other, body.inputs, output.time) for other in others]
             added.append(own)
             stated.append(sum(known, start=np.zeros_like(own)))
     if not any(own.any() for own in added):

@@ -68,7 +68,7 @@ def ordinary(noise: NoiseProcess) -> bool:
     """Whether all noise processes are within what such rooms and sensors have."""
     torque = 0.0 if noise.torque is None else noise.torque.rms
     return torque <= DRAUGHT and all(
-        one.rms <= STRAYING.get(stream, np.inf) for stream, one in noise.errors
+        item.rms <= STRAYING.get(stream, np.inf) for stream, item in noise.errors
     )
 
 
@@ -183,7 +183,7 @@ def diagnose(
     logs = [log for log, _ in read]
     noise = tuple(finding for log in logs for finding in noise_findings(log, platform))
     say("the base")
-    findings = tuple(finding for _, found in read for finding in found)
+    findings = tuple(finding for _, result in read for finding in result)
     try:
         baseline = baseline_of(logs, platform)
         reasoned, pushes = _explained(baseline, logs, own, say)
@@ -203,7 +203,7 @@ def diagnose(
     experiment = next_experiment(platform, explanation, causes, state.candidates, say)
     tried = tried_of(state.search, explanation.own, state.candidates)
     say("free runs")
-    found = Diagnosis(
+    diagnosis = Diagnosis(
         platform,
         tuple(logs),
         findings,
@@ -221,9 +221,9 @@ def diagnose(
         experiment,
         pushes,
     )
-    if found.verdict == "healthy":
+    if diagnosis.verdict == "healthy":
         check_seen(baseline)
-    return found
+    return diagnosis
 
 
 @dataclass(frozen=True)
@@ -287,9 +287,9 @@ def _explained(
     whole = None if _is_noise(bare) else _reasoned(baseline, logs, own, say)
     if whole is not None and not whole.unexplained:
         return whole, ()
-    found = _reasoned(bare, rest, own, say)
-    if not found.unexplained:
-        return found, pushes
+    result = _reasoned(bare, rest, own, say)
+    if not result.unexplained:
+        return result, pushes
     return whole or _reasoned(baseline, logs, own, say), ()
 
 
@@ -316,7 +316,7 @@ def _pushes(
     if segments is None:
         return pushes
     causes = likeliest(segments, candidates_of(segments.bodies, own).asked)
-    return () if any(not pushed(one) for one in causes) else pushes
+    return () if any(not pushed(cause) for cause in causes) else pushes
 
 
 def _unexplained(
@@ -356,15 +356,15 @@ def crowded(effects: Sequence[Effect]) -> bool:
 
 def _unasked(candidates: Candidates, causes: Sequence[Cause]) -> dict[str, str]:
     """Why effects are no candidates, by label; not of those that the scatter of a sensor shows."""
-    found = {cause.effect.label for cause in causes}
-    return {label: why for label, why in candidates.not_asked.items() if label not in found}
+    result = {cause.effect.label for cause in causes}
+    return {label: why for label, why in candidates.not_asked.items() if label not in result}
 
 
 def _silent(
     candidates: Candidates, state: SearchState, causes: Sequence[Cause], tried: Sequence[Tried]
 ) -> dict[str, str]:
     """Why candidates are neither among the causes nor among those tried, by label."""
-    reported = {cause.effect.label for cause in causes} | {one.label for one in tried}
+    reported = {cause.effect.label for cause in causes} | {item.label for item in tried}
     screen = state.search.screen
     felt: dict[str, bool] = {}
     for index, trace in enumerate(screen.traces):
@@ -379,7 +379,7 @@ def _silent(
         if state.explanation.follows
         else "not asked: segments of their own see too little of a turn"
     )
-    silent = {one.label: one.effect for one in candidates.asked if one.label not in reported}
+    silent = {item.label: item.effect for item in candidates.asked if item.label not in reported}
     return {
         label: winds if effect.winds else why[felt.get(label)] for label, effect in silent.items()
     }

@@ -148,7 +148,7 @@ def search_from(
     price = unlikely(laws) if laws else 0.0
     parts = [*map(explanation.sized, candidates), *((law.perturbation,) for law in laws)]
     screen = explanation.weigh(
-        parts, [*(one.trace for one in candidates), *(law.trace(price) for law in laws)]
+        parts, [*(candidate.trace for candidate in candidates), *(law.trace(price) for law in laws)]
     )
     return Search(screen, range(len(screen.traces)))
 
@@ -175,7 +175,7 @@ class _Move:
             for i in self.chosen
             if first <= i < first + len(state.candidates)
         ]
-        shaped = [one.effect for one in candidates if one.looked]
+        shaped = [candidate.effect for candidate in candidates if candidate.looked]
         labels = [state.search.screen.traces[index].label for index in self.chosen]
         base = (
             b""
@@ -195,8 +195,8 @@ class Engine:
             candidates: every cause that these logs may show, at its usual shape.
             say: receives the name of each step.
         """
-        self.candidates = tuple(one for one in candidates if not one.effect.winds)
-        self.winding = tuple(one for one in candidates if one.effect.winds)
+        self.candidates = tuple(candidate for candidate in candidates if not candidate.effect.winds)
+        self.winding = tuple(candidate for candidate in candidates if candidate.effect.winds)
         """Candidates without a usual number of waves a turn: screened in the last stage only."""
         self.say = say
         self._barred: set[str] = set()
@@ -230,7 +230,7 @@ class Engine:
         if not segments.explanation.effects:
             return None
         try:
-            there = explain(
+            explanation = explain(
                 baseline.bodies,
                 baseline.base,
                 segments.explanation.effects,
@@ -238,10 +238,10 @@ class Engine:
             )
         except TwinError:
             return None
-        if not there.converged:
+        if not explanation.converged:
             return None
         self._begin(baseline)
-        state = self._state_of(there, segments.candidates)
+        state = self._state_of(explanation, segments.candidates)
         return self._finished(self._verified(self._grown([state])[0]))
 
     def _begin(self, baseline: Explanation) -> None:
@@ -275,16 +275,16 @@ class Engine:
         noisy = baseline.wandering()
         if not noisy.noise.any:
             return []
-        found = self._grown([self._state_of(noisy)])
+        states = self._grown([self._state_of(noisy)])
         single = [
-            one.explanation
-            for one in self._likeliest.values()
-            if len(one.explanation.own) == 1 and one.explanation.converged
+            item.explanation
+            for item in self._likeliest.values()
+            if len(item.explanation.own) == 1 and item.explanation.converged
         ]
-        if single and not found[0].explanation.own:
-            best = min(single, key=lambda one: one.cost).wandering()
-            found += self._grown([self._state_of(best)])
-        return [state for state in found if state.explanation.noise.any]
+        if single and not states[0].explanation.own:
+            best = min(single, key=lambda item: item.cost).wandering()
+            states += self._grown([self._state_of(best)])
+        return [state for state in states if state.explanation.noise.any]
 
     def _widened(self, baseline: Explanation, beam: list[SearchState]) -> list[SearchState]:
         """Search on with frequencies that stand out of the residual, with resonances at any
@@ -392,13 +392,13 @@ class Engine:
 
     def _singles(self, state: SearchState, kept: tuple[int, ...]) -> list[int]:
         """Candidates of the highest evidence beside those kept, one for each label."""
-        found: dict[str, int] = {}
+        result: dict[str, int] = {}
         for score in state.search.scores(kept):
-            if len(found) == SETTINGS.singles:
+            if len(result) == SETTINGS.singles:
                 break
             if state.search.pays(score):
-                found.setdefault(state.search.screen.traces[score.index].label, score.index)
-        return list(found.values())
+                result.setdefault(state.search.screen.traces[score.index].label, score.index)
+        return list(result.values())
 
     def _moved(self, move: _Move, best: SearchState) -> SearchState | None:
         """Fit a set; None where the machine cannot have it, or where the fit diverges from the
@@ -406,7 +406,7 @@ class Engine:
         state, explanation = move.state, move.state.explanation
         effects = guesses(explanation, state.candidates, state.search.screen, move.chosen)
         laws = _laws(state, move.chosen)
-        names = sorted([*(one.label for one in effects), *(law.label for law in laws)])
+        names = sorted([*(item.label for item in effects), *(law.label for law in laws)])
         self.say("fitting " + ", ".join(names))
         lead = best.explanation if best.explanation.noise.white > 0.0 else explanation
         there = fitted(lead, effects, laws)
@@ -430,7 +430,9 @@ class Engine:
         laws: Sequence[Law] = (),
     ) -> SearchState:
         candidates = tuple(
-            one for one in candidates or self.candidates if one.label not in self._barred
+            candidate
+            for candidate in candidates or self.candidates
+            if candidate.label not in self._barred
         )
         state = SearchState(explanation, candidates, tuple(laws))
         self._inflation = min(self._inflation, explanation.account.inflation)
@@ -565,18 +567,18 @@ class Engine:
 
     def _of_labels(self, labels: frozenset[str]) -> list[SearchState]:
         """The likeliest fits of a set, one for each kind of noise."""
-        return [one for (known, _), one in self._likeliest.items() if known == labels]
+        return [item for (known, _), item in self._likeliest.items() if known == labels]
 
     def others(self, state: SearchState) -> dict[frozenset[str], float]:
         """Scores of other sets relative to a state: of its subsets under any noise processes, of
         the rest under those of the state."""
         own, lowest = _labels(state.explanation), self._score(state)
-        found: dict[frozenset[str], float] = {}
-        for (labels, noise), one in self._likeliest.items():
+        result: dict[frozenset[str], float] = {}
+        for (labels, noise), item in self._likeliest.items():
             alike = labels < own or noise == _noise_of(state.explanation)
-            if alike and one.explanation.converged and np.isfinite(self._score(one)):
-                found[labels] = min(found.get(labels, np.inf), self._score(one) - lowest)
-        return found
+            if alike and item.explanation.converged and np.isfinite(self._score(item)):
+                result[labels] = min(result.get(labels, np.inf), self._score(item) - lowest)
+        return result
 
 
 def likeliest(baseline: Explanation, candidates: Sequence[Candidate]) -> Iterator[Explanation]:
@@ -586,9 +588,9 @@ def likeliest(baseline: Explanation, candidates: Sequence[Candidate]) -> Iterato
         : SETTINGS.singles
     ]
     for chosen in (search.best(), *((index,) for index in alone)):
-        found = fitted(baseline, guesses(baseline, candidates, search.screen, chosen))
-        if found is not None:
-            yield found
+        result = fitted(baseline, guesses(baseline, candidates, search.screen, chosen))
+        if result is not None:
+            yield result
 
 
 def _starts(baseline: Explanation) -> list[Explanation]:
@@ -632,7 +634,7 @@ def _kinds(state: SearchState, chosen: Sequence[int]) -> set[str]:
     parts = [
         *state.explanation.effects,
         *state.explanation.laws,
-        *(one.effect for one in state.candidates),
+        *(candidate.effect for candidate in state.candidates),
         *state.laws,
     ]
     return {part.name for part in (parts[i] for i in chosen) if isinstance(part, Effect)}

@@ -125,10 +125,10 @@ class SimulatedRun:
                 initial,
             )
             outcome = flight.fly(SimulatedClock(), [memory, metrics])
-        found = metrics.rows()
+        result = metrics.rows()
         if outcome.ended is not Ended.done:
             return None
-        if np.any(np.isfinite(found.get("wheel_saturated_at_s", np.nan))):
+        if np.any(np.isfinite(result.get("wheel_saturated_at_s", np.nan))):
             return None
         log = memory.recording()
         if "truth_attitude" in log and machine.base.kind != "hinge":
@@ -144,18 +144,18 @@ def excitations(platform: Platform, duration: float) -> list[SimulatedRun]:
         return []
     if platform.base.kind == "hinge":
         swings = [(angle, 0.0, 0.0) for angle in SWINGS]
-        return [SimulatedRun(platform, "free_float", duration, attitude=one) for one in swings]
-    found: list[SimulatedRun] = []
+        return [SimulatedRun(platform, "free_float", duration, attitude=swing) for swing in swings]
+    runs: list[SimulatedRun] = []
     tracker = _first_able(TRACKERS, platform)
     balancer = _first_able(BALANCERS, platform)
     if tracker:
-        found += [SimulatedRun(platform, tracker, duration, motion) for motion in MOTIONS]
+        runs += [SimulatedRun(platform, tracker, duration, motion) for motion in MOTIONS]
     elif balancer:
-        found.append(SimulatedRun(platform, balancer, duration, attitude=TILTED))
+        runs.append(SimulatedRun(platform, balancer, duration, attitude=TILTED))
     free = SimulatedRun(platform, "free_float", duration, attitude=TILTED, rate=SPINNING)
-    found.append(free)
-    found += [replace(free, platform=other) for other in _other_fields(platform)]
-    return found
+    runs.append(free)
+    runs += [replace(free, platform=other) for other in _other_fields(platform)]
+    return runs
 
 
 def _first_able(laws: tuple[str, ...], platform: Platform) -> str:
@@ -235,7 +235,7 @@ def next_experiment(
     platform: Platform,
     explanation: Explanation,
     causes: Sequence[Cause],
-    asked: Sequence[Candidate],
+    candidates: Sequence[Candidate],
     say: Say,
 ) -> Experiment | None:
     """The experiment that splits the ties best, by the cause that stays nearest.
@@ -244,7 +244,7 @@ def next_experiment(
         platform: the machine as stated.
         now: what explains the logs.
         causes: of it, with their ties.
-        asked: what stands for a tied cause.
+        candidates: what stands for a tied cause.
         say: told what is being simulated.
 
     Returns:
@@ -258,8 +258,8 @@ def next_experiment(
     tied = {label for labels in ties.values() for label in labels}
     if not tied or explanation.laws or not explanation.follows:
         return None
-    rivals = [one for one in asked if one.label in tied]
-    traces = [*explanation.traces, *(one.trace for one in rivals)]
+    rivals = [item for item in candidates if item.label in tied]
+    traces = [*explanation.traces, *(rival.trace for rival in rivals)]
     log = sensitivity(explanation, rivals)
     length = max(body.recording.stop - body.recording.start for body in explanation.bodies)
     best: tuple[SimulatedRun, Mapping[str, float]] | None = None
@@ -298,7 +298,7 @@ def behind(
     search = Search(LinearScreen(residual, _base(logs), causes, traces), range(len(traces)))
     labels = [trace.label for trace in traces]
     own = tuple(labels.index(label) for label in ties)
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for index, rivals in zip(own, ties.values(), strict=True):
         rest = tuple(other for other in own if other != index)
         # of a rival that no log shows, all that the cause explains is left
@@ -308,8 +308,8 @@ def behind(
                 near = min(evidence, nearest[labels[other]])
                 nearest[labels[other]] = max(near, 0.0)
         for label, size in nearest.items():
-            found[label] = min(size, found.get(label, np.inf))
-    return found
+            result[label] = min(size, result.get(label, np.inf))
+    return result
 
 
 def _base(logs: Sequence[ExperimentSensitivity]) -> Array:
@@ -327,7 +327,7 @@ def _base(logs: Sequence[ExperimentSensitivity]) -> Array:
 
 def sensitivity(explanation: Explanation, rivals: Sequence[Candidate]) -> ExperimentSensitivity:
     """Of an explanation's logs, to its own causes and to rivals, in as few rows as tell it."""
-    parts = [part for one in rivals for part in one.perturbations]
+    parts = [part for rival in rivals for part in rival.perturbations]
     columns = explanation.rows_with(parts).columns
     small = np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
     p, causes = len(explanation.at.theta), len(explanation.amplitudes) + len(parts)
@@ -353,8 +353,8 @@ def _foretold(
     parts = [
         part
         for effect, free in zip(explanation.effects, explanation.free, strict=True)
-        for part, one in zip(perturbations_of(effect, platform), free.tolist(), strict=True)
-        if one
+        for part, item in zip(perturbations_of(effect, platform), free.tolist(), strict=True)
+        if item
     ]
     size = [
         strengths_of(effect)[free]
@@ -368,8 +368,8 @@ def _foretold(
     there = replace(
         explanation, bodies=(body,), problem=problem, prediction=problem.innovations(start, noise)
     )
-    same = [candidate(one.effect, platform) for one in rivals]
-    if [len(one.perturbations) for one in same] != [len(one.perturbations) for one in rivals]:
+    same = [candidate(rival.effect, platform) for rival in rivals]
+    if [len(item.perturbations) for item in same] != [len(rival.perturbations) for rival in rivals]:
         return None
     return sensitivity(there, same)
 
@@ -377,7 +377,7 @@ def _foretold(
 def _as_found(platform: Platform, explanation: Explanation) -> Platform:
     """A machine with base, causes and noise as the logs have them."""
     xx, yy, zz, xy, xz, yz, *offset = explanation.base.entries(explanation.at.theta).tolist()
-    found = replace(
+    result = replace(
         platform,
         inertia=np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
         center_of_mass_offset=np.array(offset),
@@ -387,8 +387,8 @@ def _as_found(platform: Platform, explanation: Explanation) -> Platform:
         },
     )
     for effect in explanation.effects:
-        found = able(found, effect)
-    return with_effects(found, explanation.effects)
+        result = able(result, effect)
+    return with_effects(result, explanation.effects)
 
 
 def _as_measured(sensor: Sensor, bodies: Sequence[Body], fastest: float) -> Sensor:

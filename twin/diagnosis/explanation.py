@@ -197,15 +197,15 @@ def whole(
         layout: of both.
     """
     first = layout.own.start
-    found = columns[:, first:].copy()
+    result = columns[:, first:].copy()
     places = zip(effects, free, layout.of_hidden, layout.of_free, strict=True)
     for effect, ones, beside, own in places:
         sizes = np.where(amplitudes(effect)[ones], np.abs(strengths[own]), 0.0)
         if beside.stop > beside.start and sizes.any():
             most = own.start + int(np.argmax(sizes))
             share = strengths[beside] / strengths[most]
-            found[:, most - first] += columns[:, beside] @ share
-    return found
+            result[:, most - first] += columns[:, beside] @ share
+    return result
 
 
 def farthest(
@@ -254,9 +254,9 @@ def determined(
         return tuple(free)
     problem = Problem(bodies, base, [part for parts in every for part in parts])
     strengths = np.concatenate([np.zeros(0), *(strengths_of(effect) for effect in effects)])
-    now = problem.innovations(replace(start, strengths=strengths))
-    whole = np.linalg.norm(now.columns, axis=0)
-    columns = now.columns / np.maximum(whole, 1e-300)
+    innovations = problem.innovations(replace(start, strengths=strengths))
+    whole = np.linalg.norm(innovations.columns, axis=0)
+    columns = innovations.columns / np.maximum(whole, 1e-300)
     kept = columns.shape[1] - len(strengths)
     reach = [high - low for low, high in (effect.bounds() for effect in effects)]
     felt = whole[kept:] > SLIGHT / np.concatenate([np.zeros(0), *reach])
@@ -327,13 +327,15 @@ class Explanation:
         """(u, u) of base, biases and strengths."""
         return self.rows.covariance
 
-    def _rows(self, now: Innovations | IndependentSegments) -> WhitenedRows:
-        if isinstance(now, Innovations):
-            return WhitenedRows(now.residual, now.columns, now.cluster)
+    def _rows(self, innovations: Innovations | IndependentSegments) -> WhitenedRows:
+        if isinstance(innovations, Innovations):
+            return WhitenedRows(innovations.residual, innovations.columns, innovations.cluster)
         # a segment weighs by its own scatter, and less where its residual is correlated
-        weights = now.weights / self.account.inflation
-        root = np.sqrt(np.where(now.cluster >= 0, weights[now.cluster], 1.0))
-        return WhitenedRows(now.residual * root, now.columns * root[:, None], now.cluster)
+        weights = innovations.weights / self.account.inflation
+        root = np.sqrt(np.where(innovations.cluster >= 0, weights[innovations.cluster], 1.0))
+        return WhitenedRows(
+            innovations.residual * root, innovations.columns * root[:, None], innovations.cluster
+        )
 
     @property
     def layout(self) -> StrengthLayout:
@@ -354,17 +356,17 @@ class Explanation:
         """Fit other effects and laws, starting here."""
         # a white torque only serves to start a fit
         noise = EXACT if self.noise.white > 0.0 else self.noise
-        found = explain(
+        explanation = explain(
             self.following, self.base, effects, self.at, laws, follows=self.follows, noise=noise
         )
         if noise.any:
-            found = found.wandering()
+            explanation = explanation.wandering()
         follow = isinstance(self.prediction, Innovations) and isinstance(
-            found.prediction, Innovations
+            explanation.prediction, Innovations
         )
-        if follow and abs(self.cost - found.cost) < NEAR * self.samples:
-            found._formed.update(self._formed)
-        return found
+        if follow and abs(self.cost - explanation.cost) < NEAR * self.samples:
+            explanation._formed.update(self._formed)
+        return explanation
 
     @property
     def noise(self) -> NoiseProcess:
@@ -377,9 +379,9 @@ class Explanation:
         noise = likely_noise(self.problem, self.prediction, self.noise)
         if noise == self.noise:
             return self
-        found = self._refitted(fit(self.problem, self.at, noise))
-        found._formed.update(self._formed)  # along nearly the same path
-        return found
+        explanation = self._refitted(fit(self.problem, self.at, noise))
+        explanation._formed.update(self._formed)  # along nearly the same path
+        return explanation
 
     def disturbed(self) -> "Explanation":
         """The same model under a white torque of the likeliest intensity, which lets the motion
@@ -442,19 +444,19 @@ class Explanation:
 
     def screen(self, candidates: Sequence[Candidate]) -> LinearScreen:
         """Linear screen of its own effects and laws, then of candidates."""
-        parts = [self.sized(one) for one in candidates]
-        return self.weigh(parts, [one.trace for one in candidates])
+        parts = [self.sized(candidate) for candidate in candidates]
+        return self.weigh(parts, [candidate.trace for candidate in candidates])
 
-    def sized(self, one: Candidate) -> tuple[Perturbation, ...]:
+    def sized(self, candidate: Candidate) -> tuple[Perturbation, ...]:
         """Perturbations of a candidate; of an effect that depends on the path it causes, at the
         size of its linear estimate."""
-        parts, before = one.perturbations, np.zeros(len(one.perturbations))
+        parts, before = candidate.perturbations, np.zeros(len(candidate.perturbations))
         if not any(part.laws for part in parts):
             return parts
         for _ in range(SIZED):
             rows = self.rows_with(parts)
-            found = np.linalg.lstsq(rows.columns, -rows.residual, rcond=None)[0][-len(parts) :]
-            size = np.clip(found, one.low, one.high)
+            result = np.linalg.lstsq(rows.columns, -rows.residual, rcond=None)[0][-len(parts) :]
+            size = np.clip(result, candidate.low, candidate.high)
             if np.all(np.abs(size - before) <= ALIKE * np.abs(size)):
                 break
             parts = tuple(replace(p, size=s) for p, s in zip(parts, size.tolist(), strict=True))
@@ -486,9 +488,9 @@ class Explanation:
         for place, rest in zip(rests, now.columns[:, end:].T, strict=True):
             own[:, place] += rest / strengths[place]
         columns = np.column_stack([own, now.columns[:, edge:end]])
-        left = WhitenedRows(now.residual - own @ strengths, now.columns[:, :first], now.cluster)
+        rows = WhitenedRows(now.residual - own @ strengths, now.columns[:, :first], now.cluster)
         placed = replace(layout, rests=0)
-        return left, whole(self.effects, self.free, columns, strengths, placed)
+        return rows, whole(self.effects, self.free, columns, strengths, placed)
 
     def _rests(self, count: int) -> dict[int, Perturbation]:
         """Of the last perturbations, forces that do not depend on the strength, by place."""
@@ -513,11 +515,11 @@ class Explanation:
     def _rows_of(
         self, exact: Sequence[Exact], perturbations: Sequence[Perturbation]
     ) -> WhitenedRows:
-        new = [one for one in perturbations if one not in self._formed]
+        new = [perturbation for perturbation in perturbations if perturbation not in self._formed]
         self._formed.update(
             zip(new, formed(self.following, self.prediction.exact, new), strict=True)
         )
-        exact = with_formed(exact, [self._formed[one] for one in perturbations])
+        exact = with_formed(exact, [self._formed[perturbation] for perturbation in perturbations])
         if isinstance(self.prediction, Innovations):
             return self._rows(self.problem.whiten(self.at, exact, self.prediction.noise))
         return self._rows(independent_segments(self.problem, self.at, exact))
@@ -532,8 +534,8 @@ class Explanation:
         if not self.own:
             return self.prediction.exact
         return tuple(
-            body.without(self.base, one, self.problem.push(log, self.at, stated=False))
-            for log, (body, one) in enumerate(zip(self.bodies, self.prediction.exact, strict=True))
+            body.without(self.base, item, self.problem.push(log, self.at, stated=False))
+            for log, (body, item) in enumerate(zip(self.bodies, self.prediction.exact, strict=True))
         )
 
     @cached_property
@@ -659,9 +661,9 @@ def _explained(
     return now, _far(formed_at, now) if effects else 0.0
 
 
-def _far(formed_at: Sequence[Effect], now: Explanation) -> float:
+def _far(formed_at: Sequence[Effect], explanation: Explanation) -> float:
     """Distance of effects from where their columns were formed, in standard deviations."""
-    return farthest(formed_at, now.effects, now.free, now.covariances)
+    return farthest(formed_at, explanation.effects, explanation.free, explanation.covariances)
 
 
 def _fitted(
@@ -685,9 +687,9 @@ def _fitted(
     hidden = unseen(effects, free, most)
     rests = [part for effect in effects for part in references_of(effect, bodies)]
     blurred = [
-        replace(part, spread=size * one)
+        replace(part, spread=size * item)
         for effect, parts, away, size in zip(effects, every, hidden, most, strict=True)
-        for part, one in compress(zip(parts, usual(effect).tolist(), strict=False), away)
+        for part, item in compress(zip(parts, usual(effect).tolist(), strict=False), away)
     ]
     own = [part for parts, ones in zip(every, free, strict=True) for part in compress(parts, ones)]
     problem = Problem(bodies, base, [*rests, *blurred, *own, *(law.perturbation for law in laws)])
@@ -700,8 +702,8 @@ def _fitted(
     strengths = np.concatenate([stays[: layout.rests], *first, stays[layout.of_laws]])
     at = replace(start, strengths=strengths)
     if follows:
-        found = fit(problem, at, noise)
-        now, converged = found.innovations, found.converged
+        result = fit(problem, at, noise)
+        now, converged = result.innovations, result.converged
     else:
         now, converged = fit_independent_segments(problem, at), True
     parts = [*layout.of_hidden, *layout.of_free]
@@ -745,35 +747,41 @@ def _turn_of(effect: Effect) -> NDArray[np.bool_]:
     """(p,) which components are a vector of angles."""
     known = effect.parameters()
     return np.concatenate(
-        [np.full(one.size, one.unit == "rad" and one.size == 3 and one.amplitude) for one in known]
+        [
+            np.full(item.size, item.unit == "rad" and item.size == 3 and item.amplitude)
+            for item in known
+        ]
     )
 
 
 def guesses(
-    now: Explanation, asked: Sequence[Candidate], screen: LinearScreen, chosen: tuple[int, ...]
+    explanation: Explanation,
+    candidates: Sequence[Candidate],
+    screen: LinearScreen,
+    chosen: tuple[int, ...],
 ) -> list[Effect]:
     """The chosen effects, new ones at their linear estimates; without laws."""
-    found: list[Effect] = []
-    for index, own in zip(chosen, screen.weigh(chosen).strengths, strict=True):
-        if index < len(now.effects):
-            found.append(now.effects[index])
-        elif len(now.own) <= index < len(now.own) + len(asked):
-            effect = asked[index - len(now.own)].effect
+    effects: list[Effect] = []
+    for index, strength in zip(chosen, screen.weigh(chosen).strengths, strict=True):
+        if index < len(explanation.effects):
+            effects.append(explanation.effects[index])
+        elif len(explanation.own) <= index < len(explanation.own) + len(candidates):
+            effect = candidates[index - len(explanation.own)].effect
             strengths = strengths_of(effect)
-            strengths[amplitudes(effect)] = own
-            found.append(with_strengths(effect, strengths))
-    return found
+            strengths[amplitudes(effect)] = strength
+            effects.append(with_strengths(effect, strengths))
+    return effects
 
 
 def fitted(
-    now: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
+    explanation: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
 ) -> Explanation | None:
     """Fit other effects and laws from several starts; None where the machine cannot have them."""
     best: Explanation | None = None
-    for start in starts(effects, now.effects, now.bodies[0].machine.platform):
+    for start in starts(effects, explanation.effects, explanation.bodies[0].machine.platform):
         with suppress(TwinError):
-            found = now.instead(start, laws)
-            best = found if best is None or found.cost < best.cost - ELSEWHERE else best
+            result = explanation.instead(start, laws)
+            best = result if best is None or result.cost < best.cost - ELSEWHERE else best
         # of a large set, one start is enough
         if best is not None and len(effects) > CROWD:
             break
@@ -781,13 +789,13 @@ def fitted(
 
 
 def followed(
-    now: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
+    explanation: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
 ) -> Explanation | None:
     """The same; None also where the fit diverges."""
-    found = fitted(now, effects, laws)
-    return None if found is None or astray(now, found) else found
+    result = fitted(explanation, effects, laws)
+    return None if result is None or astray(explanation, result) else result
 
 
-def astray(now: Explanation, tried: Explanation) -> bool:
+def astray(explanation: Explanation, tried: Explanation) -> bool:
     """Whether a fit diverges from the logs, compared with the one it starts from."""
-    return now.follows and not tried.cost < now.cost + ASTRAY * now.samples
+    return explanation.follows and not tried.cost < explanation.cost + ASTRAY * explanation.samples

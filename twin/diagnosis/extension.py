@@ -192,7 +192,7 @@ def _leans(needed: set[str]) -> bool:
 def _quantities(needed: Sequence[str], platform: Platform) -> list[str]:
     """Lines that take them from a state."""
     wheels = [wheel.name for wheel in platform.wheels]
-    found: list[str] = []
+    result: list[str] = []
     for name in needed:
         kind, _, part = name.partition("_")
         if name == "time":
@@ -204,8 +204,8 @@ def _quantities(needed: Sequence[str], platform: Platform) -> list[str]:
         else:
             source = "position" if kind == "angle" else "rate"
             value = f"state.{source}[:, {'xyz'.index(part) if part else 0}]"
-        found.append(f"            {_variable(name)} = {value}")
-    return found
+        result.append(f"            {_variable(name)} = {value}")
+    return result
 
 
 def _variable(name: str) -> str:
@@ -239,7 +239,7 @@ def validate(diagnosis: Diagnosis, recording: Recording) -> Validation:
     used = usable(recording, diagnosis.platform)
     log, conventions = read_rightly(longest_of(used), diagnosis.platform)
     before, after = (
-        _held(one, log, diagnosis.platform) for one in (diagnosis.baseline, diagnosis.explained)
+        _held(item, log, diagnosis.platform) for item in (diagnosis.baseline, diagnosis.explained)
     )
     samples = before.bodies[0].samples
     return Validation(
@@ -253,40 +253,40 @@ def validate(diagnosis: Diagnosis, recording: Recording) -> Validation:
     )
 
 
-def _chi2(found: Explanation) -> float:
+def _chi2(explanation: Explanation) -> float:
     """Of what is left, in units of the noise."""
-    left = [values for log in found.account.left for values in log]
+    left = [values for log in explanation.account.left for values in log]
     return sum(float(np.sum(np.square(values))) for values in left)
 
 
-def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation:
+def _held(explanation: Explanation, log: Recording, platform: Platform) -> Explanation:
     """An explanation on another log."""
     body = body_of(predicted_machine(platform), log, motion_of(log, platform))
-    parts = [perturbations_of(effect, platform) for effect in found.effects]
+    parts = [perturbations_of(effect, platform) for effect in explanation.effects]
     more = [part for effect in parts for part in effect]
-    more += [law.perturbation for law in found.laws]
-    strengths = [strengths_of(effect) for effect in found.effects]
-    laws = found.at.strengths[found.layout.of_laws]
-    problem = _posed(found, body, more)
+    more += [law.perturbation for law in explanation.laws]
+    strengths = [strengths_of(effect) for effect in explanation.effects]
+    laws = explanation.at.strengths[explanation.layout.of_laws]
+    problem = _posed(explanation, body, more)
     rests = np.zeros(len(problem.perturbations) - len(more))
     start = problem.start(
-        found.at.theta, [first_biases(body)], np.concatenate([rests, *strengths, laws])
+        explanation.at.theta, [first_biases(body)], np.concatenate([rests, *strengths, laws])
     )
-    if found.follows:
+    if explanation.follows:
         first = fit(problem, start)
         # once more along the motion that it gives the log, free of the sensors' noise
         body = retraced(problem, first.innovations, 0)
-        problem = _posed(found, body, more)
+        problem = _posed(explanation, body, more)
         second = fit(problem, first.at)
         now, converged = second.innovations, second.converged
     else:
         now, converged = fit_independent_segments(problem, start), True
     return Explanation(
         (body,),
-        found.base,
-        found.effects,
+        explanation.base,
+        explanation.effects,
         tuple(np.ones(len(effect), dtype=bool) for effect in parts),
-        found.laws,
+        explanation.laws,
         problem,
         now,
         converged,
@@ -294,10 +294,10 @@ def _held(found: Explanation, log: Recording, platform: Platform) -> Explanation
     )
 
 
-def _posed(found: Explanation, body: Body, more: Sequence[Perturbation]) -> Problem:
+def _posed(explanation: Explanation, body: Body, more: Sequence[Perturbation]) -> Problem:
     """What was found is held; where this log's springs rest is not."""
-    rests = [part for effect in found.effects for part in references_of(effect, [body])]
-    return Problem([body], found.base, [*rests, *more], held=True, strengths_held=True)
+    rests = [part for effect in explanation.effects for part in references_of(effect, [body])]
+    return Problem([body], explanation.base, [*rests, *more], held=True, strengths_held=True)
 
 
 def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
@@ -329,17 +329,17 @@ def extend(diagnosis: Diagnosis, folder: Path) -> Platform:
 
 
 def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
-    platform, found = diagnosis.platform, diagnosis.explained
+    platform, result = diagnosis.platform, diagnosis.explained
     left_out = shutil.ignore_patterns("logs", "*.rrd")
     shutil.copytree(platform.folder, folder, ignore=left_out, dirs_exist_ok=True)
     path = folder / "platform.toml"
     document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
     _flatten(document, platform)
-    entries = _about_origin(found.base.entries(found.at.theta), platform).tolist()
+    entries = _about_origin(result.base.entries(result.at.theta), platform).tolist()
     logs = ", ".join(dict.fromkeys(Path(log.source).name for log in diagnosis.recordings))
     _state_surroundings(document, diagnosis, logs)
     base = document["mass_properties"]
-    half = _half_widths(found)
+    half = _half_widths(result)
     for key, own in (("inertia", slice(0, 6)), ("center_of_mass_offset", slice(6, 9))):
         base[key] = [_rounded(value) for value in entries[own]]
         ends = ", ".join(f"{value:.2g}" for value in half[own])
@@ -359,7 +359,7 @@ def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
         write_laws(diagnosis.equation, platform, folder)
     extended = load_platform(str(folder))
     give_inertial(extended.model_path, extended.base.body, compile_model(extended).model)
-    give_joints(extended.model_path, found.base, found.at.theta)
+    give_joints(extended.model_path, result.base, result.at.theta)
     return with_effects(extended, own_causes(diagnosis))
 
 
@@ -386,8 +386,8 @@ def _state_surroundings(document: Any, diagnosis: Diagnosis, logs: str) -> None:
     fields leave that of the platform."""
     surroundings = [log.provenance.get("environment") or {} for log in diagnosis.recordings]
     for key in ("gravity", "magnetic_field"):
-        stated = [one[key] for one in surroundings if key in one]
-        if not stated or any(one != stated[0] for one in stated):
+        stated = [surrounding[key] for surrounding in surroundings if key in surrounding]
+        if not stated or any(item != stated[0] for item in stated):
             continue
         environment = document.setdefault("environment", tomlkit.table())
         environment[key] = stated[0]
@@ -411,11 +411,11 @@ def _introduce(readme: Path, diagnosis: Diagnosis, logs: str) -> None:
     readme.write_text("\n".join(said) + "\n" + before, encoding="utf-8")
 
 
-def _half_widths(found: Explanation) -> Array:
+def _half_widths(explanation: Explanation) -> Array:
     """(9,) of the 95 % intervals of J and m r."""
-    to_entries = found.base.map
+    to_entries = explanation.base.map
     fitted = to_entries.shape[1]
-    spread = to_entries @ found.covariance[:fitted, :fitted] @ to_entries.T
+    spread = to_entries @ explanation.covariance[:fitted, :fitted] @ to_entries.T
     return NORMAL * np.sqrt(np.maximum(np.diag(spread), 0.0))
 
 
@@ -456,17 +456,17 @@ def _inertial_of(body: str, content: bytes) -> int | None:
     """Where a body's own <inertial> begins; None where it has none in this file."""
     reader = expat.ParserCreate()
     path: list[str] = []
-    found: list[int] = []
+    result: list[int] = []
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         if tag == "inertial" and path[-1:] == [body]:
-            found.append(reader.CurrentByteIndex)
+            result.append(reader.CurrentByteIndex)
         path.append(attributes.get("name", "") if tag == "body" else tag)
 
     reader.StartElementHandler = begin
     reader.EndElementHandler = lambda _: path.pop()
     reader.Parse(content, True)
-    return found[0] if found else None
+    return result[0] if result else None
 
 
 def give_joints(path: Path, base: BaseParameters, theta: Array) -> None:
@@ -529,7 +529,7 @@ def state_effect(effects: Any, effect: Effect, half_widths: Array, logs: str) ->
     for known in effect.parameters():
         table[known.name] = _as_toml(getattr(effect, known.name))
         half, half_widths = half_widths[: known.size], half_widths[known.size :]
-        ends = ", ".join("not told" if np.isnan(one) else f"{one:.2g}" for one in half)
+        ends = ", ".join("not told" if np.isnan(item) else f"{item:.2g}" for item in half)
         unit = "" if known.unit == "1" else f"{known.unit}; "
         table[known.name].comment(f"{unit}fitted to {logs}; 95 %: +- {ends}")
     for setting in effect.settings():
@@ -543,7 +543,7 @@ def state_effect(effects: Any, effect: Effect, half_widths: Array, logs: str) ->
 
 def _as_toml(value: Any) -> Any:
     if isinstance(value, tuple | np.ndarray):
-        return [_as_toml(one) for one in value]
+        return [_as_toml(item) for item in value]
     return float(value) if isinstance(value, float) else value
 
 

@@ -81,14 +81,14 @@ def torque_laws(bodies: Sequence[Body]) -> Iterator[Law]:
     if hinge:
         products += [("rate", "rate", "rate"), ("angle", "angle", "angle")]
     # the squares of the vertical's components add up to 1
-    products = [one for one in products if one != ("up_z", "up_z")]
+    products = [item for item in products if item != ("up_z", "up_z")]
     for index, axis in enumerate(axes):
         yield from (_torque_law(axis, index, product, shown.units) for product in products)
 
 
 def _torque_law(axis: str, index: int, factors: tuple[str, ...], units: dict[str, str]) -> Law:
     below = [units[name] for name in factors if units[name]]
-    unit = " ".join(["N m", *(f"({one})^-1" for one in below)])
+    unit = " ".join(["N m", *(f"({item})^-1" for item in below)])
 
     def force(body: Body) -> Array:
         shown = _quantities(body).values
@@ -111,17 +111,19 @@ def _quantities(body: Body) -> Quantities:
     along = as_measured(body, body.inputs)
     position, rate = along.position[:, machine.base_qpos], along.velocity[:, machine.base_dof]
     times = middles(body)
-    found = {"time": (times - times[0], "s")}
+    result = {"time": (times - times[0], "s")}
     if position.shape[1] == 1:
-        found["angle"] = (position[:, 0], "rad")
-        found["rate"] = (rate[:, 0], "rad/s")
+        result["angle"] = (position[:, 0], "rad")
+        result["rate"] = (rate[:, 0], "rad/s")
     else:
         up = rotation.vertical_body(position)
-        found |= {f"rate_{name}": (rate[:, i], "rad/s") for i, name in enumerate(_XYZ)}
-        found |= {f"up_{name}": (up[:, i], "") for i, name in enumerate(_XYZ)}
+        result |= {f"rate_{name}": (rate[:, i], "rad/s") for i, name in enumerate(_XYZ)}
+        result |= {f"up_{name}": (up[:, i], "") for i, name in enumerate(_XYZ)}
     for wheel, dof in zip(machine.platform.wheels, machine.wheel_dof, strict=True):
-        found[f"speed_{wheel.name}"] = (along.velocity[:, dof], "rad/s")
-    return Quantities({k: v for k, (v, _) in found.items()}, {k: u for k, (_, u) in found.items()})
+        result[f"speed_{wheel.name}"] = (along.velocity[:, dof], "rad/s")
+    return Quantities(
+        {k: v for k, (v, _) in result.items()}, {k: u for k, (_, u) in result.items()}
+    )
 
 
 def sensor_laws(bodies: Sequence[Body]) -> Iterator[Law]:
@@ -153,9 +155,9 @@ def _sensor_law(output: Output, index: int, factors: tuple[str, ...], units: dic
 
     def error(measured: Output, truth: Array) -> Array:
         time = np.broadcast_to(measured.time - measured.time[0], truth.shape[:2])
-        found = np.zeros((len(truth), *measured.slot.shape))
-        found[..., index] = product_of(shown_by(stream, columns, time, truth), factors)
-        return found
+        result = np.zeros((len(truth), *measured.slot.shape))
+        result[..., index] = product_of(shown_by(stream, columns, time, truth), factors)
+        return result
 
     name = f"{stream}_{columns[index]} ~ {' '.join(factors) or '1'}"
     return Law(

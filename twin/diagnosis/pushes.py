@@ -125,17 +125,17 @@ def _parts(
     pushes: Sequence[PushInterval], logs: Sequence[Recording]
 ) -> list[tuple[int, Recording]]:
     """Each part with the number of its log."""
-    found: list[tuple[int, Recording]] = []
+    result: list[tuple[int, Recording]] = []
     for log, recording in enumerate(logs):
         own = [push for push in pushes if push.log == log]
         starts = [recording.start, *(push.stop for push in own)]
         stops = [*(push.start for push in own), recording.stop]
-        found += [
+        result += [
             (log, part_of(recording, start, stop) if own else recording)
             for start, stop in zip(starts, stops, strict=True)
             if stop - start >= SHORTEST or not own
         ]
-    return found
+    return result
 
 
 def _looks(
@@ -149,7 +149,7 @@ def _looks(
         (log, part, part.start + 0.5 * body.grid.length)
         for (log, part), body in zip(parts, segments.bodies, strict=True)
     ]
-    later = [one for one in later if one[1].stop - one[2] >= SHORTEST]
+    later = [item for item in later if item[1].stop - item[2] >= SHORTEST]
     if later:
         cut = [part_of(part, start, part.stop) for _, part, start in later]
         with suppress(TwinError):  # too little is left for a second look
@@ -253,11 +253,11 @@ def _left(squares: Array) -> Array:
 
 def _merged(pushes: list[PushInterval]) -> list[PushInterval]:
     """Pushes with those that overlap, or nearly so, joined."""
-    found: list[PushInterval] = []
-    for push in sorted(pushes, key=lambda one: (one.log, one.start)):
-        last = found[-1] if found else None
+    intervals: list[PushInterval] = []
+    for push in sorted(pushes, key=lambda item: (item.log, item.start)):
+        last = intervals[-1] if intervals else None
         if last and last.log == push.log and push.start <= last.stop + NEAR:
-            found[-1] = replace(last, stop=max(last.stop, push.stop))
+            intervals[-1] = replace(last, stop=max(last.stop, push.stop))
         else:
-            found.append(push)
-    return found
+            intervals.append(push)
+    return intervals

@@ -67,13 +67,13 @@ class ResidualTest:
         return self.chance < DOUBTFUL
 
 
-def residual_test(found: Explanation) -> ResidualTest:
+def residual_test(explanation: Explanation) -> ResidualTest:
     """Test the residual of an explanation."""
-    pieces = [piece for body in found.bodies for piece in torque_pieces_of(body)]
-    own = len(found.own)
-    screen = beside(found, pieces)
-    gain, freedom = screen.beyond(found.own, range(own, own + len(pieces)))
-    parts = found.account.misfits
+    pieces = [piece for body in explanation.bodies for piece in torque_pieces_of(body)]
+    own = len(explanation.own)
+    screen = beside(explanation, pieces)
+    gain, freedom = screen.beyond(explanation.own, range(own, own + len(pieces)))
+    parts = explanation.account.misfits
     worst = max(parts, key=lambda part: part.sigmas)
     single = float(norm.sf(worst.sigmas))
     return ResidualTest(
@@ -86,11 +86,11 @@ def residual_test(found: Explanation) -> ResidualTest:
     )
 
 
-def beside(found: Explanation, pieces: Sequence[Perturbation]) -> LinearScreen:
+def beside(explanation: Explanation, pieces: Sequence[Perturbation]) -> LinearScreen:
     """Linear screen of an explanation's own causes, then of basis functions of any size."""
     free = np.full(1, np.inf)
     traces = [Trace(piece.name, -free, free) for piece in pieces]
-    return found.weigh([(piece,) for piece in pieces], traces)
+    return explanation.weigh([(piece,) for piece in pieces], traces)
 
 
 def knots_of(body: Body) -> Array:
@@ -119,11 +119,11 @@ def _piece(own: Body, knots: Array, place: int, dof: int) -> Perturbation:
     return Perturbation(f"piece {place} of {dof}", "N m", force=force)
 
 
-def lines_of(found: Explanation) -> tuple[float, ...]:
+def lines_of(explanation: Explanation) -> tuple[float, ...]:
     """The strongest significant spectral lines of the residual [Hz], over all streams of all
     logs."""
     lines: list[tuple[float, float, Array, float]] = []
-    for body, parts in zip(found.bodies, found.account.left, strict=True):
+    for body, parts in zip(explanation.bodies, explanation.account.left, strict=True):
         for output, values in zip(body.outputs, parts, strict=True):
             # the residual of a counter is periodic with its command
             if len(values) < 8 or not output.scatters:
@@ -139,7 +139,7 @@ def lines_of(found: Explanation) -> tuple[float, ...]:
             lines += [
                 (float(heights[i]) / limit, float(frequency[1 + i]), values, rate) for i in out
             ]
-    span = min(body.grid.length * body.grid.segments for body in found.bodies)
+    span = min(body.grid.length * body.grid.segments for body in explanation.bodies)
     chosen: list[float] = []
     for _, hertz, values, rate in sorted(lines, key=lambda line: -line[0]):
         if len(chosen) == LINES:
@@ -149,18 +149,18 @@ def lines_of(found: Explanation) -> tuple[float, ...]:
     return tuple(chosen)
 
 
-def slow_line_of(found: Explanation) -> tuple[float, ...]:
+def slow_line_of(explanation: Explanation) -> tuple[float, ...]:
     """Frequency of the periodic torque of the largest gain [Hz], if it is significant.
 
     The state at the start of each segment is free, so that a torque slower than a segment leaves no
     line in the residual. Its gain follows from that of the basis functions.
     """
     best, asked = (0.0, 0.0), 0
-    for body in found.bodies:
+    for body in explanation.bodies:
         pieces, knots = torque_pieces_of(body), knots_of(body)
-        screen, own = beside(found, pieces), len(found.own)
+        screen, own = beside(explanation, pieces), len(explanation.own)
         kept = np.stack([screen.signature(own + i, np.ones(1)) for i in range(len(pieces))])
-        left, span = screen.left(found.own), knots[-1] - knots[0]
+        left, span = screen.left(explanation.own), knots[-1] - knots[0]
         for hertz in np.arange(1.0, 0.5 * (len(knots) - 1), SPACING) / span:
             turns = 2.0 * np.pi * hertz * (knots - knots[0])
             followed = np.stack([np.sin(turns), np.cos(turns)]) @ kept.reshape(
@@ -198,14 +198,14 @@ class HeldOut:
     """Bounds of the 95 % band of a true model."""
 
 
-def held_out(found: Explanation) -> HeldOut:
+def held_out(result: Explanation) -> HeldOut:
     """Predict each block of segments from a fit of the others, with and without the causes."""
-    explanation, (bare, _) = found.rows, found.without()
-    cut = [body.grid.segments > 1 for body in found.bodies]
-    bodies = list(compress(found.bodies, cut))
-    block = np.concatenate([_blocks(body.grid.segments) for body in found.bodies])
+    explanation, (bare, _) = result.rows, result.without()
+    cut = [body.grid.segments > 1 for body in result.bodies]
+    bodies = list(compress(result.bodies, cut))
+    block = np.concatenate([_blocks(body.grid.segments) for body in result.bodies])
     (before, open_before), (after, open_after) = (
-        _missed(block, one) for one in (bare, explanation)
+        _missed(block, item) for item in (bare, explanation)
     )
     samples = sum(body.samples for body in bodies)
     spread = sum(
@@ -217,7 +217,7 @@ def held_out(found: Explanation) -> HeldOut:
         if output.scatters
     )
     half = NORMAL * float(np.sqrt(spread)) / samples if samples else np.nan
-    states = sum(start.width for start in compress(found.at.starts, cut))
+    states = sum(start.width for start in compress(result.at.starts, cut))
     free = max(samples - states, 1)
     return HeldOut(
         0.5 * (before + open_before - after - open_after),

@@ -175,9 +175,9 @@ class LinearScreen:
         key = frozenset(chosen)
         if key not in self._known:
             self._known[key] = self._weigh(sorted(key))
-        found = self._known[key]
+        result = self._known[key]
         place = {index: i for i, index in enumerate(sorted(key))}
-        return Weighed(found.gain, tuple(found.strengths[place[index]] for index in chosen))
+        return Weighed(result.gain, tuple(result.strengths[place[index]] for index in chosen))
 
     def size_of(self, index: int) -> Array:
         """(k,) norm of each column of a cause, the base not projected out."""
@@ -210,8 +210,8 @@ class LinearScreen:
 
     def noiseless(self, chosen: Sequence[int]) -> "LinearScreen":
         """The same causes, for logs without noise in which a set, as fitted, is the truth."""
-        found = self.weigh(chosen)
-        parts = [self.signature(i, s) for i, s in zip(chosen, found.strengths, strict=True)]
+        result = self.weigh(chosen)
+        parts = [self.signature(i, s) for i, s in zip(chosen, result.strengths, strict=True)]
         return self.showing(sum(parts, start=np.zeros_like(self._residual)))
 
     def showing(self, signal: Array) -> "LinearScreen":
@@ -222,8 +222,8 @@ class LinearScreen:
 
     def left(self, chosen: Sequence[int]) -> Array:
         """(r,) residual of a set's linear fit."""
-        found = self.weigh(chosen)
-        parts = [self.signature(i, s) for i, s in zip(chosen, found.strengths, strict=True)]
+        result = self.weigh(chosen)
+        parts = [self.signature(i, s) for i, s in zip(chosen, result.strengths, strict=True)]
         return self._residual + sum(parts, start=np.zeros_like(self._residual))
 
     def _weigh(self, chosen: list[int]) -> Weighed:
@@ -340,8 +340,8 @@ class Search:
 
     def scores(self, chosen: tuple[int, ...] = ()) -> list[CauseScore]:
         """Scores of all other causes beside a set, by falling evidence."""
-        found = [self.score(chosen, index) for index in self._others(chosen)]
-        return sorted(found, key=lambda score: -score.evidence)
+        result = [self.score(chosen, index) for index in self._others(chosen)]
+        return sorted(result, key=lambda score: -score.evidence)
 
     def score(self, chosen: tuple[int, ...], index: int) -> CauseScore:
         """Score of one cause beside a set."""
@@ -398,24 +398,24 @@ class Search:
         """
         rest = without(chosen, index)
         evidence = self.evidence(chosen)
-        found = [
+        result = [
             (other, evidence - self.evidence((*rest, other)))
             for other in self._others(rest)
             if self.screen.traces[other].label != self.screen.traces[index].label
         ]
-        return sorted(found, key=lambda one: one[1])
+        return sorted(result, key=lambda item: item[1])
 
     def apart(self, chosen: tuple[int, ...], index: int) -> dict[str, float]:
         """Evidence that each other cause in place of one would lose in logs without noise of which
         the set is the truth, by label; or likelihood alone, if that is less."""
         silent = Search(self.screen.noiseless(chosen), self.asked)
         rest, most = without(chosen, index), silent._gain(chosen)
-        found: dict[str, float] = {}
+        result: dict[str, float] = {}
         for other, behind in silent.instead(chosen, index):
             label = self.screen.traces[other].label
             far = min(behind, most - silent._gain((*rest, other)))
-            found[label] = min(far, found.get(label, np.inf))
-        return found
+            result[label] = min(far, result.get(label, np.inf))
+        return result
 
     def _others(self, chosen: tuple[int, ...]) -> list[int]:
         taken = {self.screen.traces[index].label for index in chosen}
@@ -455,4 +455,4 @@ class Search:
 
 def without(chosen: tuple[int, ...], index: int) -> tuple[int, ...]:
     """A set without one of its causes."""
-    return tuple(one for one in chosen if one != index)
+    return tuple(item for item in chosen if item != index)

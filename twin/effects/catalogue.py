@@ -64,10 +64,10 @@ def effect_named(name: str, *, own_files: bool = True) -> type[Effect]:
         module = importlib.import_module(f"twin.effects.{built_in[name]}.{name}")
         return _effects_of(module)[0]
     for point in entry_points(group=_GROUP, name=name):
-        found: Any = point.load()
-        if isinstance(found, type) and issubclass(found, Effect):
-            return found
-        raise EffectError(f"entry point {name!r} of {_GROUP!r} names no effect but {found!r}")
+        result: Any = point.load()
+        if isinstance(result, type) and issubclass(result, Effect):
+            return result
+        raise EffectError(f"entry point {name!r} of {_GROUP!r} names no effect but {result!r}")
     raise UnknownName("effect", name, effect_names())
 
 
@@ -109,11 +109,9 @@ def _only_effect(path: Path) -> type[Effect]:
 
 def _effects_of(module: ModuleType) -> list[type[Effect]]:
     return [
-        found
-        for found in vars(module).values()
-        if isinstance(found, type)
-        and issubclass(found, Effect)
-        and found.__module__ == module.__name__
+        var
+        for var in vars(module).values()
+        if isinstance(var, type) and issubclass(var, Effect) and var.__module__ == module.__name__
     ]
 
 

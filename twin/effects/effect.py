@@ -197,18 +197,18 @@ class Effect(abc.ABC):
             EffectError: a wrong number of them.
         """
         known = cls.parameters()
-        if len(components) != sum(one.size for one in known):
-            needed = ", ".join(f"{n} [{one.unit}]" for one in known for n in one.names)
+        if len(components) != sum(item.size for item in known):
+            needed = ", ".join(f"{n} [{item.unit}]" for item in known for n in item.names)
             raise EffectError(
-                f"{cls.name} takes {sum(one.size for one in known)} numbers ({needed}), "
+                f"{cls.name} takes {sum(item.size for item in known)} numbers ({needed}), "
                 f"not {len(components)}; separate them by /"
             )
-        found: dict[str, Value] = {}
+        result: dict[str, Value] = {}
         rest = list(components)
-        for one in known:
-            own, rest = rest[: one.size], rest[one.size :]
-            found[one.name] = tuple(own) if isinstance(one.typical, tuple) else own[0]
-        return found
+        for item in known:
+            own, rest = rest[: item.size], rest[item.size :]
+            result[item.name] = tuple(own) if isinstance(item.typical, tuple) else own[0]
+        return result
 
     @classmethod
     def scale(cls) -> Array:
@@ -219,8 +219,8 @@ class Effect(abc.ABC):
     def bounds(cls) -> tuple[Array, Array]:
         """(p,) lowest and highest values of the components."""
         known = cls.parameters()
-        low, high = ([getattr(one, end) for one in known] for end in ("low", "high"))
-        sizes = [one.size for one in known]
+        low, high = ([getattr(item, end) for item in known] for end in ("low", "high"))
+        sizes = [item.size for item in known]
         return np.repeat(low, sizes), np.repeat(high, sizes)
 
     def if_possible(self, values: Array) -> Self:

@@ -89,28 +89,31 @@ def shown_by(stream: str, columns: Sequence[str], time: Array, value: Array) -> 
     if stream == "attitude":
         turn = rotation.multiply(rotation.conjugate(value[:, :-1]), value[:, 1:])
         change, level = rotation.to_rotation_vector(turn) / step, rotation.vertical_body(value)
-        names = [f"up_{one}" for one in columns], [f"rate_{one}" for one in columns]
+        names = [f"up_{column}" for column in columns], [f"rate_{column}" for column in columns]
     else:
         change, level = np.diff(value, axis=1) / step, value
         names = (
-            [f"{stream}_{one}" for one in columns],
-            [f"rate_of_{stream}_{one}" for one in columns],
+            [f"{stream}_{column}" for column in columns],
+            [f"rate_of_{stream}_{column}" for column in columns],
         )
     rates = np.concatenate([np.zeros_like(change[:, :1]), change], axis=1)
-    found = {"time": time}
+    result = {"time": time}
     for called, values in zip(names, (level, rates), strict=True):
-        found |= {name: values[..., i] for i, name in enumerate(called)}
-    return found
+        result |= {name: values[..., i] for i, name in enumerate(called)}
+    return result
 
 
 def levels_of(stream: str, columns: Sequence[str]) -> list[str]:
     """What a stream shows, by name; of an attitude, where up is."""
-    return [f"up_{one}" if stream == "attitude" else f"{stream}_{one}" for one in columns]
+    return [f"up_{column}" if stream == "attitude" else f"{stream}_{column}" for column in columns]
 
 
 def rates_of(stream: str, columns: Sequence[str]) -> list[str]:
     """How fast that changes, by name; of an attitude, how fast it turns."""
-    return [f"rate_{one}" if stream == "attitude" else f"rate_of_{stream}_{one}" for one in columns]
+    return [
+        f"rate_{column}" if stream == "attitude" else f"rate_of_{stream}_{column}"
+        for column in columns
+    ]
 
 
 def units_of(stream: str, columns: Sequence[str]) -> dict[str, str]:
@@ -127,10 +130,10 @@ def units_of(stream: str, columns: Sequence[str]) -> dict[str, str]:
 
 def product_of(known: Mapping[str, Array], factors: Sequence[str]) -> Array:
     """(n, m)."""
-    found = np.ones_like(known["time"])
+    result = np.ones_like(known["time"])
     for name in factors:
-        found = found * known[name]
-    return found
+        result = result * known[name]
+    return result
 
 
 def _joined(before: Samples, after: Samples) -> Samples:

@@ -184,8 +184,10 @@ class Recursion:
 
 def series_effects(effects: Sequence[Effect], stream: str) -> tuple[SeriesEffect, ...]:
     """Those that act on a stream, in the order in which they do."""
-    found = [one for one in effects if isinstance(one, SeriesEffect) and one.stream == stream]
-    return tuple(sorted(found, key=lambda one: (one.order, one.label)))
+    result = [
+        effect for effect in effects if isinstance(effect, SeriesEffect) and effect.stream == stream
+    ]
+    return tuple(sorted(result, key=lambda item: (item.order, item.label)))
 
 
 def columns_of(effect: Effect, platform: Platform, stream: str) -> NDArray[np.bool_]:

@@ -76,7 +76,7 @@ class Share:
         """
         self.told = told
         self.machine.advance(now)
-        shown, self.shown = sorted(self.shown, key=lambda one: one.time), []
+        shown, self.shown = sorted(self.shown, key=lambda item: item.time), []
         return shown
 
     def restart(self) -> None:

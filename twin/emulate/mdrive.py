@@ -268,23 +268,23 @@ class Axis:
             return NO_HOME
         to_minus = self.homing < 3
         closed = self.carriage(now) <= self.home
-        found = closed if to_minus else not closed
+        result = closed if to_minus else not closed
         creep = Ramps(ramps.initial, ramps.initial, ramps.up, ramps.down)
         back = 1.0 if to_minus else -1.0
-        if self._phase == 0 and found:
+        if self._phase == 0 and result:
             self.profile = stop(self.profile, ramps, now)
             self._phase = 1
         elif self._phase == 1 and now >= self.profile.end:
             fast = ramps if self.homing in (2, 4) else creep
             self.profile = slew(self.counter(now), back * fast.maximum, fast, now)
             self._phase = 2
-        elif self._phase == 2 and not found:
+        elif self._phase == 2 and not result:
             self.profile = stop(self.profile, ramps, now)
             self._phase = 3 if self.homing in (2, 4) else 5
         elif self._phase == 3 and now >= self.profile.end:
             self.profile = slew(self.counter(now), -back * creep.maximum, creep, now)
             self._phase = 4
-        elif self._phase == 4 and found:
+        elif self._phase == 4 and result:
             self.profile = stop(self.profile, ramps, now)
             self._phase = 5
         elif self._phase == 5 and now >= self.profile.end:
@@ -486,8 +486,8 @@ class EmulatedDrive:
         if upper.startswith("PR"):
             # text in quotes keeps its case
             return self._print(text[2:], now)
-        found = re.fullmatch(r"([A-Z]+[1-4]?)\s*(=|\s)?\s*(.*)", upper)
-        word, operand = (found[1], found[3]) if found else (upper, "")
+        result = re.fullmatch(r"([A-Z]+[1-4]?)\s*(=|\s)?\s*(.*)", upper)
+        word, operand = (result[1], result[3]) if result else (upper, "")
         if word in ("MA", "MR", "SL", "HM"):
             self._move(word, operand, now)
         elif word == "DN" and len(operand) == 3:

@@ -339,7 +339,7 @@ def with_port(setup: HardwareSetup, port: str) -> HardwareSetup:
         UnknownName: a device that it has not.
     """
     if port.partition("=")[0] in setup.devices:
-        ports = dict(one.split("=", 1) for one in port.split(",") if "=" in one)
+        ports = dict(item.split("=", 1) for item in port.split(",") if "=" in item)
         for name in ports:
             if name not in setup.devices:
                 raise UnknownName("device", name, setup.devices)
@@ -383,7 +383,7 @@ def _sampled(platform: Platform, setup: HardwareSetup) -> Platform:
 def _check(platform: Platform, setup: HardwareSetup, *, lockstep: bool) -> None:
     if not setup.devices:
         raise UsageError(f"{platform.name} has no device in its [hardware]; state one")
-    boards = [isinstance(one, MicrocontrollerSettings) for one in setup.devices.values()]
+    boards = [isinstance(device, MicrocontrollerSettings) for device in setup.devices.values()]
     if lockstep and boards != [True]:
         raise UsageError(
             f"--lockstep is for one microcontroller on our own link; {platform.name} has "

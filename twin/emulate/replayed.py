@@ -30,7 +30,7 @@ def spied(path: Path) -> tuple[Said, ...]:
     Raises:
         UsageError: no such file, or a line that is none of a spy's.
     """
-    found: list[Said] = []
+    saids: list[Said] = []
     try:
         lines = path.read_text(encoding="ascii", errors="replace").splitlines()
     except OSError as problem:
@@ -41,15 +41,15 @@ def spied(path: Path) -> tuple[Said, ...]:
             time, way = float(head[0]), head[1]
             if way in ("TX", "RX"):
                 # sixteen bytes a line, eight and eight, then what they are as text
-                found.append(Said(time, way == "TX", bytes.fromhex(line[22:72])))
+                saids.append(Said(time, way == "TX", bytes.fromhex(line[22:72])))
         except (ValueError, IndexError):
             raise UsageError(
                 f"{path}:{number}: {line[:40]!r} is no line of a spy; give a file that a port "
                 "opened as spy://PORT?file=FILE has written"
             ) from None
-    if not any(not one.by_host for one in found):
+    if not any(not item.by_host for item in saids):
         raise UsageError(f"{path}: the device says nothing in it; keep a line that does")
-    return tuple(found)
+    return tuple(saids)
 
 
 class ReplayedDevice(EmulatedDevice):
@@ -73,16 +73,16 @@ class ReplayedDevice(EmulatedDevice):
     def advance(self, now: float) -> bytes:
         out = bytearray()
         while self._next < len(self._said):
-            one = self._said[self._next]
-            if one.by_host:
-                if self._heard < len(one.data):
+            item = self._said[self._next]
+            if item.by_host:
+                if self._heard < len(item.data):
                     break
-                self._heard -= len(one.data)
-                self._later = now - one.time
-            elif one.time + self._later > now:
+                self._heard -= len(item.data)
+                self._later = now - item.time
+            elif item.time + self._later > now:
                 break
             else:
-                out += one.data
+                out += item.data
             self._next += 1
         return bytes(out)
 

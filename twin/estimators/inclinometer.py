@@ -68,8 +68,8 @@ class InclinometerDifferences(Estimator):
             sines = np.sin(newest(tilts, np.zeros((len(new), 2))))
             cosine = np.sqrt(1.0 - np.square(sines[:, 1]))
             roll = np.arcsin(np.clip(sines[:, 0] / np.maximum(cosine, 1e-12), -1.0, 1.0))
-            found = from_euler_zyx(np.zeros_like(roll), np.arcsin(sines[:, 1]), roll)
-            attitude = np.where(new[:, None], found, attitude)
+            result = from_euler_zyx(np.zeros_like(roll), np.arcsin(sines[:, 1]), roll)
+            attitude = np.where(new[:, None], result, attitude)
             turn = to_rotation_vector(multiply(conjugate(before.attitude), attitude))
             period = (time - before.tilt_time)[:, None]
             rate = rate.copy()

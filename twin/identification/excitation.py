@@ -123,30 +123,30 @@ def size(body: Body) -> Array:
     return forces
 
 
-def change_of(found: Fit, scales: Sequence[Scale]) -> tuple[dict[str, float], bool]:
+def change_of(fit: Fit, scales: Sequence[Scale]) -> tuple[dict[str, float], bool]:
     """Factors that take out what a fit found, and whether they are as good as 1."""
-    spread, _ = found.spread()
+    spread, _ = fit.spread()
     change: dict[str, float] = {}
     settled = True
     for i, scale in enumerate(scales):
         row = i - len(scales)
-        strength = float(found.at.strengths[i])
+        strength = float(fit.at.strengths[i])
         settled = settled and abs(strength) < SETTLED * float(np.sqrt(spread[row, row]))
         change[scale.stream] = float(np.clip(1.0 + strength, 1.0 / FARTHEST, FARTHEST))
     return change, settled
 
 
 def scales_of(
-    found: Fit, perturbations: Sequence[Perturbation], scaled: Sequence[Scaled]
+    fit: Fit, perturbations: Sequence[Perturbation], scaled: Sequence[Scaled]
 ) -> tuple[Scale, ...]:
     """What a fit says of the scales, with 95 % intervals."""
-    spread, quantile = found.spread()
+    spread, quantile = fit.spread()
     scales: list[Scale] = []
-    for i, one in enumerate(perturbations):
-        name = one.name.removesuffix("_scale")
+    for i, perturbation in enumerate(perturbations):
+        name = perturbation.name.removesuffix("_scale")
         log = _log_of(name, scaled)
         row = i - len(perturbations)
-        change = max(1.0 + float(found.at.strengths[i]), 1.0 / FARTHEST)
+        change = max(1.0 + float(fit.at.strengths[i]), 1.0 / FARTHEST)
         half = quantile * float(np.sqrt(spread[row, row])) / change
         value = abs(log.factor[name] * change)
         unit = f"{log.recording[name].unit} per {unit_of(log.recording, name)}"

@@ -174,8 +174,8 @@ def nearest_body(base: BaseParameters, theta: Array, covariance: Array) -> Neare
         factor[inside] = x[3:6]
         body = factor @ factor.T + np.outer(x[6:9], x[6:9]) / mass
         inertia = np.trace(body) * np.eye(3) - body
-        found = np.concatenate([[inertia[i, j] for i, j in ENTRIES], x[6:9]])
-        return np.concatenate([found - entries, x[9:]])
+        result = np.concatenate([[inertia[i, j] for i, j in ENTRIES], x[6:9]])
+        return np.concatenate([result - entries, x[9:]])
 
     start = np.concatenate([np.diag(lower), lower[inside], moment, np.zeros(count)])
     best = least_squares(lambda x: metric @ change(np.asarray(x)), start)
@@ -277,8 +277,8 @@ class Identification(Shown):
         what the model lacks explains no misfit of one sensor or one clock."""
         total, *streams = self.left or (None,)
         worst = max(
-            (one for one in streams if one.strays),
-            key=lambda one: one.chi2_per_sample,
+            (stream for stream in streams if stream.strays),
+            key=lambda item: item.chi2_per_sample,
             default=None,
         )
         if worst is not None:
@@ -420,24 +420,24 @@ def by_method(
 def _by_prediction_error(ground: Ground) -> Identification:
     base, full, scaled, scales = ground.logs.base, ground.full, ground.scaled, ground.scales
     platform = base.machine.platform
-    found, misfit, left = _fitted(base, full, scaled, scales)
-    told = scales_of(found, scales, scaled)
+    result, misfit, left = _fitted(base, full, scaled, scales)
+    told = scales_of(result, scales, scaled)
     for _ in range(ROUNDS if scales else 0):
         if not all(scale.known for scale in told):
             # nothing tells them: as guessed, so that the rest may be told under that guess
-            found, misfit, left = _fitted(base, full, scaled, ())
+            result, misfit, left = _fitted(base, full, scaled, ())
             told = as_taken(told, scaled)
             break
-        change, settled = change_of(found, told)
+        change, settled = change_of(result, told)
         if settled:
             break
         scaled = [log.by({n: f for n, f in change.items() if n in log.factor}) for log in scaled]
-        found, misfit, left = _fitted(base, full, scaled, scales, found.at.theta)
-        told = scales_of(found, scales, scaled)
-    covariance, quantile = found.covariance()
+        result, misfit, left = _fitted(base, full, scaled, scales, result.at.theta)
+        told = scales_of(result, scales, scaled)
+    covariance, quantile = result.covariance()
     motions = [motion_of(log.recording, platform) for log in scaled]
     half = quantile * np.sqrt(np.diag(covariance))
-    nearest = nearest_body(full, found.at.theta, covariance)
+    nearest = nearest_body(full, result.at.theta, covariance)
     return Identification(
         OURS,
         platform,
@@ -447,10 +447,10 @@ def _by_prediction_error(ground: Ground) -> Identification:
         covariance,
         quantile,
         excitation_of(motions, full, covariance, quantile),
-        (*not_excited(full, found.at.theta, half), *scale_unknown(told), *ground.unseen),
+        (*not_excited(full, result.at.theta, half), *scale_unknown(told), *ground.unseen),
         misfit,
         left,
-        found,
+        result,
         told,
         ground.not_used,
         nearest.sentence,
@@ -502,17 +502,17 @@ def _fitted(
     while thetas and not (tries and tries[-1][0].converged):
         start = problem.start(thetas.pop(0), biases)
         tries.append((fit(problem, start), start))
-    found, start = min(tries, key=lambda one: one[0].innovations.cost)
+    result, start = min(tries, key=lambda item: item[0].innovations.cost)
     strayed = None
-    if not found.converged and not _misfit(problem, found)[0].is_noise:
-        strayed = fit_disturbed(problem, found, start)
-        again = fit(problem, strayed.at) if strayed.converged else found
-        found = again if again.converged else found
+    if not result.converged and not _misfit(problem, result)[0].is_noise:
+        strayed = fit_disturbed(problem, result, start)
+        again = fit(problem, strayed.at) if strayed.converged else result
+        result = again if again.converged else result
     if rings(base.machine):
-        problem, found = along_what_rings(problem, found)
-    misfit = _misfit(problem, found)
+        problem, result = along_what_rings(problem, result)
+    misfit = _misfit(problem, result)
     # noise of coarse sensors hides a torque that the path does not
-    disturbed = fit_disturbed(problem, found, start) if found.converged else (strayed or found)
+    disturbed = fit_disturbed(problem, result, start) if result.converged else (strayed or result)
     if strayed is not None and strayed.innovations.cost < disturbed.innovations.cost:
         disturbed = strayed
     left = _misfit(problem, disturbed) if disturbed.innovations.intensity else misfit
@@ -538,11 +538,11 @@ def _refuse_guesses(
         )
 
 
-def _misfit(problem: Problem, found: Fit) -> tuple[Misfit, ...]:
+def _misfit(problem: Problem, result: Fit) -> tuple[Misfit, ...]:
     squares: dict[str, float] = {}
     counts: dict[str, int] = {}
     variance: dict[str, float] = {}
-    for body, rows in zip(problem.bodies, found.innovations.left(), strict=True):
+    for body, rows in zip(problem.bodies, result.innovations.left(), strict=True):
         for output, values in zip(body.outputs, body.cells.gather(rows), strict=True):
             if not output.scatters:
                 continue
@@ -552,7 +552,7 @@ def _misfit(problem: Problem, found: Fit) -> tuple[Misfit, ...]:
             # An estimated noise goes with the samples that it comes from.
             unsure = 1.0 if output.stated else float(np.mean(1.0 / output.worth - 1.0))
             variance[name] = variance.get(name, 0.0) + 2.0 * values.size * unsure
-    fitted = found.innovations.columns.shape[1] + sum(s.width for s in found.at.starts)
+    fitted = result.innovations.columns.shape[1] + sum(s.width for s in result.at.starts)
     total = sum(counts.values())
     parts = [("all", sum(squares.values()), total, sum(variance.values()))]
     parts += [(name, squares[name], counts[name], variance[name]) for name in squares]
@@ -573,9 +573,9 @@ def calibrated(recording: Recording, platform: Platform) -> Recording:
     checked = usable(in_order_of(platform, recording), platform)
     if not sought(checked):
         return checked
-    found = identify([checked], platform)
+    identification = identify([checked], platform)
     notes: list[str] = []
-    for scale in found.scales:
+    for scale in identification.scales:
         if not scale.known:
             raise UsageError(
                 f'{scale.stream} has `scale = "fit"`, and this log does not tell the scale; state '
@@ -587,8 +587,10 @@ def calibrated(recording: Recording, platform: Platform) -> Recording:
         )
     # the identification may have taken a log with pauses as several
     guess = first_scaled(checked, platform)
-    scaled = guess.by({s.stream: s.value / guess.factor[s.stream] for s in found.scales}).recording
-    streams = {**checked.streams, **{s.stream: scaled[s.stream] for s in found.scales}}
+    scaled = guess.by(
+        {s.stream: s.value / guess.factor[s.stream] for s in identification.scales}
+    ).recording
+    streams = {**checked.streams, **{s.stream: scaled[s.stream] for s in identification.scales}}
     facts = scaled.provenance
     known = {n: {**f, "fit_scale": False} for n, f in dict(facts["streams"]).items()}
     return replace(
@@ -622,17 +624,17 @@ def identify_by_all(
         TwinError: not even prediction-error can.
     """
     chosen, ground = settings or Settings(), ground_of(recordings, platform)
-    found: dict[str, Identification | TwinError] = {}
+    result: dict[str, Identification | TwinError] = {}
     for method in METHODS:
         for variant in _variants(method, chosen):
             try:
-                one = by_method(ground, method, variant, physical=physical)
+                item = by_method(ground, method, variant, physical=physical)
             except TwinError as problem:
-                if not found:
+                if not result:
                     raise
-                one = problem
-            found[variant.named(method)] = one
-    return found
+                item = problem
+            result[variant.named(method)] = item
+    return result
 
 
 def _variants(method: str, settings: Settings) -> list[Settings]:

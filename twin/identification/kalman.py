@@ -163,13 +163,13 @@ def _through(
             f"the filters ekf and ukf are of a body on a ball; {base.machine.platform.name} turns "
             "about a hinge: use prediction-error"
         )
-    found, spread = np.zeros(len(base.scale)), np.square(DOUBT) * np.eye(len(base.scale))
+    result, spread = np.zeros(len(base.scale)), np.square(DOUBT) * np.eye(len(base.scale))
     for recording, whole in logs:
         track = whole.every(max(int(1.0 / RATE / whole.step + 1e-9), 1))
         motion = _Motion(track, base)
-        follow = kind(motion, STATES + len(found))
+        follow = kind(motion, STATES + len(result))
         try:
-            _run(follow, motion, _Noise(recording, track), found, spread)
+            _run(follow, motion, _Noise(recording, track), result, spread)
         except np.linalg.LinAlgError:
             follow.x[:] = np.nan
         if not np.isfinite(follow.x).all():
@@ -177,16 +177,16 @@ def _through(
                 "the filter loses the motion: what it takes for the inertia is no body's; state a "
                 "better J and m r in platform.toml, or use prediction-error"
             )
-        found, spread = follow.x[BASE], follow.P[BASE, BASE]
+        result, spread = follow.x[BASE], follow.P[BASE, BASE]
     covariance = spread * np.outer(base.scale, base.scale)
-    return LinearEstimate(base.as_stated + found * base.scale, covariance, NORMAL)
+    return LinearEstimate(base.as_stated + result * base.scale, covariance, NORMAL)
 
 
 def _run(
-    follow: _Extended | _Unscented, motion: _Motion, noise: "_Noise", found: Array, spread: Array
+    follow: _Extended | _Unscented, motion: _Motion, noise: "_Noise", result: Array, spread: Array
 ) -> None:
     track = motion.track
-    first = np.concatenate([np.zeros(STATES), found])
+    first = np.concatenate([np.zeros(STATES), result])
     inertia = motion.bodies(first[None])[0][0]
     first[MOMENTUM] = inertia @ track.rate[0] + track.carried[0]
     turn, rate, held = noise.turn, noise.rate, noise.held

@@ -114,9 +114,11 @@ def shifted(equations: Equations, attitude: Array, shift: int) -> Equations:
 
 def power(track: Track) -> Equations:
     """The balance along the rate: what w . (dH/dt + w x H) does. Eq. 20 of AAS 04-122."""
-    now = natural(track)
-    rows = np.einsum("ni,nik->nk", track.rate, now.rows)
-    return Equations(now.time, rows[:, None, :], np.sum(track.rate * now.target, axis=1)[:, None])
+    equations = natural(track)
+    rows = np.einsum("ni,nik->nk", track.rate, equations.rows)
+    return Equations(
+        equations.time, rows[:, None, :], np.sum(track.rate * equations.target, axis=1)[:, None]
+    )
 
 
 def energy(track: Track) -> Equations:

@@ -76,16 +76,16 @@ def levenberg_marquardt(
             "levenberg-marquardt starts from a trajectory that moves beyond all bounds; use "
             "prediction-error, or state a base in platform.toml that is nearer to the machine's"
         )
-    found = optimize.least_squares(
+    estimate = optimize.least_squares(
         trajectories.residual, start, trajectories.slope, method="lm", max_nfev=EVALUATIONS
     )
-    slope = trajectories.slope(found.x)
-    freedom = max(np.count_nonzero(found.fun) - len(start), 1)
+    slope = trajectories.slope(estimate.x)
+    freedom = max(np.count_nonzero(estimate.fun) - len(start), 1)
     # what is left is taken for white, and for as large as it is
-    covariance = np.linalg.pinv(slope.T @ slope) * max(2.0 * found.cost / freedom, 1.0)
+    covariance = np.linalg.pinv(slope.T @ slope) * max(2.0 * estimate.cost / freedom, 1.0)
     p, scale = len(theta), base.scale
     return LinearEstimate(
-        theta + found.x[:p] * scale, covariance[:p, :p] * np.outer(scale, scale), NORMAL
+        theta + estimate.x[:p] * scale, covariance[:p, :p] * np.outer(scale, scale), NORMAL
     )
 
 
@@ -226,9 +226,9 @@ Method = Callable[[Logs, Settings], LinearEstimate]
 def _solved(equations: Sequence[Equations], logs: Logs) -> LinearEstimate:
     """Its blocks so short that there are several for each parameter."""
     pairs = zip(equations, logs.tracks, strict=True)
-    seconds = sum(float(one.time[-1] - one.time[0]) for one in equations)
+    seconds = sum(float(equation.time[-1] - equation.time[0]) for equation in equations)
     return least_squares(
-        [one.about(track.axis) for one, track in pairs],
+        [item.about(track.axis) for item, track in pairs],
         logs.base,
         block=min(BLOCK, seconds / (FEWEST * len(logs.base.scale))),
     )

@@ -46,37 +46,37 @@ Cost = Callable[[NoiseProcess], float]
 
 
 def likely_noise(
-    problem: Problem, now: Innovations, first: NoiseProcess | None = None
+    problem: Problem, innovations: Innovations, first: NoiseProcess | None = None
 ) -> NoiseProcess:
     """The noise processes at which logs are likeliest, those that pay only.
 
     Args:
         problem: the logs.
-        now: their prediction, linearised.
+        innovations: their prediction, linearised.
         first: where to look from, if that is known; else nothing.
     """
     noise = first or NoiseProcess()
     for _ in range(ROUNDS):
-        noise = _processes(problem, now, noise)
-        scales = _scales(problem, now, noise)
+        noise = _processes(problem, innovations, noise)
+        scales = _scales(problem, innovations, noise)
         if scales == noise.scales:
             break
         noise = replace(noise, scales=scales)
     return noise
 
 
-def _processes(problem: Problem, now: Innovations, noise: NoiseProcess) -> NoiseProcess:
+def _processes(problem: Problem, innovations: Innovations, noise: NoiseProcess) -> NoiseProcess:
     """The processes that pay, the white noise being what it is."""
     coarse: list[Exact] = []
-    for one in now.exact:
-        linear, local, _ = scaled(one.linear, one.local, noise.scales)
+    for item in innovations.exact:
+        linear, local, _ = scaled(item.linear, item.local, noise.scales)
         linear, local = blocked(linear, local)
-        coarse.append(replace(one, linear=linear, local=local))
+        coarse.append(replace(item, linear=linear, local=local))
 
     def cost(noise: NoiseProcess) -> float:
         check()
         try:
-            return restricted(problem.whiten(now.at, coarse, replace(noise, scales=())))
+            return restricted(problem.whiten(innovations.at, coarse, replace(noise, scales=())))
         except TwinError:  # so large that no number holds it
             return np.inf
 
@@ -85,11 +85,11 @@ def _processes(problem: Problem, now: Innovations, noise: NoiseProcess) -> Noise
     if noise.wanders:
         noise, best = _sharpened(noise, best, cost, longest)
         noise, best = _pruned(noise, best, cost)
-    streams = [s for s in now.exact[0].local.errors if s not in dict(noise.errors)]
+    streams = [s for s in innovations.exact[0].local.errors if s not in dict(noise.errors)]
     asked = [TORQUE] * (noise.torque is None) + streams
     while asked:
         tries = {name: _begun(problem, noise, name, cost, longest) for name in asked}
-        name = min(tries, key=lambda one: tries[one][1])
+        name = min(tries, key=lambda entry: tries[entry][1])
         tried, reached = tries[name]
         if reached > best - WORTHWHILE:
             break
@@ -99,19 +99,19 @@ def _processes(problem: Problem, now: Innovations, noise: NoiseProcess) -> Noise
 
 
 def _scales(
-    problem: Problem, now: Innovations, noise: NoiseProcess
+    problem: Problem, innovations: Innovations, noise: NoiseProcess
 ) -> tuple[tuple[str, float], ...]:
     """By how much the white noise of each stream must be larger for its innovations to have the
     variance 1; as it was where they nearly have, and 1 where noise alone could leave as much."""
-    there = problem.whiten(now.at, now.exact, noise)
+    there = problem.whiten(innovations.at, innovations.exact, noise)
     known = dict(noise.scales)
     squares: dict[str, list[float]] = {}
     # what was fitted under other noise moves with it
-    for one, rows in zip(there.exact, there.left(there.step()), strict=True):
-        for stream, seen in one.local.errors.items():
+    for item, rows in zip(there.exact, there.left(there.step()), strict=True):
+        for stream, seen in item.local.errors.items():
             own = rows[np.any(seen != 0.0, axis=-1)]
             squares.setdefault(stream, []).extend([float(own @ own), float(own.size)])
-    found: list[tuple[str, float]] = []
+    result: list[tuple[str, float]] = []
     for stream, parts in squares.items():
         square, count = sum(parts[::2]), sum(parts[1::2])
         before = known.get(stream, 1.0)
@@ -120,22 +120,22 @@ def _scales(
         if abs(np.log(factor / before)) < max(SURE * sigma, SAME):
             factor = before
         if factor > 1.0 + max(SURE * sigma, SAME):
-            found.append((stream, factor))
-    return tuple(found)
+            result.append((stream, factor))
+    return tuple(result)
 
 
 def _begun(
     problem: Problem, noise: NoiseProcess, name: str, cost: Cost, longest: float
 ) -> tuple[NoiseProcess, float]:
     """With one process more, roughly sized."""
-    found: list[tuple[float, NoiseProcess]] = []
+    result: list[tuple[float, NoiseProcess]] = []
     time = TORQUE_TIME if name == TORQUE else ERROR_TIME
     for rms in _sizes(problem, name):
         tried = _with(noise, name, Wander(rms, min(time, longest)))
-        found.append((cost(tried), tried))
-        if len(found) > 1 and found[-1][0] > found[-2][0]:
+        result.append((cost(tried), tried))
+        if len(result) > 1 and result[-1][0] > result[-2][0]:
             break
-    reached, tried = min(found, key=lambda one: one[0])
+    reached, tried = min(result, key=lambda item: item[0])
     return tried, reached
 
 
@@ -145,9 +145,9 @@ def _sizes(problem: Problem, name: str) -> list[float]:
         platform = problem.base.machine.platform
         restoring = platform.gravity * float(np.linalg.norm(platform.center_of_mass_offset))
         unit = max(float(np.linalg.eigvalsh(platform.inertia)[0]), restoring)
-        return [unit * one for one in TORQUES]
+        return [unit * torque for torque in TORQUES]
     output = next(o for body in problem.bodies for o in body.outputs if o.stream == name)
-    return [float(np.median(output.noise)) * one for one in ERRORS]
+    return [float(np.median(output.noise)) * error for error in ERRORS]
 
 
 def _sharpened(
@@ -162,9 +162,9 @@ def _sharpened(
             there = _with(there, name, Wander(rms, float(np.clip(time, SHORTEST, longest))))
         return there
 
-    first = np.log([[one.rms, one.time] for one in map(lambda n: _of(noise, n), names)]).ravel()
+    first = np.log([[item.rms, item.time] for item in map(lambda n: _of(noise, n), names)]).ravel()
     simplex = np.concatenate([first[None], first + 0.7 * np.eye(len(first))])
-    found = minimize(
+    result = minimize(
         lambda logs: cost(at(logs)),
         first,
         method="Nelder-Mead",
@@ -175,9 +175,9 @@ def _sharpened(
             "maxfev": EVALUATIONS * len(names),
         },
     )
-    if float(found.fun) > reached:
+    if float(result.fun) > reached:
         return noise, reached
-    return at(found.x), float(found.fun)
+    return at(result.x), float(result.fun)
 
 
 def _pruned(noise: NoiseProcess, reached: float, cost: Cost) -> tuple[NoiseProcess, float]:
@@ -197,6 +197,6 @@ def _with(noise: NoiseProcess, name: str, wander: Wander | None) -> NoiseProcess
 
 
 def _of(noise: NoiseProcess, name: str) -> Wander:
-    found = noise.torque if name == TORQUE else dict(noise.errors)[name]
-    assert found is not None
-    return found
+    result = noise.torque if name == TORQUE else dict(noise.errors)[name]
+    assert result is not None
+    return result

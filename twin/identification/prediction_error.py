@@ -196,9 +196,9 @@ def _iterate(
     return Fit(now, converged=now.noise.any and size < SETTLED)
 
 
-def _size(now: Innovations) -> float:
+def _size(innovations: Innovations) -> float:
     """Of the next step, in standard deviations."""
-    return float(np.max(np.abs(now.step()) / np.sqrt(np.diag(now.covariance))))
+    return float(np.max(np.abs(innovations.step()) / np.sqrt(np.diag(innovations.covariance))))
 
 
 def _along_itself(now: Innovations, innovations: Callable[[Unknowns], Innovations]) -> Fit:
@@ -212,10 +212,10 @@ def _along_itself(now: Innovations, innovations: Callable[[Unknowns], Innovation
     return Fit(now, converged=False)
 
 
-def _share(now: Innovations, step: Array, before: Array, taken: float) -> float:
+def _share(innovations: Innovations, step: Array, before: Array, taken: float) -> float:
     """Of a step, where the last ones overshot: the secant through it and the one before, of which
     so much was taken, ends there."""
-    own, last = now.columns @ step, now.columns @ before
+    own, last = innovations.columns @ step, innovations.columns @ before
     curvature = (1.0 - float(own @ last) / float(last @ last)) / taken
     return 1.0 / max(curvature, 1.0)
 
@@ -289,8 +289,8 @@ def _under(problem: Problem, exact: Innovations, decade: float) -> Innovations:
     return problem.whiten(exact.at, exact.exact, NoiseProcess(size * 10.0**decade))
 
 
-def restricted(now: Innovations) -> float:
+def restricted(innovations: Innovations) -> float:
     """-2 log of the restricted likelihood, up to a constant."""
-    size = np.linalg.norm(now.columns, axis=0)
-    triangle = np.linalg.qr(now.columns / size, mode="r")
-    return now.cost + 2.0 * float(np.log(np.abs(np.diag(triangle)) * size).sum())
+    size = np.linalg.norm(innovations.columns, axis=0)
+    triangle = np.linalg.qr(innovations.columns / size, mode="r")
+    return innovations.cost + 2.0 * float(np.log(np.abs(np.diag(triangle)) * size).sum())

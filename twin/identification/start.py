@@ -98,19 +98,19 @@ def rings(machine: Machine) -> bool:
     return any(isinstance(effect, BodyEffect) and effect.hangs_on for effect in machine.effects)
 
 
-def along_what_rings(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
+def along_what_rings(problem: Problem, result: Fit) -> tuple[Problem, Fit]:
     """The same along the motion that the fit gives the logs, fitted again.
 
     Args:
         problem: the logs.
-        found: their fit.
+        result: their fit.
     """
     for _ in range(ROUNDS):
-        bodies = [retraced(problem, found.innovations, log) for log in range(len(problem.bodies))]
+        bodies = [retraced(problem, result.innovations, log) for log in range(len(problem.bodies))]
         problem = Problem(bodies, problem.base, problem.perturbations, held=problem.held)
         starts = tuple(body.start for body in bodies)
-        found = fit(problem, replace(found.at, starts=starts))
-    return problem, found
+        result = fit(problem, replace(result.at, starts=starts))
+    return problem, result
 
 
 INTERVAL = 0.25

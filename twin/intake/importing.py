@@ -109,8 +109,8 @@ def clock_of(table: DataTable, rate: float | None) -> RowClock | None:
         return RowClock(keys, f"{clock} is a time by its type", clock)
     for test in (is_clock, names_a_clock):
         for name in table.names:
-            if test(name.rpartition(".")[2]) and (found := _timed(table, name)) is not None:
-                return found
+            if test(name.rpartition(".")[2]) and (result := _timed(table, name)) is not None:
+                return result
     reason = "stated"
     if rate is None:
         rate, reason = _rate_in(table.preamble), "by the lines beside the table"
@@ -124,8 +124,8 @@ def clock_of(table: DataTable, rate: float | None) -> RowClock | None:
             )
         return RowClock(keys, reason, None)
     for name in table.names[:1]:
-        if (found := _timed(table, name)) is not None:
-            return found
+        if (result := _timed(table, name)) is not None:
+            return result
     return None
 
 
@@ -205,11 +205,11 @@ def _counts(table: DataTable, name: str) -> bool:
 def _rate_in(preamble: Sequence[str]) -> float | None:
     for pattern in _RATES:
         for line in preamble:
-            found = re.search(pattern, line.strip(" ,;\t"), re.IGNORECASE)
-            if found and 0.0 < float(found[1]) < FASTEST:
-                return float(found[1])
+            result = re.search(pattern, line.strip(" ,;\t"), re.IGNORECASE)
+            if result and 0.0 < float(result[1]) < FASTEST:
+                return float(result[1])
     periods = (_PERIOD.match(line.strip()) for line in preamble)
-    period = next((float(one[1].replace(",", ".")) for one in periods if one), 0.0)
+    period = next((float(item[1].replace(",", ".")) for item in periods if item), 0.0)
     return 1.0 / period if period > 1.0 / FASTEST else None
 
 
@@ -296,7 +296,7 @@ def import_files(
     if not entries:
         raise LogError(
             paths[0].parent if len(paths) > 1 else paths[0],
-            "holds no stream that we recognise" + "".join(f"; {one}" for one in unread[:3]),
+            "holds no stream that we recognise" + "".join(f"; {item}" for item in unread[:3]),
             "write a log.toml by hand (docs/logs.md)",
         )
     made = not folder.exists()
@@ -324,10 +324,10 @@ def _files(path: Path) -> list[Path]:
     """The files of a folder that can be read; a file itself."""
     if not path.is_dir():
         return [path]
-    found = sorted(one for one in path.iterdir() if one.suffix.lower() in ENDINGS)
-    if not found:
+    result = sorted(item for item in path.iterdir() if item.suffix.lower() in ENDINGS)
+    if not result:
         raise LogError(path, "holds no file that can be read", f"of {', '.join(ENDINGS)}")
-    return found
+    return result
 
 
 def _mended(
@@ -450,9 +450,9 @@ def _where(path: Path, table: DataTable) -> str:
     return f"{path.name}{f' ({part})' if part else ''}"
 
 
-def _sentence(path: Path, table: DataTable, clock: RowClock | None, found: bool) -> str:
+def _sentence(path: Path, table: DataTable, clock: RowClock | None, result: bool) -> str:
     listed = ", ".join(list(table.names)[:8]) + (", ..." if len(table.names) > 8 else "")
-    if found and clock is None:
+    if result and clock is None:
         return f"{_where(path, table)}: no column of times, and no rate: state it by --rate"
     if table.file.numbered:
         return (

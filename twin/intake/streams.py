@@ -89,7 +89,7 @@ def streams_among(
         platform: the machine; that of a hinge has an angle, a rate and a torque.
     """
     names = [name for name in table.names if name != clock and name not in table.file.clocks]
-    found: dict[str, Proposal] = {}
+    result: dict[str, Proposal] = {}
     for proposal in (
         *_quaternions(table, names),
         *_matrices(table, names),
@@ -98,8 +98,8 @@ def streams_among(
         *_parts(table, names),
         *(_of_hinge(table, names) if platform is not None and _hinged(platform) else ()),
     ):
-        found.setdefault(proposal.stream, proposal)
-    return list(found.values())
+        result.setdefault(proposal.stream, proposal)
+    return list(result.values())
 
 
 def _plain(name: str) -> str:
@@ -117,8 +117,8 @@ def _groups(names: Sequence[str], endings: Sequence[str]) -> Iterator[tuple[str,
     numbered: dict[str, int] = {}
     for name in names:
         plain = _plain(name)
-        if (found := re.match(r"(.*?)[ _.-]*\d+$", plain)) is not None:
-            numbered[found[1].lower()] = numbered.get(found[1].lower(), 0) + 1
+        if (result := re.match(r"(.*?)[ _.-]*\d+$", plain)) is not None:
+            numbered[result[1].lower()] = numbered.get(result[1].lower(), 0) + 1
         for ending in endings:
             stem = _stem(plain, ending)
             if stem is not None:
@@ -185,9 +185,9 @@ def _matrices(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
     """Nine numbers whose rows are square to each other."""
     stems: dict[str, list[tuple[str, str]]] = {}
     for name in names:
-        found = re.match(r"(.*?)[ _.]*((?:\[\d\])+|\d\d|\d)$", name)
-        if found:
-            stems.setdefault(found[1].lower(), []).append((found[2], name))
+        result = re.match(r"(.*?)[ _.]*((?:\[\d\])+|\d\d|\d)$", name)
+        if result:
+            stems.setdefault(result[1].lower(), []).append((result[2], name))
     for columns in stems.values():
         if len(columns) != 9:
             continue
@@ -221,9 +221,9 @@ def _angles(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
     yaws = [(text, word) for text in plain for word in _ANGLES["yaw"] if text.endswith(word)]
     for text, word in yaws:
         stem = text.removesuffix(word)
-        parts = [[plain.get(f"{stem}{one}") for one in words] for words in _ANGLES.values()]
-        found = [next((name for name in part if name), None) for part in parts]
-        columns = tuple(name for name in found if name)
+        parts = [[plain.get(f"{stem}{item}") for item in words] for words in _ANGLES.values()]
+        result = [next((name for name in part if name), None) for part in parts]
+        columns = tuple(name for name in result if name)
         values = table.columns(columns) if len(columns) == 3 else None
         if values is None or re.search(_SKIPPED, stem):
             continue
@@ -408,7 +408,7 @@ def _unit_by_length(
     if _stated(proposal) or length <= 0.0:
         return
     near = [(unit, abs(np.log(length / usual))) for unit, usual in sizes]
-    unit, distance = min(near, key=lambda one: one[1])
+    unit, distance = min(near, key=lambda item: item[1])
     if distance > off:
         proposal.unsure.append(f"its unit: it is {length:.3g} long")
     elif unit_named(unit).factor != 1.0:

@@ -58,10 +58,10 @@ class DataTable:
 
     def columns(self, names: Sequence[str]) -> Array | None:
         """The first rows of some columns (m, k), those that are whole; None without any."""
-        found = [self.column(name) for name in names]
-        if any(one is None for one in found):
+        result = [self.column(name) for name in names]
+        if any(item is None for item in result):
             return None
-        stacked = np.stack([one for one in found if one is not None], axis=-1)
+        stacked = np.stack([item for item in result if item is not None], axis=-1)
         whole = stacked[np.isfinite(stacked).all(axis=1)]
         return whole if len(whole) > 1 else None
 
@@ -131,14 +131,14 @@ def _arrays(file: NumberFile, kind: str = "") -> Iterator[DataTable]:
             continue
         usual = names[clocks[group][0]] if clocks[group] else max(names.values())
         whole = [name for name, rows in names.items() if rows == usual]
-        above = [one for one in clocks if one == "" or f"{group}.".startswith(f"{one}.")]
+        above = [clock for clock in clocks if clock == "" or f"{group}.".startswith(f"{clock}.")]
         parent = group.rpartition(".")[0]
-        beside = [one for one in clocks if parent and one.startswith(f"{parent}.")]
+        beside = [clock for clock in clocks if parent and clock.startswith(f"{parent}.")]
         shared = [
             name
-            for one in (*above, *beside)
-            for name in clocks[one]
-            if not clocks[group] and lengths[one][name] == usual
+            for item in (*above, *beside)
+            for name in clocks[item]
+            if not clocks[group] and lengths[item][name] == usual
         ]
         if len(whole) > 1 or not clocks[group] or len(groups) == 1:
             yield DataTable(file, {}, [*shared[:1], *whole], alone, kind)

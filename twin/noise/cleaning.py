@@ -165,7 +165,7 @@ def without_steps(recording: Recording) -> tuple[Recording, list[str]]:
 
 def _clock_steps(recording: Recording) -> Iterator[tuple[float, float]]:
     """Last time before each step, and by how much the clock steps [s]."""
-    name = next((one for one in ("attitude", "joint_angle") if one in recording), None)
+    name = next((item for item in ("attitude", "joint_angle") if item in recording), None)
     clocked = [series for key, series in recording.items() if not key.startswith("command_")]
     if name is None or any(len(series) < 2 * MIN_MISSING for series in clocked):
         return
@@ -236,11 +236,11 @@ def _angles(value: Array, reference: Array) -> Array:
 def _fitted(time: Array, angle: Array) -> _Side:
     """A parabola through samples, at time 0."""
     columns = np.stack([np.ones_like(time), time, time**2], axis=-1)
-    found, *_ = np.linalg.lstsq(columns, angle, rcond=None)
-    left = angle - columns @ found
-    noise = float(np.sqrt(np.sum(np.square(left)) / max(left.size - found.size, 1)))
+    result, *_ = np.linalg.lstsq(columns, angle, rcond=None)
+    left = angle - columns @ result
+    noise = float(np.sqrt(np.sum(np.square(left)) / max(left.size - result.size, 1)))
     spread = noise * np.sqrt(np.diag(np.linalg.pinv(columns.T @ columns)))
-    return _Side(found[0], found[1], float(spread[0]))
+    return _Side(result[0], result[1], float(spread[0]))
 
 
 def _earlier(series: Series, start: float, step: float) -> Series:
@@ -282,8 +282,8 @@ def _resets(recording: Recording) -> Iterator[tuple[float, Array]]:
         # in the body axes of the sample before; the world turns the other way about
         leap = rotation.from_rotation_vector(before.angle + shown[row])
         base = rotation.multiply(q[row], leap)
-        found = rotation.multiply(q[row], rotation.from_rotation_vector(after.angle))
-        turn = rotation.multiply(found, rotation.conjugate(base))
+        result = rotation.multiply(q[row], rotation.from_rotation_vector(after.angle))
+        turn = rotation.multiply(result, rotation.conjugate(base))
         about = rotation.to_rotation_vector(turn)
         if np.hypot(about[0], about[1]) < max(UPRIGHT * np.linalg.norm(about), SURE * sigma):
             yield float(time[row + 1]), turn
@@ -371,13 +371,13 @@ def dead_words(name: str, axes: Sequence[str]) -> str:
 
 
 def _at_range_ends(series: Series, name: str, unit: str) -> tuple[Mask, str]:
-    found = range_ends(series)
-    lost = with_neighbours(found.rows)
+    result = range_ends(series)
+    lost = with_neighbours(result.rows)
     if not lost.any():
         return lost, ""
-    sizes = sorted({round(abs(end), 12) for end in found.ends})
+    sizes = sorted({round(abs(end), 12) for end in result.ends})
     ends = " or ".join(printed(size, unit, sizes[-1]) for size in sizes)
-    count = np.count_nonzero(found.rows)
+    count = np.count_nonzero(result.rows)
     share = f"{100.0 * count / len(series):.2g}"
     return lost, (
         f"{count} of {len(series)} samples of {name} ({share} %) are at {ends}, the end of its "
@@ -395,7 +395,7 @@ def _hung(series: Series, name: str, unit: str) -> tuple[Mask, str]:
 def _stuck(series: Series, name: str, unit: str) -> tuple[Mask, str]:
     del unit
     stuck = stuck_rows(series)
-    axes = [column for column, one in zip(series.columns, stuck.T, strict=True) if one.any()]
+    axes = [column for column, item in zip(series.columns, stuck.T, strict=True) if item.any()]
     lost: Mask = np.asarray(stuck.any(axis=1))
     words = f"have {' or '.join(axes)} stuck at one value while the other axes scatter"
     return lost, _sentence(name, series, lost, words)
@@ -403,18 +403,18 @@ def _stuck(series: Series, name: str, unit: str) -> tuple[Mask, str]:
 
 def _not_measured(series: Series, name: str, unit: str) -> tuple[Mask, str]:
     del unit
-    found = slow_sensor(series)
-    if found is None:
+    sensor = slow_sensor(series)
+    if sensor is None:
         return np.zeros(len(series), dtype=np.bool_), ""
-    lost = ~found.measured
+    lost = ~sensor.measured
     words = (
         "lie on the straight line between two others"
-        if found.interpolated
+        if sensor.interpolated
         else "repeat the one before"
     )
     return lost, (
         f"{np.count_nonzero(lost)} of {len(series)} samples of {name} {words}: the sensor gives "
-        f"{three_digits(found.rate)} Hz, and its fresh samples are used"
+        f"{three_digits(sensor.rate)} Hz, and its fresh samples are used"
     )
 
 

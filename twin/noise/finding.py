@@ -89,20 +89,20 @@ def _against_claims(
     shaken: bool,
 ) -> list[NoiseFinding]:
     claim, source = claimed
-    found = _rms(noise.white)
+    result = _rms(noise.white)
     # a column that stands still on its grid hides its noise
-    hidden = bool(noise.quantised.any()) and found <= FACTOR * _rms(noise.resolution)
-    if not claim or 1.0 / FACTOR <= found / claim <= FACTOR or (hidden and found < claim):
+    hidden = bool(noise.quantised.any()) and result <= FACTOR * _rms(noise.resolution)
+    if not claim or 1.0 / FACTOR <= result / claim <= FACTOR or (hidden and result < claim):
         return []
-    if found > claim and (shaken or found < grid):
+    if result > claim and (shaken or result < grid):
         return []
-    ratio = found / claim
+    ratio = result / claim
     sentence = (
-        f"The noise of {name} is {printed(found, unit)} a sample, "
+        f"The noise of {name} is {printed(result, unit)} a sample, "
         + (f"{ratio:.2g} times" if ratio > 1.0 else f"{1.0 / ratio:.2g} times less than")
         + f" the {printed(claim, unit)} that {source} states."
     )
-    return [NoiseFinding(name, "noise", found, claim, sentence)]
+    return [NoiseFinding(name, "noise", result, claim, sentence)]
 
 
 def _kicked(name: str, recording: Recording) -> bool:
@@ -147,8 +147,8 @@ def _quality(
 ) -> list[NoiseFinding]:
     findings: list[NoiseFinding] = []
 
-    def say(kind: str, found: float, sentence: str) -> None:
-        findings.append(NoiseFinding(name, kind, found, None, sentence))
+    def say(kind: str, result: float, sentence: str) -> None:
+        findings.append(NoiseFinding(name, kind, result, None, sentence))
 
     clock, flagged = noise.clock, int(noise.outliers.sum())
     if noise.quantised.any():

@@ -178,8 +178,8 @@ def _stuck(series: Series, coarse: Array) -> Mask:
             continue
         needed = max(TIMES, repeats_needed(repeat, len(series)))
         usual = usual_run(length) if alive[column] else 1.0
-        found = long & (length > usual * needed)
-        stuck[:, column] = found.repeat(length)
+        result = long & (length > usual * needed)
+        stuck[:, column] = result.repeat(length)
     return stuck
 
 

@@ -84,7 +84,7 @@ def with_signs(recording: Recording, axes: Sequence[Array] = ()) -> tuple[Record
                 "no sign, and nothing in the log gives it: wheel_speed is not used; add "
                 f"{DRIVES[0]}"
             )
-            streams = {key: one for key, one in recording.items() if key != "wheel_speed"}
+            streams = {key: item for key, item in recording.items() if key != "wheel_speed"}
             return replace(recording, streams=streams), said
     if not said:
         return recording, []
@@ -152,7 +152,7 @@ def _stretches(
             _Stretch(a, b, _sign(series.time[a:b], series.value[a:b, wheel], drive[a:b]))
             for a, b in zip(edges, edges[1:], strict=False)
         ]
-        if sum(one.sign != 0.0 for one in told) > sum(one.sign != 0.0 for one in best):
+        if sum(item.sign != 0.0 for item in told) > sum(item.sign != 0.0 for item in best):
             best, by = told, name
     return best, by
 
@@ -161,24 +161,24 @@ def _drives(
     recording: Recording, series: Series, wheel: int, axes: Sequence[Array]
 ) -> list[tuple[str, Array]]:
     """What speeds the wheel up, up to a factor, between each row and the next (m,)."""
-    found: list[tuple[str, Array]] = []
+    result: list[tuple[str, Array]] = []
     for name in DRIVES:
         command = recording.streams.get(name)
         if command is not None and len(command) > 1 and command.value.shape[1] > wheel:
-            found.append((name, _mean_held(command, series.time)[:, wheel]))
+            result.append((name, _mean_held(command, series.time)[:, wheel]))
     gyro = recording.streams.get("gyro")
     if gyro is not None and len(gyro) > FEWEST and wheel < len(axes) and len(gyro.columns) == 3:
         # the body takes what the wheel gives
         about = gyro.interpolated_at(series.time) @ axes[wheel]
-        found.append(("gyro", -np.gradient(about, series.time)))
-    return found
+        result.append(("gyro", -np.gradient(about, series.time)))
+    return result
 
 
 def _mean_held(command: Series, time: Array) -> Array:
     """(m, k) mean of a held command from each time to the next."""
     steps = command.value[:-1] * np.diff(command.time)[:, None]
     whole = np.concatenate([np.zeros((1, command.value.shape[1])), np.cumsum(steps, axis=0)])
-    integral = np.stack([np.interp(time, command.time, one) for one in whole.T], axis=-1)
+    integral = np.stack([np.interp(time, command.time, item) for item in whole.T], axis=-1)
     past = np.maximum(time - command.time[-1], 0.0)[:, None] * command.value[-1]
     mean = np.diff(integral + past, axis=0) / np.diff(time)[:, None]
     return np.concatenate([mean, mean[-1:]])
@@ -201,12 +201,12 @@ def _sign(time: Array, speed: Array, drive: Array) -> float:
     mean_push = 0.5 * (push[1:] + push[:-1])
     columns = np.stack([mean_push, middle, np.ones_like(middle)], axis=-1)
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    found, _, rank, _ = np.linalg.lstsq(columns / scale, change, rcond=1e-9)
+    result, _, rank, _ = np.linalg.lstsq(columns / scale, change, rcond=1e-9)
     if rank < 3 or len(change) <= 3:
         # of a constant drive, the sign is that of a rise, which friction never makes
         pushed = float(mean_push.mean())
         return float(np.sign(pushed)) if (change > 0.0).all() else 0.0
-    left = change - columns / scale @ found
+    left = change - columns / scale @ result
     spread = np.linalg.pinv((columns / scale).T @ (columns / scale))
     sigma = float(np.sqrt(left @ left / (len(change) - 3) * spread[0, 0]))
-    return float(np.sign(found[0])) if abs(float(found[0])) > SURE * sigma else 0.0
+    return float(np.sign(result[0])) if abs(float(result[0])) > SURE * sigma else 0.0

@@ -102,12 +102,12 @@ def give_each(
         EffectError: values that cannot differ from run to run.
     """
     platform, models = machine.platform, list[mujoco.MjModel]()
-    if any(isinstance(one, BodyEffect) and one.changes_machine for one in each[0]):
+    if any(isinstance(item, BodyEffect) and item.changes_machine for item in each[0]):
         given = None if offsets is None else np.broadcast_to(offsets, (len(each), 3))
         compiled: dict[tuple[bytes, ...], Machine] = {}
         for run, effects in enumerate(each):
             moment = platform.center_of_mass_offset if given is None else given[run]
-            key = (moment.tobytes(), *(one.values.tobytes() for one in effects))
+            key = (moment.tobytes(), *(item.values.tobytes() for item in effects))
             if key not in compiled:
                 own = tuple(stated(effect) for effect in effects)
                 compiled[key] = compile_model(
@@ -176,8 +176,8 @@ def _axes(effect: Effect, platform: Platform) -> int | None:
                 whole = _outcome(_with_axes(tries, axes), platform, np.arange(_TRIALS))
                 parts = [
                     # in company: a lone row may have other last bits
-                    _outcome(one, platform, np.array([row, row]))[:1]
-                    for row, one in enumerate(tries)
+                    _outcome(item, platform, np.array([row, row]))[:1]
+                    for row, item in enumerate(tries)
                 ]
         except (ValueError, TypeError, IndexError):
             continue
@@ -230,7 +230,9 @@ def _outcome(effect: Effect, platform: Platform, rows: NDArray[np.intp]) -> Arra
     if isinstance(effect, ReadingEffect):
         position = random(_SAMPLES, 1) if hinge else normalized(random(_SAMPLES, 4))
         rate = random(_SAMPLES, 1 if hinge else 3)
-        shown += [effect.error(one, position, rate).reshape(len(rows), -1) for one in effect.reads]
+        shown += [
+            effect.error(read, position, rate).reshape(len(rows), -1) for read in effect.reads
+        ]
     if isinstance(effect, BodyEffect):
         position = random(1) if hinge else normalized(random(4))
         rate, speed = random(1 if hinge else 3), random(len(platform.wheels))

@@ -148,7 +148,7 @@ class Forces:
         middles = time[:, None] + (np.arange(steps) + 0.5) * step
         if len(self._moving) == 1:
             return self._wrench(0, middles.ravel()).reshape(len(time), steps, -1)
-        wrench = [self._wrench(run, own) for run, own in zip(runs, middles, strict=True)]
+        wrench = [self._wrench(run, middle) for run, middle in zip(runs, middles, strict=True)]
         return np.stack(wrench).reshape(len(time), steps, -1)
 
     def _wrench(self, run: int, times: Array) -> Array:
@@ -181,7 +181,7 @@ class Forces:
 
 
 def _failed(failures: Sequence[SimulationError]) -> Index:
-    return np.unique(np.concatenate([one.ids for one in failures]))
+    return np.unique(np.concatenate([failure.ids for failure in failures]))
 
 
 def thruster_arms(machine: Machine) -> Array:

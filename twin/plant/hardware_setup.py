@@ -146,10 +146,10 @@ def read_hardware(platform: Platform, path: Path | None = None) -> HardwareSetup
 def _devices(table: Table) -> dict[str, DeviceSettings]:
     devices: dict[str, DeviceSettings] = {}
     for name in table.keys:
-        one = table.table(name)
-        read = KINDS[one.text("kind", among=sorted(KINDS))]
-        devices[name] = read(one, name, one.text("port"))
-        one.close()
+        item = table.table(name)
+        read = KINDS[item.text("kind", among=sorted(KINDS))]
+        devices[name] = read(item, name, item.text("port"))
+        item.close()
     return devices
 
 
@@ -176,14 +176,14 @@ def _calibration(path: Path, platform: Platform) -> dict[str, tuple[float | Arra
             "platform", f"is {machine!r}, this is {platform.name}", "name this machine's own file"
         )
     file.raw("notes")
-    streams, found = file.table("streams", required=False), {}
+    streams, result = file.table("streams", required=False), {}
     for stream in streams.keys:
-        one = streams.table(stream)
+        item = streams.table(stream)
         width = len(platform.columns(stream))
-        found[stream] = one.numbers("bias", width, 0.0), _scale(one, width, 1.0)
-        one.close()
+        result[stream] = item.numbers("bias", width, 0.0), _scale(item, width, 1.0)
+        item.close()
     file.close()
-    return found
+    return result
 
 
 def _routes(
@@ -204,43 +204,43 @@ def _routes(
         measured = stream.removeprefix("command_")
         # a stream in parts, from several devices, is an array of tables
         many = isinstance(table.raw(stream), list)
-        for one in table.tables(stream) if many else [table.table(stream)]:
-            routes.append(_route(one, stream, columns, devices, corrections.get(measured)))
+        for item in table.tables(stream) if many else [table.table(stream)]:
+            routes.append(_route(item, stream, columns, devices, corrections.get(measured)))
     return tuple(routes)
 
 
 def _route(
-    one: Table,
+    item: Table,
     stream: str,
     columns: tuple[str, ...],
     devices: Mapping[str, DeviceSettings],
     correction: tuple[float | Array, float | Array] | None,
 ) -> Route:
-    device = one.text("device", among=sorted(devices))
-    parts = one.texts("parts", columns)
+    device = item.text("device", among=sorted(devices))
+    parts = item.texts("parts", columns)
     unknown = [part for part in parts if part not in columns]
     if unknown or len(set(parts)) < len(parts):
-        raise one.fail("parts", f"are {list(parts)}", f"use each of {', '.join(columns)} once")
+        raise item.fail("parts", f"are {list(parts)}", f"use each of {', '.join(columns)} once")
     numbers = tuple(columns.index(part) for part in parts)
-    turn = one.numbers("body_from_device", 4) if "body_from_device" in one else None
+    turn = item.numbers("body_from_device", 4) if "body_from_device" in item else None
     if turn is not None and abs(np.linalg.norm(turn) - 1.0) > 1e-6:
-        raise one.fail("body_from_device", "is no unit quaternion", "scale it to length 1")
+        raise item.fail("body_from_device", "is no unit quaternion", "scale it to length 1")
     if turn is not None and stream != "attitude" and len(columns) != 3:
-        raise one.fail("body_from_device", f"cannot turn {stream}", "give `scale` or `parts`")
-    scale = _scale(one, len(parts), np.ones(len(parts)))
-    bias = one.numbers("bias", len(parts), np.zeros(len(parts)))
+        raise item.fail("body_from_device", f"cannot turn {stream}", "give `scale` or `parts`")
+    scale = _scale(item, len(parts), np.ones(len(parts)))
+    bias = item.numbers("bias", len(parts), np.zeros(len(parts)))
     if correction is not None:
         for_these = [np.broadcast_to(c, len(columns))[list(numbers)] for c in correction]
         bias, scale = bias + for_these[0], scale * for_these[1]
-    source = one.text("source", stream)
-    one.close()
+    source = item.text("source", stream)
+    item.close()
     return Route(stream, device, source, numbers, turn, scale, bias)
 
 
-def _scale(one: Table, width: int, usual: float | Array) -> float | Array:
-    scale = one.numbers("scale", width, usual)
+def _scale(item: Table, width: int, usual: float | Array) -> float | Array:
+    scale = item.numbers("scale", width, usual)
     if np.any(scale == 0.0):
-        raise one.fail("scale", "is zero", "give what the value should be over what it is")
+        raise item.fail("scale", "is zero", "give what the value should be over what it is")
     return scale
 
 

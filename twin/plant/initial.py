@@ -76,7 +76,7 @@ def check_velocity(platform: Platform, velocity: Array) -> None:
         UsageError: it has one.
     """
     if np.any(velocity) and not platform.base.travels:
-        given = " ".join(f"{one:g}" for one in np.atleast_2d(velocity)[0])
+        given = " ".join(f"{item:g}" for item in np.atleast_2d(velocity)[0])
         raise UsageError(
             f"{platform.name} stays where it is, but would start with a velocity of {given} m/s; "
             "leave it out"

@@ -90,9 +90,9 @@ class SimulatedPlant(Plant):
         self._force = self._batch.bind("qfrc_applied")
         start = initial or InitialState()
         offsets, shared = start.center_of_mass_offset, self.machine.effects
-        own: Sequence[mujoco.MjModel] = ()
+        models: Sequence[mujoco.MjModel] = ()
         if effects:
-            shared, own = give_each(self._batch, self.machine, effects, offsets)
+            shared, models = give_each(self._batch, self.machine, effects, offsets)
         elif offsets is not None:
             set_offsets(self._batch, self.machine, np.broadcast_to(offsets, (self.n, 3)))
         self._flags = self._batch.expand("opt.disableflags")
@@ -144,9 +144,9 @@ class SimulatedPlant(Plant):
             self._done_with("command_stage_position", self._joints.stage_position)
         self._forces = Forces(self.machine, self.n, effects, shared)
         self._forces.start(self._batch, self._qpos)
-        self._truth = Truth(self.machine, offsets, own, shared)
+        self._truth = Truth(self.machine, offsets, models, shared)
         first = np.concatenate([self._qpos, self._qvel], axis=1)[:, None, :]
-        longest = [window_steps(one, platform.step) for one in platform.sensors.values()]
+        longest = [window_steps(item, platform.step) for item in platform.sensors.values()]
         self._before = first.repeat(max(longest, default=1), axis=1)
         self._started = False
 

@@ -167,8 +167,8 @@ class MassMoment:
             effects: of all runs at once.
         """
         model, self._stated = machine.model, stated
-        of_model = {id(one): _carried(one, machine.base_body) for one in own}
-        pairs = [of_model[id(one)] for one in own]
+        of_model = {id(item): _carried(item, machine.base_body) for item in own}
+        pairs = [of_model[id(item)] for item in own]
         axes, arms = (np.stack(part) for part in zip(*pairs, strict=True))
         joints = _joints(model, machine.base_body)
         slides = model.jnt_type[joints] == _SLIDE

@@ -530,18 +530,18 @@ def _earth(environment: Table) -> tuple[StatedEffect, ...]:
 
 def _effects(table: Table) -> tuple[StatedEffect, ...]:
     """`[effects.NAME]`, or `[effects.NAME.TARGET]` for an effect on a stream or part."""
-    found: list[StatedEffect] = []
+    effects: list[StatedEffect] = []
     for name in table.keys:
-        one = table.table(name)
-        values = {key: one.raw(key) for key in one.keys}
+        item = table.table(name)
+        values = {key: item.raw(key) for key in item.keys}
         own = {key: value for key, value in values.items() if not isinstance(value, dict)}
         if own or not values:
-            found.append(StatedEffect(name, "", own, table.line(name)))
+            effects.append(StatedEffect(name, "", own, table.line(name)))
         for target in (key for key in values if key not in own):
-            aimed = one.table(target)
+            aimed = item.table(target)
             given = {key: aimed.raw(key) for key in aimed.keys}
-            found.append(StatedEffect(name, target, given, one.line(target)))
-    return tuple(found)
+            effects.append(StatedEffect(name, target, given, item.line(target)))
+    return tuple(effects)
 
 
 def _pitch_stop(table: Table) -> PitchStop:
@@ -615,7 +615,7 @@ def _mass_properties(table: Table) -> tuple[float, Array, Array]:
 
 def _deviations(table: Table, key: str, size: int, unit: str) -> Array | None:
     """Standard deviations, if any are stated; none of them 0."""
-    found = cast(Array | None, table.numbers(key, size, None, low=0.0, unit=unit))
-    if found is not None and not np.all(found > 0.0):
+    result = cast(Array | None, table.numbers(key, size, None, low=0.0, unit=unit))
+    if result is not None and not np.all(result > 0.0):
         raise table.fail(key, "holds 0", f"give what the measurement leaves open [{unit}]")
-    return found
+    return result

@@ -95,7 +95,7 @@ def about_center_of_mass(platform: Platform) -> Platform:
         inertia=platform.inertia - carried,
         center_of_mass_offset=np.zeros(3),
         gravity=0.0,
-        sensors={name: one for name, one in platform.sensors.items() if name in TURNING},
+        sensors={name: item for name, item in platform.sensors.items() if name in TURNING},
     )
 
 
@@ -127,10 +127,10 @@ def common_platform(recordings: Sequence[Recording]) -> Platform:
     """
     first = recordings[0]
     for other in recordings[1:]:
-        one, two = first.provenance.get("platform"), other.provenance.get("platform")
-        if one != two:
+        item, two = first.provenance.get("platform"), other.provenance.get("platform")
+        if item != two:
             raise UsageError(
-                f"{first.provenance.get('source', 'the first log')} is of {one or 'no platform'}, "
+                f"{first.provenance.get('source', 'the first log')} is of {item or 'no platform'}, "
                 f"{other.provenance.get('source', 'another')} of {two or 'no platform'}: logs are "
                 "taken together of one machine only; if it is one, name it with --platform"
             )

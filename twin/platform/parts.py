@@ -341,14 +341,14 @@ def files_of(platform: Platform) -> dict[str, Path]:
     does no harm.
     """
     below = [path for path in platform.folder.rglob("*") if path.is_file()]
-    found = {platform.folder / "platform.toml", platform.model_path}
+    result = {platform.folder / "platform.toml", platform.model_path}
     unread = [platform.model_path]
     while unread:
         named = _names_in(unread.pop())
-        more = {path for path in below if path.name in named} - found
-        found |= more
+        more = {path for path in below if path.name in named} - result
+        result |= more
         unread += more
-    return {path.relative_to(platform.folder).as_posix(): path for path in sorted(found)}
+    return {path.relative_to(platform.folder).as_posix(): path for path in sorted(result)}
 
 
 def _names_in(path: Path) -> set[str]:
@@ -359,4 +359,6 @@ def _names_in(path: Path) -> set[str]:
     except (ElementTree.ParseError, LookupError, ValueError):  # the last two: its encoding
         return set()
     # a Windows path may be written with strokes of either kind
-    return {PureWindowsPath(value).name for one in elements for value in one.attrib.values()}
+    return {
+        PureWindowsPath(value).name for element in elements for value in element.attrib.values()
+    }

@@ -47,11 +47,11 @@ class Added:
         perturbations = (*perturbations, *stated)
         forces = np.zeros((grid.segments, grid.steps, body.machine.model.nv, len(perturbations)))
         rest = np.zeros(forces.shape[:-1])
-        for i, one in enumerate(perturbations):
-            if one.force is not None:
-                forces[..., i] = one.force(body)
-            if one.rest is not None:
-                rest += one.rest(body)
+        for i, perturbation in enumerate(perturbations):
+            if perturbation.force is not None:
+                forces[..., i] = perturbation.force(body)
+            if perturbation.rest is not None:
+                rest += perturbation.rest(body)
         return Added(body, perturbations, count, sizes, forces, rest)
 
     @property
@@ -64,8 +64,8 @@ class Added:
         strengths = self._all(strengths, stated=stated)
         laws = tuple(
             (strength * factor, law)
-            for one, strength in zip(self.perturbations, strengths.tolist(), strict=True)
-            for factor, law in one.laws
+            for perturbation, strength in zip(self.perturbations, strengths.tolist(), strict=True)
+            for factor, law in perturbation.laws
             if strength != 0.0
         )
         return PathForces(self.rest + np.asarray(self.forces @ strengths, dtype=np.float64), laws)
@@ -74,9 +74,9 @@ class Added:
         """(S, steps, nv) of each, by its name, but for what answers to the path."""
         strengths = self._all(strengths)
         return {
-            one.name: self.forces[..., i] * strengths[i]
-            for i, one in enumerate(self.perturbations)
-            if one.force is not None
+            perturbation.name: self.forces[..., i] * strengths[i]
+            for i, perturbation in enumerate(self.perturbations)
+            if perturbation.force is not None
         }
 
     def rows(self, path: States, strengths: Array) -> Array:
@@ -87,11 +87,11 @@ class Added:
         for output in self.body.outputs:
             late, shown = self._late(output, strengths), np.zeros((1, *output.slot.shape))
             truth = output.predicted(path, step, late)
-            for i, one in self._of(output):
-                if one.shown is not None and strengths[i] != 0.0:
-                    shown = shown + strengths[i] * one.shown(output, truth)
-                if one.misread is not None and strengths[i] != 0.0:
-                    shown = shown + strengths[i] * one.misread(output, path, step)
+            for i, item in self._of(output):
+                if item.shown is not None and strengths[i] != 0.0:
+                    shown = shown + strengths[i] * item.shown(output, truth)
+                if item.misread is not None and strengths[i] != 0.0:
+                    shown = shown + strengths[i] * item.misread(output, path, step)
             parts.append(output.residual(path, step, late) - shown / output.sigma)
         return self.body.cells.scatter(parts)[0]
 
@@ -103,22 +103,22 @@ class Added:
         parts = [np.zeros((len(faults), *o.slot.shape)) for o in body.outputs]
         for output, part in zip(body.outputs, parts, strict=True):
             late = self._late(output, strengths)
-            for i, one in self._of(output):
+            for i, item in self._of(output):
                 if i not in own:
                     continue
                 column = part[faults.index(i)]
-                if one.shown is not None:
-                    shown = one.shown(output, output.predicted(path, step, late))[0]
+                if item.shown is not None:
+                    shown = item.shown(output, output.predicted(path, step, late))[0]
                     column[:] = -shown / output.sigma
-                if one.misread is not None:
-                    column[:] = -one.misread(output, path, step)[0] / output.sigma
-                if one.late is not None:
+                if item.misread is not None:
+                    column[:] = -item.misread(output, path, step)[0] / output.sigma
+                if item.late is not None:
                     # Into the past only: what a law commands at an instant answers to the noise of
                     # the sample that it read there, and would seem to explain it.
                     soon = SOON * float(np.median(np.diff(output.time)))
                     past = output.residual(path, step, late + soon)[0]
                     there = output.residual(path, step, late)[0]
-                    column[:] = (past - there) / soon * one.late(output)[:, None]
+                    column[:] = (past - there) / soon * item.late(output)[:, None]
         return dict(zip(faults, body.cells.scatter(parts), strict=True))
 
     def columns(self, exact: Exact, strengths: Array) -> tuple[Array, Array]:
@@ -132,14 +132,16 @@ class Added:
         """What the forces do, as `Body.force_columns`; those that are zero do nothing."""
         body, forces = self.body, self.forces[..., : self.count].copy()
         large: list[int] = []
-        for i, one in enumerate(self.perturbations[: self.count]):
-            if one.laws and one.size != 0.0 and strengths[i] == 0.0:
+        for i, perturbation in enumerate(self.perturbations[: self.count]):
+            if perturbation.laws and perturbation.size != 0.0 and strengths[i] == 0.0:
                 large.append(i)
-            elif one.laws:
-                forces[..., i] += forces_along(one.laws, body.machine, exact.path, body.begins)
+            elif perturbation.laws:
+                forces[..., i] += forces_along(
+                    perturbation.laws, body.machine, exact.path, body.begins
+                )
         acting = np.any(forces, axis=(0, 1, 2))
-        found = body.force_columns(exact, forces[..., acting])
-        columns, jumps = (among(one, acting) for one in found)
+        result = body.force_columns(exact, forces[..., acting])
+        columns, jumps = (among(item, acting) for item in result)
         for i in large:
             answers = body.columns_of(exact, self._answers(exact, i)[..., None])
             columns[..., i] += answers[0][..., 0]
@@ -149,12 +151,12 @@ class Added:
     def _answers(self, exact: Exact, index: int) -> Array:
         """(S, steps + 1, x) changes of the state by the laws of a perturbation at its size, over
         that size."""
-        one, body = self.perturbations[index], self.body
-        laws = tuple((one.size * factor, law) for factor, law in one.laws)
+        item, body = self.perturbations[index], self.body
+        laws = tuple((item.size * factor, law) for factor, law in item.laws)
         push = PathForces(np.zeros_like(self.rest), laws)
         carried, machine = exact.local.carried, body.machine
         change = carried_answers(carried, exact.answer, push, machine, exact.path, body.begins)
-        return change / one.size
+        return change / item.size
 
     def _all(self, strengths: Array, *, stated: bool = True) -> Array:
         return np.concatenate([strengths, self.sizes if stated else np.zeros_like(self.sizes)])
@@ -166,9 +168,9 @@ class Added:
 
     def _late(self, output: Output, strengths: Array) -> Array:
         late = np.zeros(len(output.time))
-        for i, one in self._of(output):
-            if one.late is not None:
-                late = late + strengths[i] * one.late(output)
+        for i, item in self._of(output):
+            if item.late is not None:
+                late = late + strengths[i] * item.late(output)
         return late
 
 
@@ -178,7 +180,7 @@ def formed(
     """Each perturbation's columns, at a strength of 0, where the logs were linearised."""
     if not perturbations:
         return []
-    logs = [_of_log(body, one, perturbations) for body, one in zip(bodies, exact, strict=True)]
+    logs = [_of_log(body, item, perturbations) for body, item in zip(bodies, exact, strict=True)]
     return list(zip(*logs, strict=True))
 
 
@@ -188,12 +190,12 @@ def _of_log(
     """So many together that what is kept of each step stays within AT_ONCE."""
     each = body.grid.segments * body.grid.steps * sum(exact.answer.shape[2:])
     together = max(AT_ONCE // each, 1)
-    found: list[tuple[Array, Array]] = []
+    result: list[tuple[Array, Array]] = []
     for first in range(0, len(perturbations), together):
         more = tuple(perturbations[first : first + together])
         columns, jumps = Added.to(body, more).columns(exact, np.zeros(len(more)))
-        found += [(columns[..., i], jumps[..., i]) for i in range(len(more))]
-    return found
+        result += [(columns[..., i], jumps[..., i]) for i in range(len(more))]
+    return result
 
 
 def with_formed(exact: Sequence[Exact], every: Sequence[Formed]) -> tuple[Exact, ...]:
@@ -202,14 +204,14 @@ def with_formed(exact: Sequence[Exact], every: Sequence[Formed]) -> tuple[Exact,
         return tuple(exact)
     return tuple(
         replace(
-            one,
+            item,
             linear=replace(
-                one.linear,
-                shared=joined(one.linear.shared, *(logs[i][0][..., None] for logs in every)),
+                item.linear,
+                shared=joined(item.linear.shared, *(logs[i][0][..., None] for logs in every)),
                 jump_shared=joined(
-                    one.linear.jump_shared, *(logs[i][1][..., None] for logs in every)
+                    item.linear.jump_shared, *(logs[i][1][..., None] for logs in every)
                 ),
             ),
         )
-        for i, one in enumerate(exact)
+        for i, item in enumerate(exact)
     )

@@ -91,13 +91,13 @@ def joint_parameters(machine: Machine, wheels: bool) -> tuple[JointParameter, ..
     rest = model.qpos_spring[machine.base_qpos].copy()
     joint = platform.base.joint
     stiffness = float(model.jnt_stiffness[model.dof_jntid[base[0]]])
-    found = [
+    result = [
         *_dampings(model, joint, base, None, rest),
         JointParameter("stiffness", joint, stiffness, base, None, rest),
     ]
     for index, wheel in enumerate(platform.wheels if wheels else ()):
-        found += _dampings(model, wheel.name, (int(machine.wheel_dof[index]),), index, rest)
-    return tuple(parameter for parameter in found if parameter.stated != 0.0)
+        result += _dampings(model, wheel.name, (int(machine.wheel_dof[index]),), index, rest)
+    return tuple(parameter for parameter in result if parameter.stated != 0.0)
 
 
 def joint_forces(joints: tuple[JointParameter, ...], machine: Machine, path: States) -> Array:
@@ -169,10 +169,10 @@ class BaseParameters:
     @property
     def of_body(self) -> "BaseParameters":
         """J and m r alone."""
-        found = self
+        result = self
         for _ in self.joints:
-            found = found.without(len(found.names) - 1)
-        return replace(found, joints=())
+            result = result.without(len(result.names) - 1)
+        return replace(result, joints=())
 
     @property
     def held_moment(self) -> str:
@@ -283,12 +283,12 @@ def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True
         known = _stated_sd(machine)
         prior = np.where(np.isfinite(known), known, WEAK * scale)
         # without gravity no motion shows m r, nor, where nothing drives it, the size of J
-        found = BaseParameters(machine, NAMES, units, stated, scale, prior, np.eye(9))
+        result = BaseParameters(machine, NAMES, units, stated, scale, prior, np.eye(9))
         for index in () if machine.platform.gravity else (8, 7, 6):
-            found = found.without(index)
+            result = result.without(index)
         if not machine.platform.gravity and not torque:
-            found = found.without(int(np.argmax(stated[:3])))
-        return found
+            result = result.without(int(np.argmax(stated[:3])))
+        return result
     axis = hinge_axis(machine)
     about_axis = float(axis @ machine.platform.inertia @ axis)
     directions = _across(axis)
@@ -315,10 +315,12 @@ def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True
     scale = np.array([about_axis if name == "J" else reach for name in names])
     known = _stated_sd(machine)
     about = np.array([(1.0 if i == j else 2.0) * axis[i] * axis[j] for i, j in ENTRIES])
-    across = [np.concatenate([np.zeros(6), one]) for one in directions]
+    across = [np.concatenate([np.zeros(6), direction]) for direction in directions]
     along = [np.concatenate([about, np.zeros(3)])] * (len(names) - len(across)) + across
     # what no axis turns or carries may be unknown
-    sd = [float(np.sqrt(np.sum(np.square(known[one != 0.0] * one[one != 0.0])))) for one in along]
+    sd = [
+        float(np.sqrt(np.sum(np.square(known[item != 0.0] * item[item != 0.0])))) for item in along
+    ]
     return BaseParameters(
         machine,
         tuple(names),

@@ -319,7 +319,7 @@ class Body:
 
     def _errors(self) -> dict[str, Array]:
         """(S, N, k) d(measured / noise) / d error of each column of a sensor of the motion."""
-        found: dict[str, Array] = {}
+        result: dict[str, Array] = {}
         for output, (segment, row) in zip(self.outputs, self.cells.places, strict=True):
             if output.told is not None or output.stream in ("wheel_speed", "gimbal_angle"):
                 continue
@@ -327,8 +327,8 @@ class Body:
             seen = np.zeros((self.grid.segments, self.cells.count, columns))
             for column, sigma in enumerate(output.sigma.T):
                 seen[segment, row[:, [column]], column] = 1.0 / sigma[:, None]
-            found[output.stream] = seen
-        return found
+            result[output.stream] = seen
+        return result
 
     def _walks(self) -> tuple[Array, Array]:
         """Intensities of what nobody recorded: (wheels,) of torques on them [(N m)^2 s], (gimbals,)
@@ -368,13 +368,13 @@ class Body:
     def _told(self) -> dict[str, Series]:
         """Streams that follow from the commands alone, and how they should be."""
         platform, inputs, edges = self.machine.platform, self.inputs, self.grid.edges
-        found: dict[str, Series] = {}
+        result: dict[str, Series] = {}
         if inputs.stage_course is not None and "stage_position" in platform.sensors:
-            found["stage_position"] = inputs.stage_course.place
+            result["stage_position"] = inputs.stage_course.place
         left = pressure(platform, edges, inputs.thrust(edges))
         if left is not None and "command_thruster" in inputs.used:
-            found["gas_pressure"] = left
-        return found
+            result["gas_pressure"] = left
+        return result
 
 
 def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:
@@ -397,9 +397,9 @@ def body_of(machine: Machine, recording: Recording, motion: Motion) -> Body:
     model = copy.copy(machine.model)
     both = zip(coarse.outputs, fine.outputs, strict=True)
     pairs = zip(coarse.nominal(model), fine.nominal(model), both, strict=True)
-    for one, other, (at, too) in pairs:
+    for item, other, (at, too) in pairs:
         # a sample at the log's very edge may belong to one grid only
-        change = one[np.isin(at.time, too.time)] - other[np.isin(too.time, at.time)]
+        change = item[np.isin(at.time, too.time)] - other[np.isin(too.time, at.time)]
         if float(np.sum(np.square(change))) > EXACT**2:
             return Body(
                 machine,

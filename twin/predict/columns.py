@@ -191,7 +191,7 @@ def _changes(effect: Effect) -> list[Change]:
     low, high = effect.bounds()
     size = amplitudes(effect)
     so_far = np.where(size, 0.0, values)
-    found: list[Change] = []
+    changes: list[Change] = []
     for i, step in enumerate(steps):
         if size[i]:
             before = effect.with_values(so_far)
@@ -200,7 +200,7 @@ def _changes(effect: Effect) -> list[Change]:
             more[i] = values[i] or step
             slope = 1.0 / float(more[i])
             after = (effect.with_values(more), slope)
-            found.append((after,) if alone else (after, (before, -slope)))
+            changes.append((after,) if alone else (after, (before, -slope)))
             so_far[i] = values[i]
             continue
         large = np.where(size & (values == 0.0), steps, values)
@@ -209,8 +209,8 @@ def _changes(effect: Effect) -> list[Change]:
         ends[1][i] = min(values[i] + step, high[i])
         slope = 1.0 / float(ends[1][i] - ends[0][i])
         before, after = (effect.with_values(end) for end in ends)
-        found.append(((after, slope), (before, -slope)))
-    return found
+        changes.append(((after, slope), (before, -slope)))
+    return changes
 
 
 def _perturbation(
@@ -390,7 +390,7 @@ def stated_of(body: Body) -> Stated:
     """What the platform of a log's machine states, and the strengths (a,) of it."""
     if body not in _stated:
         every = [_parts(effect, body.machine.platform) for effect in body.machine.effects]
-        parts = tuple(one for found, _ in every for one in found)
+        parts = tuple(item for result, _ in every for item in result)
         _stated[body] = parts, np.array([size for _, sizes in every for size in sizes])
     return _stated[body]
 
@@ -398,8 +398,10 @@ def stated_of(body: Body) -> Stated:
 def rests_of(body: Body) -> tuple[Perturbation, ...]:
     """Where the springs of what is stated rest, if that is where the log began: about each axis."""
     if body not in _rests:
-        found = [part for one in body.machine.effects for part in references_of(one, [body])]
-        _rests[body] = tuple(replace(one, force=_once(one.force)) for one in found if one.force)
+        result = [part for effect in body.machine.effects for part in references_of(effect, [body])]
+        _rests[body] = tuple(
+            replace(item, force=_once(item.force)) for item in result if item.force
+        )
     return _rests[body]
 
 
@@ -407,18 +409,20 @@ def _parts(effect: Effect, platform: Platform) -> tuple[list[Perturbation], list
     if isinstance(effect, BodyEffect) and not depends_on_start(effect):
         law = effect.torque(platform)
         pushes = isinstance(effect, CoupleEffect) or effect.pushes(platform)
-        one = Perturbation(
+        perturbation = Perturbation(
             effect.label,
             "1",
             force=_once(lambda body: pushed_along(effect, body)) if pushes else None,
             laws=() if law is None else ((1.0, law),),
             misread=_misreading(((effect, 1.0),)),
         )
-        return [one], [1.0]
+        return [perturbation], [1.0]
     if isinstance(effect, SeriesEffect) and effect.stream in OF_DRIVES:
         return [], []
     parts = perturbations_of(effect, platform)
-    once = [one if one.force is None else replace(one, force=_once(one.force)) for one in parts]
+    once = [
+        part if part.force is None else replace(part, force=_once(part.force)) for part in parts
+    ]
     return once, strengths_of(effect).tolist() if parts else []
 
 

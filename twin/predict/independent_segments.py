@@ -157,7 +157,7 @@ def independent_segments(
     problem: Problem, at: Unknowns, exact: tuple[Exact, ...]
 ) -> IndependentSegments:
     """What was linearised at some unknowns, its segments apart."""
-    links = tuple(link(one) for one in exact)
+    links = tuple(link(item) for item in exact)
     added = exact[0].linear.shared.shape[-1] - len(at.theta) - len(at.biases[0])
     stacked, cluster = problem.stacked(at, links, added)
     counts = np.concatenate([counts_of(body) for body in problem.bodies])
@@ -185,8 +185,10 @@ def fit_independent_segments(problem: Problem, start: Unknowns) -> IndependentSe
         step, foretold, _ = now.best(free)
         tried = _moved(problem, now, step)
         if tried is None and now.cost - foretold > CONVERGED:
-            tries = (_moved(problem, now, now.best(free, damping=one)[0]) for one in DAMPINGS)
-            tried = next((one for one in tries if one is not None), None)
+            tries = (
+                _moved(problem, now, now.best(free, damping=damping)[0]) for damping in DAMPINGS
+            )
+            tried = next((item for item in tries if item is not None), None)
             if tried is None and not freed:
                 # columns mislead along states that are far from their best: those go there first
                 tried, freed = _moved(problem, now, 0.0 * step, room=CONVERGED), True
@@ -202,19 +204,19 @@ def fit_independent_segments(problem: Problem, start: Unknowns) -> IndependentSe
 
 
 def _moved(
-    problem: Problem, now: IndependentSegments, step: Array, room: float = 0.0
+    problem: Problem, segments: IndependentSegments, step: Array, room: float = 0.0
 ) -> IndependentSegments | None:
     """After the largest part of a step that makes things better, or worse by less than so much;
     None without any."""
     for halving in range(HALVINGS if step.any() else 1):
         part = 0.5**halving * step
         try:
-            at = now.at.moved(part, now.links)
+            at = segments.at.moved(part, segments.links)
             with np.errstate(all="ignore"):  # of a motion on its way out of physics
                 tried = independent_segments(problem, at, problem.exact(at))
         except TwinError:
             continue
-        if tried.cost < now.cost + room:
+        if tried.cost < segments.cost + room:
             return tried
     return None
 

@@ -167,14 +167,14 @@ class Innovations:
         step = np.zeros(self.columns.shape[1]) if step is None else step
         p, a = len(self.at.theta), len(self.at.strengths)
         edges = p + np.cumsum([0, *map(len, self.at.biases)])
-        found: list[Array] = []
+        result: list[Array] = []
         ends = zip(edges, edges[1:], strict=False)
         for line, link, (i, j) in zip(self.linear, self.chains, ends, strict=True):
             own = np.concatenate([step[:p], step[i:j], step[edges[-1] : edges[-1] + a]])
             own = np.pad(own, (0, line.shared.shape[-1] - len(own)))
             states = np.einsum("snx,sx->sn", line.state, link.states(own))
-            found.append(line.residual + states + line.shared @ own)
-        return found
+            result.append(line.residual + states + line.shared @ own)
+        return result
 
 
 class Problem:
@@ -250,12 +250,12 @@ class Problem:
             zip(self.bodies, self._added, at.starts, strict=True)
         ):
             biases, strengths = self._parted(log, at)
-            one = body.linearise(self.base, at.theta, biases, start, added.push(strengths))
+            item = body.linearise(self.base, at.theta, biases, start, added.push(strengths))
             if added.any:
-                faulty = added.rows(one.path, strengths) - body.rows(one.path)[0]
-                residual = one.linear.residual + faulty
-                one = replace(one, linear=replace(one.linear, residual=residual))
-            exact.append(_with(one, added, strengths))
+                faulty = added.rows(item.path, strengths) - body.rows(item.path)[0]
+                residual = item.linear.residual + faulty
+                item = replace(item, linear=replace(item.linear, residual=residual))
+            exact.append(_with(item, added, strengths))
         return tuple(exact)
 
     def push(self, log: int, at: Unknowns, *, stated: bool = True) -> PathForces:
@@ -289,24 +289,24 @@ class Problem:
         """
         return with_formed(exact, formed(self.bodies, exact, perturbations))
 
-    def with_columns(self, now: Innovations, columns: Sequence[Array]) -> Innovations:
+    def with_columns(self, innovations: Innovations, columns: Sequence[Array]) -> Innovations:
         """With further unknowns, shared by all logs, that no motion depends on: a sensor's.
 
         The last entries of its step over their standard deviations are score tests.
 
         Args:
-            now: where to add them.
+            innovations: where to add them.
             columns: of each log (S, N, c), d residual / d unknown.
         """
         exact = [
-            replace(one, linear=one.linear.with_columns(more))
-            for one, more in zip(now.exact, columns, strict=True)
+            replace(item, linear=item.linear.with_columns(more))
+            for item, more in zip(innovations.exact, columns, strict=True)
         ]
-        more = self.whiten(now.at, exact, now.noise)
-        none = np.zeros(more.columns.shape[1] - len(now.tilt))
-        return replace(more, tilt=np.concatenate([now.tilt, none]))
+        more = self.whiten(innovations.at, exact, innovations.noise)
+        none = np.zeros(more.columns.shape[1] - len(innovations.tilt))
+        return replace(more, tilt=np.concatenate([innovations.tilt, none]))
 
-    def tilted(self, now: Innovations) -> Innovations:
+    def tilted(self, innovations: Innovations) -> Innovations:
         """With the slope of the log-determinant, which Gauss-Newton leaves out.
 
         Where a motion is unstable, each sample of it is predicted from those before it the worse
@@ -315,17 +315,17 @@ class Problem:
         no such slope, and is given none; nor is one that a torque disturbs, where the intensity of
         that torque takes its share of it.
         """
-        if now.noise.any:
-            return now
-        sigma = np.sqrt(np.diag(now.covariance))[: len(now.at.theta)]
-        growing = sum(growth(one.linear) for one in now.exact)
-        tilt = np.zeros(now.columns.shape[1])
+        if innovations.noise.any:
+            return innovations
+        sigma = np.sqrt(np.diag(innovations.covariance))[: len(innovations.at.theta)]
+        growing = sum(growth(item.linear) for item in innovations.exact)
+        tilt = np.zeros(innovations.columns.shape[1])
         for index in np.flatnonzero(growing * sigma / self.base.scale >= NO_GROWTH):
             change = np.zeros(len(tilt))
             change[index] = NEARBY * sigma[index]
-            nearby = self._logarithm(now.moved(change), now.noise)
-            tilt[index] = (nearby - now.logarithm) / change[index]
-        return replace(now, tilt=tilt)
+            nearby = self._logarithm(innovations.moved(change), innovations.noise)
+            tilt[index] = (nearby - innovations.logarithm) / change[index]
+        return replace(innovations, tilt=tilt)
 
     def _logarithm(self, at: Unknowns, noise: NoiseProcess) -> float:
         """Log-determinant of the covariance at some unknowns."""
@@ -340,11 +340,11 @@ class Problem:
         """What was linearised at some unknowns, under some noise."""
         linear: list[Linearised] = []
         logarithm = 0.0
-        for one in exact:
-            white, own = _disturbed(one, noise)
+        for item in exact:
+            white, own = _disturbed(item, noise)
             logarithm += own
             linear.append(white)
-        chains = [chain(one) for one in linear]
+        chains = [chain(item) for item in linear]
         logarithm += sum(link.logarithm for link in chains)
         added = exact[0].linear.shared.shape[-1] - len(at.theta) - len(at.biases[0])
         stacked, cluster = self.stacked(at, chains, added)
@@ -403,30 +403,30 @@ class Problem:
 
     def _known_strengths(self, at: Unknowns) -> Array:
         """Rows (k, 1 + a) of what is known of the strengths beforehand."""
-        spread = np.array([one.spread for one in self.perturbations])
+        spread = np.array([perturbation.spread for perturbation in self.perturbations])
         away = np.where(np.isfinite(spread), at.strengths / spread, 0.0)
         if self.strengths_held:
             spread = np.where(np.isfinite(spread), spread, HELD)
         return np.column_stack([away, np.diag(1.0 / spread)])[np.isfinite(spread)]
 
 
-def _with(one: Exact, added: Added, strengths: Array) -> Exact:
+def _with(item: Exact, added: Added, strengths: Array) -> Exact:
     """With the columns of perturbations."""
     if not len(strengths):
-        return one
-    return replace(one, linear=one.linear.with_columns(*added.columns(one, strengths)))
+        return item
+    return replace(item, linear=item.linear.with_columns(*added.columns(item, strengths)))
 
 
-def _disturbed(one: Exact, noise: NoiseProcess) -> tuple[Linearised, float]:
+def _disturbed(item: Exact, noise: NoiseProcess) -> tuple[Linearised, float]:
     """Under some noise; the log-determinant."""
-    linear, local, own = one.linear, one.local, 0.0
+    linear, local, own = item.linear, item.local, 0.0
     if noise.scales:
         linear, local, own = scaled(linear, local, noise.scales)
     if noise.white == 0.0 and not noise.wanders and not local.wander.any():
         return linear, own
     white = np.full(local.pushed.shape[-1], noise.white)
-    found, logarithm = whitened(linear, local, white, noise if noise.wanders else None)
-    return found, own + logarithm
+    result, logarithm = whitened(linear, local, white, noise if noise.wanders else None)
+    return result, own + logarithm
 
 
 def _prior(bias: Array, scale: Array, p: int, added: int) -> Array:
@@ -447,14 +447,14 @@ class Unexplained:
     """(m, k) [N m], body axes; 0 where nothing is left to explain."""
 
 
-def unexplained_torque(problem: Problem, now: Innovations, log: int) -> Unexplained:
+def unexplained_torque(problem: Problem, innovations: Innovations, log: int) -> Unexplained:
     """Smooth the white torque of a fit over one of its logs."""
     body = problem.bodies[log]
     grid = body.grid
     time = grid.starts[:, None] + grid.step * np.arange(grid.steps)
-    torque = np.zeros((*time.shape, now.exact[log].local.pushed.shape[-1]))
-    if now.intensity > 0.0:
-        torque = smoothed_torque(now, log)
+    torque = np.zeros((*time.shape, innovations.exact[log].local.pushed.shape[-1]))
+    if innovations.intensity > 0.0:
+        torque = smoothed_torque(innovations, log)
     inside = time.ravel() <= body.motion.time[-1]
     return Unexplained(
         time.ravel()[inside],
@@ -463,17 +463,17 @@ def unexplained_torque(problem: Problem, now: Innovations, log: int) -> Unexplai
     )
 
 
-def smoothed_torque(now: Innovations, log: int) -> Array:
+def smoothed_torque(innovations: Innovations, log: int) -> Array:
     """(S, steps, k) mean of the white torque over each step, of the machine as stated [N m]."""
-    chain = now.chains[log]
-    linear, local = now.exact[log].linear, now.exact[log].local
+    chain = innovations.chains[log]
+    linear, local = innovations.exact[log].linear, innovations.exact[log].local
     segments, instants, width = local.row.shape
     x = local.measured.shape[-1]
     starts, adjoints = chain.backward(np.zeros(linear.shared.shape[-1]))
     residual = linear.residual + np.einsum("snx,sx->sn", linear.state, starts)
     residual, measured = with_none(residual), with_none(local.measured)
     every = np.arange(segments)[:, None]
-    noise = now.intensity * local.step * local.pushed @ local.pushed.transpose(0, 2, 1)
+    noise = innovations.intensity * local.step * local.pushed @ local.pushed.transpose(0, 2, 1)
     mean = np.zeros((segments, x))
     spread = np.zeros((segments, x, x))
     eye = np.eye(width)
@@ -500,12 +500,12 @@ def smoothed_torque(now: Innovations, log: int) -> Array:
     torque = np.zeros((segments, instants - 1, local.pushed.shape[-1]))
     for k in range(instants - 1, 0, -1):
         adjoint = np.einsum("syx,sy->sx", keep[:, k], adjoint) + pull[:, k]
-        torque[:, k - 1] = now.intensity * np.einsum("sxc,sx->sc", local.pushed, adjoint)
+        torque[:, k - 1] = innovations.intensity * np.einsum("sxc,sx->sc", local.pushed, adjoint)
         adjoint = np.einsum("syx,sy->sx", local.carried[:, k - 1], adjoint)
     return torque
 
 
-def retraced(problem: Problem, now: Innovations, log: int) -> Body:
+def retraced(problem: Problem, innovations: Innovations, log: int) -> Body:
     """The predictor of a log, following the motion that a fit gives it, and starting there.
 
     Where nobody recorded what drove the wheels or the gimbals, a prediction knows no more of their
@@ -513,33 +513,33 @@ def retraced(problem: Problem, now: Innovations, log: int) -> Body:
 
     Args:
         problem: the logs.
-        now: their fit, exact or disturbed.
+        innovations: their fit, exact or disturbed.
         log: which of them.
     """
     body = problem.bodies[log]
     gimbals = body.start.gimbal_angle.shape[-1] > 0
     if body.inputs.wheels_undriven or (gimbals and body.inputs.gimbals_undriven):
         return body
-    path = _path(problem, now, log)
-    pushes = None if now.intensity > 0.0 else problem.pushes(log, now.at)
+    path = _path(problem, innovations, log)
+    pushes = None if innovations.intensity > 0.0 else problem.pushes(log, innovations.at)
     followed = body.following(path, pushes)
     followed.start = path[0, :, 0]
     return followed
 
 
-def _path(problem: Problem, now: Innovations, log: int) -> States:
+def _path(problem: Problem, innovations: Innovations, log: int) -> States:
     """(1, S, ...) from starts at their best, under the torque that the fit leaves unexplained."""
-    body, exact = problem.bodies[log], now.exact[log]
+    body, exact = problem.bodies[log], innovations.exact[log]
     none = np.zeros(exact.linear.shared.shape[-1])
-    starts = now.at.starts[log]
-    start = starts.moved(now.chains[log].states(none)[:, : starts.width])
-    push = problem.push(log, now.at)
-    if now.intensity > 0.0:
+    starts = innovations.at.starts[log]
+    start = starts.moved(innovations.chains[log].states(none)[:, : starts.width])
+    push = problem.push(log, innovations.at)
+    if innovations.intensity > 0.0:
         base, k = body.machine.base_dof, exact.path.rate.shape[-1]
         # It is a torque on the machine as stated, and the path is that of the machine as fitted.
         rate = slice(k, 2 * k)
         alike = np.linalg.solve(exact.answer[:, 0, rate, base], exact.local.pushed[:, rate])
         force = push.force.copy()
-        force[..., base] += np.einsum("sij,stj->sti", alike, smoothed_torque(now, log))
+        force[..., base] += np.einsum("sij,stj->sti", alike, smoothed_torque(innovations, log))
         push = replace(push, force=force)
-    return body.rollouts.paths(problem.base.model(now.at.theta), start.one(), push)
+    return body.rollouts.paths(problem.base.model(innovations.at.theta), start.one(), push)

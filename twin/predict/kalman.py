@@ -138,7 +138,7 @@ class Linearised:
 
 def joined(*columns: Array) -> Array:
     """Columns (S, N, .) side by side, one after the other in memory."""
-    return np.moveaxis(np.concatenate([np.moveaxis(one, -1, 0) for one in columns]), 0, -1)
+    return np.moveaxis(np.concatenate([np.moveaxis(column, -1, 0) for column in columns]), 0, -1)
 
 
 def among(columns: Array, places: NDArray[np.bool_]) -> Array:
@@ -189,7 +189,7 @@ class NoiseProcess:
 
     def with_error(self, stream: str, wander: Wander | None) -> "NoiseProcess":
         """With another error of a stream; None: without any."""
-        rest = tuple(one for one in self.errors if one[0] != stream)
+        rest = tuple(error for error in self.errors if error[0] != stream)
         more = () if wander is None else ((stream, wander),)
         return replace(self, errors=(*rest, *more))
 
@@ -318,12 +318,12 @@ def _augmented(local: Local, noise: Array, wandering: NoiseProcess) -> tuple[Loc
         rms += [wandering.torque.rms] * c
         times += [wandering.torque.time] * c
         acting = c
-    for stream, one in wandering.errors:
+    for stream, item in wandering.errors:
         if stream in local.errors:
             seen = local.errors[stream]
             parts.append(seen)
-            rms += [one.rms] * seen.shape[-1]
-            times += [one.time] * seen.shape[-1]
+            rms += [item.rms] * seen.shape[-1]
+            times += [item.time] * seen.shape[-1]
     kept, variance = np.exp(-local.step / np.array(times)), np.square(np.array(rms))
     n = len(kept)
     segments, steps = local.carried.shape[:2]
@@ -382,10 +382,10 @@ def blocked(linear: Linearised, local: Local, length: float = LENGTH) -> tuple[L
         return linear, local
     x, c = local.measured.shape[-1], local.pushed.shape[-1]
     names = [TORQUE, *local.errors]
-    widths = [c, *(seen.shape[-1] for seen in local.errors.values())]
+    widths = [c, *(error.shape[-1] for error in local.errors.values())]
     n, segments, instants = sum(widths), *local.row.shape[:2]
     right = np.concatenate([linear.residual[..., None], linear.state, linear.shared], axis=-1)
-    parts = [with_none(one) for one in (local.measured, *local.errors.values(), right)]
+    parts = [with_none(item) for item in (local.measured, *local.errors.values(), right)]
     every = np.arange(segments)[:, None]
     # the last instant by itself: there the next segment begins
     edges = [*range(0, instants - 1, steps), instants - 1, instants]
@@ -417,8 +417,8 @@ def blocked(linear: Linearised, local: Local, length: float = LENGTH) -> tuple[L
         driven.append(moved[:, :, x:])
         drifts.append(drift)
         added.append(noise)
-    tall = max(one.shape[1] for one in triangles)
-    whole = np.stack([_taller(one, tall) for one in triangles], axis=1)
+    tall = max(triangle.shape[1] for triangle in triangles)
+    whole = np.stack([_taller(triangle, tall) for triangle in triangles], axis=1)
     flat = whole.reshape(segments, -1, whole.shape[-1])
     telling = np.zeros(tall, dtype=bool)
     telling[: x + n] = True
@@ -426,8 +426,8 @@ def blocked(linear: Linearised, local: Local, length: float = LENGTH) -> tuple[L
     ends = np.cumsum([x, *widths])
     own = [flat[..., i:j] for i, j in zip(ends, ends[1:], strict=False)]
     unseen = ~np.tile(telling, len(triangles))
-    for one in (flat[..., :x], *own):
-        one[:, unseen] = 0.0
+    for item in (flat[..., :x], *own):
+        item[:, unseen] = 0.0
     right = flat[..., x + n :]
     return (
         replace(
@@ -505,12 +505,12 @@ class Chain:
     def hindsight(self) -> Array:
         """(S, x, x) covariance of what later segments still change in each start, once seen."""
         says = np.zeros_like(self.seen_spread[0])
-        found: list[Array] = []
+        result: list[Array] = []
         for s in range(len(self.seen) - 1, -1, -1):
-            after = self.transition[s].T @ says @ self.transition[s] if found else says
-            found.append(self.seen_spread[s] @ after @ self.seen_spread[s])
+            after = self.transition[s].T @ says @ self.transition[s] if result else says
+            result.append(self.seen_spread[s] @ after @ self.seen_spread[s])
             says = self.keep[s].T @ after @ self.keep[s] + self.told[s]
-        return np.stack(found[::-1])
+        return np.stack(result[::-1])
 
 
 def growth(linear: Linearised) -> float:

@@ -135,12 +135,12 @@ def profile(
     )
 
 
-def less_drive_faults(machine: Machine, told: Series, there: Series, seen: Series) -> Series:
+def less_drive_faults(machine: Machine, series: Series, there: Series, seen: Series) -> Series:
     """What gimbals' angles (m, gimbals) are beside their command, and no fault explains [rad].
 
     Args:
         machine: compiled.
-        told: the commanded rates.
+        series: the commanded rates.
         there: the angles that they lead to.
         seen: the measured angles.
     """
@@ -151,7 +151,7 @@ def less_drive_faults(machine: Machine, told: Series, there: Series, seen: Serie
     # one of each kind on each gimbal, which is felt there alone
     faults: list[list[Effect]] = [[kind.typical(name) for name in gimbals] for kind in kinds]
     for _ in range(ROUNDS):
-        marks = [_mark(machine, every, told, there, seen.time) for every in faults]
+        marks = [_mark(machine, every, series, there, seen.time) for every in faults]
         sizes = np.stack(
             [
                 nnls(np.stack([mark[:, i] for mark in marks], axis=1), error[:, i])[0]
@@ -161,18 +161,18 @@ def less_drive_faults(machine: Machine, told: Series, there: Series, seen: Serie
         )
         left = error - sum(mark * size for mark, size in zip(marks, sizes, strict=True))
         faults = [
-            [_sized(fault, float(one)) for fault, one in zip(every, size, strict=True)]
+            [_sized(fault, float(item)) for fault, item in zip(every, size, strict=True)]
             for every, size in zip(faults, sizes, strict=True)
         ]
     return replace(seen, value=left)
 
 
 def _mark(
-    machine: Machine, faults: Sequence[Effect], told: Series, there: Series, time: Array
+    machine: Machine, faults: Sequence[Effect], series: Series, there: Series, time: Array
 ) -> Array:
     """(m, gimbals) [rad]."""
     faulty = replace(machine, effects=(*machine.effects, *faults))
-    astray = profile(faulty, STREAM, told)[0]
+    astray = profile(faulty, STREAM, series)[0]
     return from_mean(astray.interpolated_at(time) - there.interpolated_at(time))
 
 

@@ -320,8 +320,8 @@ def _in_velocities(masses: MassMatrices, carried: Array, moving: slice, gimbals:
 
 def _exponential(slope: Array) -> Array:
     """exp(slope) to the fourth order, as far as the path itself is integrated."""
-    one = np.eye(slope.shape[-1])
-    series = one + slope / 4.0
+    item = np.eye(slope.shape[-1])
+    series = item + slope / 4.0
     for order in (3.0, 2.0, 1.0):
-        series = one + slope @ series / order
+        series = item + slope @ series / order
     return series

@@ -220,8 +220,8 @@ class Rollouts:
         else:
             pieces = [carrier.carry(driven)]
         return (
-            np.concatenate([position, *(one for one, _ in pieces)], axis=1),
-            np.concatenate([velocity, *(one for _, one in pieces)], axis=1),
+            np.concatenate([position, *(item for item, _ in pieces)], axis=1),
+            np.concatenate([velocity, *(item for _, item in pieces)], axis=1),
         )
 
     def _answering(

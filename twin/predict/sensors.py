@@ -174,7 +174,7 @@ def senses_of(machine: Machine, step: float, field_world: Array) -> dict[str, Se
         return {}
     glides = set(base.planar) - set(base.locked)
     sites = site_places(machine)
-    found: dict[str, Sense] = {}
+    result: dict[str, Sense] = {}
     for name in ("gyro", *SENSED):
         sensor = platform.sensors.get(name)
         if sensor is None or (name == "magnetometer" and not field_world.any()):
@@ -185,10 +185,10 @@ def senses_of(machine: Machine, step: float, field_world: Array) -> dict[str, Se
         if glides and name in ("inclinometer", "accelerometer"):
             continue
         site = sites.get(sensor.site, np.zeros(3))
-        found[name] = Sense(
+        result[name] = Sense(
             name, step, platform.gravity, field_world, site, sensor.window, sections, memory
         )
-    return found
+    return result
 
 
 def _low_pass(sensor: Sensor, step: float) -> tuple[Array | None, int]:
@@ -310,7 +310,7 @@ class Output:
             return np.broadcast_to(value, (len(path.rate), *value.shape))
         segments, steps = path.rate.shape[1], path.rate.shape[2] - 1
         place = self.place - (late + self.delay) / step
-        found = self._at(path, step, self.segment, place)
+        result = self._at(path, step, self.segment, place)
         # what was true in another segment than it is stamped in lies on that one's path; how it
         # answers to a change is told along its own, on which its row stands
         whole = np.floor(place / steps + 1e-9) * (place < 0.0)
@@ -319,13 +319,13 @@ class Output:
         away = np.flatnonzero(other != self.segment)
         if away.size:
             there = self._at(path[:1], step, other, place - (other - self.segment) * steps)
-            near, far = found[:1, away], there[:, away]
+            near, far = result[:1, away], there[:, away]
             if self.stream == "attitude":
-                change = rotation.multiply(rotation.conjugate(near), found[:, away])
-                found[:, away] = rotation.multiply(far, change)
+                change = rotation.multiply(rotation.conjugate(near), result[:, away])
+                result[:, away] = rotation.multiply(far, change)
             else:
-                found[:, away] += far - near
-        return found
+                result[:, away] += far - near
+        return result
 
     def _at(self, path: States, step: float, segment: Index, place: Array) -> Array:
         """Of v paths, so many steps into a segment; before and after it as it goes there."""
@@ -399,11 +399,11 @@ class Output:
         before = np.clip(np.floor(self.place + 1e-9).astype(np.intp), 0, steps - 1)
         part = (self.place - before)[:, None, None]
         seen = slice(first, first + len(self.noise))
-        one, other = (change[self.segment, at, seen] for at in (before, before + 1))
+        item, other = (change[self.segment, at, seen] for at in (before, before + 1))
         # in place: these are the largest arrays of a diagnosis
-        other -= one
+        other -= item
         other *= part
-        other += one
+        other += item
         other /= -self.sigma[..., None]
         return other
 
@@ -436,7 +436,7 @@ def outputs_of(
         told: of those that follow from commands alone.
         shaking: variance (m, 1) or (m, k) that what moves adds to a stream at some instants.
     """
-    found: list[Output] = []
+    outputs: list[Output] = []
     width = 0
     for name in streams:
         if name not in recording or len(recording[name]) < FEWEST:
@@ -462,7 +462,7 @@ def outputs_of(
         shaken = shaking(name, series.time)
         counter = None if stages is None else counted_noise(machine.platform, len(series))
         noise, stated, worth = counter or _noise(recording, machine.platform, name, k, shaken)
-        found.append(
+        outputs.append(
             Output(
                 name,
                 "rad" if attitude else series.unit,
@@ -485,7 +485,7 @@ def outputs_of(
             )
         )
         width += k * int(rank.max(initial=-1) + 1)
-    return tuple(found), width
+    return tuple(outputs), width
 
 
 def noise_of(recording: Recording, platform: Platform, stream: str) -> Array:

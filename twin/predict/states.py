@@ -93,7 +93,7 @@ class States:
     @staticmethod
     def joined(several: Sequence["States"]) -> "States":
         """Those of the first axis in a row."""
-        return States(*map(np.concatenate, zip(*(one._parts for one in several), strict=True)))
+        return States(*map(np.concatenate, zip(*(item._parts for item in several), strict=True)))
 
     @property
     def _parts(self) -> tuple[Array, Array, Array, Array]:

@@ -173,9 +173,9 @@ class BalancingProgress:
 
     def only(self, run: int) -> Mask:
         """(n,) that run alone."""
-        one = np.zeros(len(self.phase), dtype=np.bool_)
-        one[run] = True
-        return one
+        item = np.zeros(len(self.phase), dtype=np.bool_)
+        item[run] = True
+        return item
 
     @property
     def finished(self) -> Mask:
@@ -232,69 +232,68 @@ class Next:
 def conclude(
     lab: Lab,
     aim: Aim,
-    now: BalancingProgress,
+    progress: BalancingProgress,
     run: int,
-    found: MomentFit,
+    fit: MomentFit,
     positions: Array,
     *,
     in_plane: bool,
     time: float,
 ) -> Next:
-    """What a run does next; how it swings from now on is written into `now`.
+    """What a run does next; how it swings from now on is written into `progress`.
 
     Args:
         lab: of the procedure.
         aim: of the procedure.
-        now: of all runs.
+        progress: of all runs.
         run: that was identified.
-        found: what was.
+        fit: what was.
         positions: (stages,) where its masses stand [m].
         in_plane: whether the masses move the CM in the plane, rather than a law.
         time: [s].
     """
-    if found.failure:
-        now.watch[run] *= 2.0
-        return Next(Phase.settle, found.failure)
-    kit = now.kit
-    moment = found.moment + kit.reach.moment(positions[None])[0]
-    now.rounds[run] += 1
-    now.base[run] = found.moment
-    _tell(lab, now, run, moment, found, time)
-    if now.phase[run] == Phase.judge:
+    if fit.failure:
+        progress.watch[run] *= 2.0
+        return Next(Phase.settle, fit.failure)
+    kit = progress.kit
+    moment = fit.moment + kit.reach.moment(positions[None])[0]
+    progress.rounds[run] += 1
+    progress.base[run] = fit.moment
+    _tell(lab, progress, run, moment, fit, time)
+    if progress.phase[run] == Phase.judge:
         platform, (_, floated) = kit.platform, lab.logs[run]
-        observed = observed_torque(floated, platform, found.inertia)
+        observed = observed_torque(floated, platform, fit.inertia)
         lab.notes.runs[run].statement = state(
-            platform, moment, found.covariance, found.quantile, observed, positions, found.misfit
+            platform, moment, fit.covariance, fit.quantile, observed, positions, fit.misfit
         )
-    kept = aim.is_kept(moment, found.covariance, found.quantile)
-    change = aim.change(moment, found.covariance, in_plane=in_plane)
+    kept = aim.is_kept(moment, fit.covariance, fit.quantile)
+    change = aim.change(moment, fit.covariance, in_plane=in_plane)
     goal = positions + kit.reach.masses.positions(change[None])[0]
     beyond = kit.reach.beyond(goal)
-    last = now.rounds[run] >= ROUNDS
+    last = progress.rounds[run] >= ROUNDS
     if kept and (beyond or last or not aim.is_worth(change)):
-        return Next(Phase.done if now.phase[run] == Phase.judge else Phase.verify)
-    if not aim.is_known(moment, found.covariance):
-        now.watch[run] *= 2.0
+        return Next(Phase.done if progress.phase[run] == Phase.judge else Phase.verify)
+    if not aim.is_known(moment, fit.covariance):
+        progress.watch[run] *= 2.0
         return Next(Phase.settle, "the swing does not tell the offset well enough")
     if last:
         return Next(Phase.stopped, f"the target was not reached in {ROUNDS} rounds")
     if beyond:
         return Next(Phase.stopped, f"the offset is beyond the masses' reach: {beyond}")
     hanging = max(-float(moment[2] + change[2]), MARGIN * aim.moment)
-    now.stiffness[run] = kit.platform.gravity * hanging
-    period = 2.0 * np.pi / float(kit.frequency(now.stiffness)[run])
-    now.watch[run] = np.clip(PERIODS * period, SHORTEST, LONGEST)
-    now.tries[run] = 0
+    progress.stiffness[run] = kit.platform.gravity * hanging
+    period = 2.0 * np.pi / float(kit.frequency(progress.stiffness)[run])
+    progress.watch[run] = np.clip(PERIODS * period, SHORTEST, LONGEST)
+    progress.tries[run] = 0
     return Next(Phase.move, goal=goal)
 
 
 def _tell(
-    lab: Lab, now: BalancingProgress, run: int, moment: Array, found: MomentFit, time: float
+    lab: Lab, progress: BalancingProgress, run: int, moment: Array, fit: MomentFit, time: float
 ) -> None:
-    platform = now.kit.platform
+    platform = progress.kit.platform
     offset, half = (
-        v / platform.mass * 1e6
-        for v in (moment, found.quantile * np.sqrt(np.diag(found.covariance)))
+        v / platform.mass * 1e6 for v in (moment, fit.quantile * np.sqrt(np.diag(fit.covariance)))
     )
     torque = platform.gravity * float(np.linalg.norm(moment))
     lab.notes.runs[run].identified += 1
@@ -400,196 +399,209 @@ class Balancing(Controller[BalancingProgress]):
         self.lab.logbook.forget(float(np.min(now.log_start, initial=np.inf)))
         return command, now
 
-    def _begin(self, now: BalancingProgress, estimate: Estimate, time: float) -> None:
+    def _begin(self, progress: BalancingProgress, estimate: Estimate, time: float) -> None:
         """Runs that are seen for the first time: their vertical mass goes to its lower end."""
-        fresh = estimate.valid & ~now.seen
+        fresh = estimate.valid & ~progress.seen
         if not fresh.any():
             return
-        lowest = now.kit.reach.lowest(estimate.stage_position)
-        now.goal = np.where(fresh[:, None], lowest, now.goal)
-        now.seen = now.seen | fresh
-        self._enter(now, fresh, Phase.lower, time)
+        lowest = progress.kit.reach.lowest(estimate.stage_position)
+        progress.goal = np.where(fresh[:, None], lowest, progress.goal)
+        progress.seen = progress.seen | fresh
+        self._enter(progress, fresh, Phase.lower, time)
 
-    def _watch(self, now: BalancingProgress, estimate: Estimate, time: float) -> None:
+    def _watch(self, progress: BalancingProgress, estimate: Estimate, time: float) -> None:
         """What the conditions of the phases look at."""
-        kit = now.kit
-        averaged = np.maximum(SMOOTHED, SLOWLY / kit.frequency(now.stiffness))
+        kit = progress.kit
+        averaged = np.maximum(SMOOTHED, SLOWLY / kit.frequency(progress.stiffness))
         share = np.minimum(kit.platform.tick / averaged, 1.0)[:, None]
-        now.rate = now.rate + share * (estimate.rate_body - now.rate)
-        across = kit.across(now.rate, estimate)
-        moving = (across > kit.still(now.amplitude, now.stiffness)) | (kit.lean(estimate) > CLEAR)
-        away = kit.away(now.goal, estimate)
-        now.swinging_until = np.where(across > SETTLED, time, now.swinging_until)
-        now.moving_until = np.where(moving, time, np.maximum(now.moving_until, now.since))
-        now.away_until = np.where(away, time, np.maximum(now.away_until, now.since))
+        progress.rate = progress.rate + share * (estimate.rate_body - progress.rate)
+        across = kit.across(progress.rate, estimate)
+        moving = (across > kit.still(progress.amplitude, progress.stiffness)) | (
+            kit.lean(estimate) > CLEAR
+        )
+        away = kit.away(progress.goal, estimate)
+        progress.swinging_until = np.where(across > SETTLED, time, progress.swinging_until)
+        progress.moving_until = np.where(
+            moving, time, np.maximum(progress.moving_until, progress.since)
+        )
+        progress.away_until = np.where(away, time, np.maximum(progress.away_until, progress.since))
 
-    def _advance(self, now: BalancingProgress, estimate: Estimate, time: float) -> None:
+    def _advance(self, progress: BalancingProgress, estimate: Estimate, time: float) -> None:
         """From phase to phase; every run at most once a tick."""
-        kit, was, lasted = now.kit, now.phase.copy(), time - now.since
-        there = now.seen & (time - now.away_until > THERE)
-        still = time - now.moving_until > REST
+        kit, was, lasted = progress.kit, progress.phase.copy(), time - progress.since
+        there = progress.seen & (time - progress.away_until > THERE)
+        still = time - progress.moving_until > REST
         touching = kit.lean(estimate) > NEAR
 
-        self._enter(now, (was == Phase.lower) & there, Phase.settle, time)
+        self._enter(progress, (was == Phase.lower) & there, Phase.settle, time)
         rested = (was == Phase.settle) & still & there
-        levelling = rested & (now.rounds > 0) & ~now.levelled & (self.level is not None)
-        self._level(now, levelling, time)
-        self._nudge(now, rested & ~levelling, estimate, time)
+        levelling = rested & (progress.rounds > 0) & ~progress.levelled & (self.level is not None)
+        self._level(progress, levelling, time)
+        self._nudge(progress, rested & ~levelling, estimate, time)
         over = (was == Phase.level) & (lasted > self.level_for)
         if not self.level_once:
-            now.goal = np.where(over[:, None], now.smooth, now.goal)
-        now.levelled = now.levelled | over
-        self._enter(now, over, Phase.settle, time)
-        aside = (was == Phase.nudge) & there & (lasted > THERE + kit.aside_for(now.stiffness))
-        now.goal = np.where(aside[:, None], now.rest, now.goal)
-        self._enter(now, aside, Phase.back, time)
-        self._record(now, (was == Phase.back) & there, Phase.swing, time)
+            progress.goal = np.where(over[:, None], progress.smooth, progress.goal)
+        progress.levelled = progress.levelled | over
+        self._enter(progress, over, Phase.settle, time)
+        aside = (was == Phase.nudge) & there & (lasted > THERE + kit.aside_for(progress.stiffness))
+        progress.goal = np.where(aside[:, None], progress.rest, progress.goal)
+        self._enter(progress, aside, Phase.back, time)
+        self._record(progress, (was == Phase.back) & there, Phase.swing, time)
 
         recorded = (was == Phase.swing) | (was == Phase.verify)
         for run in np.flatnonzero(recorded & touching):
-            now.amplitude[run] *= 0.5
-            self._again(now, int(run), "it swings so far that the stop may touch", time)
-        long_enough = np.where(was == Phase.verify, FLOAT, now.watch)
+            progress.amplitude[run] *= 0.5
+            self._again(progress, int(run), "it swings so far that the stop may touch", time)
+        long_enough = np.where(was == Phase.verify, FLOAT, progress.watch)
         for run in np.flatnonzero(recorded & ~touching & (lasted >= long_enough)):
-            self._ask(now, int(run), time)
+            self._ask(progress, int(run), time)
         asked = (was == Phase.identify) | (was == Phase.judge)
         for run in np.flatnonzero(asked & (lasted >= THINKING)):
-            self._answered(now, int(run), estimate, time)
-        self._enter(now, (was == Phase.move) & there, Phase.settle, time)
-        late = among(was, WAITING) & (now.phase == was) & (lasted > PATIENCE)
+            self._answered(progress, int(run), estimate, time)
+        self._enter(progress, (was == Phase.move) & there, Phase.settle, time)
+        late = among(was, WAITING) & (progress.phase == was) & (lasted > PATIENCE)
         for run in np.flatnonzero(late):
-            self._stop(now, int(run), _unrest(now, int(run), estimate), estimate, time)
+            self._stop(progress, int(run), _unrest(progress, int(run), estimate), estimate, time)
 
     def _command(
-        self, now: BalancingProgress, estimate: Estimate, target: Target, time: float
+        self, progress: BalancingProgress, estimate: Estimate, target: Target, time: float
     ) -> Command:
-        kit, n = now.kit, len(now.phase)
+        kit, n = progress.kit, len(progress.phase)
         command = {name: np.zeros((n, width)) for name, width in kit.platform.commands.items()}
-        acting = {"strong": now.within(*DAMPED), "weak": now.within(*SWINGING)}
-        acting["level"] = now.within(Phase.level)
+        acting = {"strong": progress.within(*DAMPED), "weak": progress.within(*SWINGING)}
+        acting["level"] = progress.within(Phase.level)
         # Only of a body that hangs still: on one that swings, masses would swing along.
-        leaning = now.within(Phase.settle) & (kit.lean(estimate) > CLEAR)
-        leaning &= time - now.swinging_until > SMOOTHED
+        leaning = progress.within(Phase.settle) & (kit.lean(estimate) > CLEAR)
+        leaning &= time - progress.swinging_until > SMOOTHED
         if leaning.any():
             step = kit.reach.uphill(estimate, kit.platform.tick)
-            uphill = np.clip(now.goal + step, *kit.reach.masses.travel)
-            now.goal = np.where(leaning[:, None], uphill, now.goal)
+            uphill = np.clip(progress.goal + step, *kit.reach.masses.travel)
+            progress.goal = np.where(leaning[:, None], uphill, progress.goal)
         for name, rows in acting.items():
             if not rows.any():
                 continue
-            follows = self.level_reference.at(time - now.since) if name == "level" else target
-            part, now.states[name] = kit.laws[name].update(
-                now.states[name], estimate, follows, time
+            follows = self.level_reference.at(time - progress.since) if name == "level" else target
+            part, progress.states[name] = kit.laws[name].update(
+                progress.states[name], estimate, follows, time
             )
             goal = part.pop("command_stage_position", None)
             if goal is not None:
-                now.goal = np.where(rows[:, None], goal, now.goal)
+                progress.goal = np.where(rows[:, None], goal, progress.goal)
                 share = kit.platform.tick / (AVERAGED * self.level_for)
-                now.smooth = now.smooth + share * (now.goal - now.smooth)
+                progress.smooth = progress.smooth + share * (progress.goal - progress.smooth)
             put(command, part, rows)
-        command["command_stage_position"] = now.goal.copy()
+        command["command_stage_position"] = progress.goal.copy()
         return command
 
-    def _enter(self, now: BalancingProgress, rows: Mask, phase: Phase, time: float) -> None:
+    def _enter(self, progress: BalancingProgress, rows: Mask, phase: Phase, time: float) -> None:
         if not rows.any():
             return
-        now.phase = np.where(rows, int(phase), now.phase)
-        now.since = np.where(rows, time, now.since)
-        now.log_start = np.where(rows, np.inf, now.log_start)
+        progress.phase = np.where(rows, int(phase), progress.phase)
+        progress.since = np.where(rows, time, progress.since)
+        progress.log_start = np.where(rows, np.inf, progress.log_start)
         for run in np.flatnonzero(rows):
             self.lab.notes.begin(int(run), phase, time)
 
-    def _record(self, now: BalancingProgress, rows: Mask, phase: Phase, time: float) -> None:
-        self._enter(now, rows, phase, time)
-        now.log_start = np.where(rows, time, now.log_start)
+    def _record(self, progress: BalancingProgress, rows: Mask, phase: Phase, time: float) -> None:
+        self._enter(progress, rows, phase, time)
+        progress.log_start = np.where(rows, time, progress.log_start)
 
-    def _level(self, now: BalancingProgress, rows: Mask, time: float) -> None:
+    def _level(self, progress: BalancingProgress, rows: Mask, time: float) -> None:
         if self.level is None or not rows.any():
             return
-        fresh = self.level.init(now.kit.platform, len(rows))
-        now.states["level"] = renewed(now.states["level"], fresh, rows)
-        now.smooth = np.where(rows[:, None], now.goal, now.smooth)
-        self._enter(now, rows, Phase.level, time)
+        fresh = self.level.init(progress.kit.platform, len(rows))
+        progress.states["level"] = renewed(progress.states["level"], fresh, rows)
+        progress.smooth = np.where(rows[:, None], progress.goal, progress.smooth)
+        self._enter(progress, rows, Phase.level, time)
 
-    def _nudge(self, now: BalancingProgress, rows: Mask, estimate: Estimate, time: float) -> None:
+    def _nudge(
+        self, progress: BalancingProgress, rows: Mask, estimate: Estimate, time: float
+    ) -> None:
         """A body whose offset is not known is taken to hang from the CR as it does."""
         if not rows.any():
             return
-        unknown = rows & (now.rounds == 0)
-        hanging = -now.stiffness / now.kit.platform.gravity
+        unknown = rows & (progress.rounds == 0)
+        hanging = -progress.stiffness / progress.kit.platform.gravity
         guess = hanging[:, None] * vertical_body(estimate.attitude)
-        guess = guess - now.kit.reach.moment(estimate.stage_position)
-        now.base = np.where(unknown[:, None], guess, now.base)
-        now.rest = np.where(rows[:, None], now.goal, now.rest)
-        aside = now.kit.nudge(now.goal, now.amplitude, now.stiffness)
-        now.goal = np.where(rows[:, None], aside, now.goal)
-        self._enter(now, rows, Phase.nudge, time)
+        guess = guess - progress.kit.reach.moment(estimate.stage_position)
+        progress.base = np.where(unknown[:, None], guess, progress.base)
+        progress.rest = np.where(rows[:, None], progress.goal, progress.rest)
+        aside = progress.kit.nudge(progress.goal, progress.amplitude, progress.stiffness)
+        progress.goal = np.where(rows[:, None], aside, progress.goal)
+        self._enter(progress, rows, Phase.nudge, time)
 
-    def _ask(self, now: BalancingProgress, run: int, time: float) -> None:
+    def _ask(self, progress: BalancingProgress, run: int, time: float) -> None:
         """Have a phase's log identified; free float together with the swing before it."""
         log, verifying = (
-            self.lab.logbook.recording(run, float(now.log_start[run])),
-            now.phase[run] == Phase.verify,
+            self.lab.logbook.recording(run, float(progress.log_start[run])),
+            progress.phase[run] == Phase.verify,
         )
         logs = [*self.lab.logs[run], log] if verifying else [log]
         self.lab.logs[run] = logs
-        aside = now.kit.reach.moment(now.goal[run : run + 1])
-        sizes = GUESSES if now.rounds[run] == 0 else GUESSES[:1]
-        self.lab.fits.ask(run, logs, sizes[:, None] * (now.base[run] + aside) - aside)
+        aside = progress.kit.reach.moment(progress.goal[run : run + 1])
+        sizes = GUESSES if progress.rounds[run] == 0 else GUESSES[:1]
+        self.lab.fits.ask(run, logs, sizes[:, None] * (progress.base[run] + aside) - aside)
         phase = Phase.judge if verifying else Phase.identify
-        self._enter(now, now.only(run), phase, time)
+        self._enter(progress, progress.only(run), phase, time)
 
-    def _answered(self, now: BalancingProgress, run: int, estimate: Estimate, time: float) -> None:
-        found = self.lab.fits.answer(run)
-        if found is None:
+    def _answered(
+        self, progress: BalancingProgress, run: int, estimate: Estimate, time: float
+    ) -> None:
+        result = self.lab.fits.answer(run)
+        if result is None:
             return
         end = conclude(
             self.lab,
             self.aim,
-            now,
+            progress,
             run,
-            found,
+            result,
             estimate.stage_position[run],
-            in_plane=self.level is None or self.level_once or now.rounds[run] == 0,
+            in_plane=self.level is None or self.level_once or progress.rounds[run] == 0,
             time=time,
         )
         if end.goal is not None:
-            now.goal[run] = end.goal
-            now.levelled[run] &= self.level_once
+            progress.goal[run] = end.goal
+            progress.levelled[run] &= self.level_once
         if end.phase is Phase.verify:
-            self._record(now, now.only(run), Phase.verify, time)
+            self._record(progress, progress.only(run), Phase.verify, time)
         elif end.phase is Phase.stopped:
-            self._stop(now, run, end.words, estimate, time)
+            self._stop(progress, run, end.words, estimate, time)
         elif end.phase is Phase.settle:
-            self._again(now, run, end.words, time)
+            self._again(progress, run, end.words, time)
         else:
-            self._enter(now, now.only(run), end.phase, time)
+            self._enter(progress, progress.only(run), end.phase, time)
 
-    def _again(self, now: BalancingProgress, run: int, why: str, time: float) -> None:
-        now.tries[run] += 1
-        if now.tries[run] > TRIES:
-            self._stop(now, run, f"{why}, {TRIES} times one after the other", None, time)
+    def _again(self, progress: BalancingProgress, run: int, why: str, time: float) -> None:
+        progress.tries[run] += 1
+        if progress.tries[run] > TRIES:
+            self._stop(progress, run, f"{why}, {TRIES} times one after the other", None, time)
             return
         self.lab.notes.say(run, time, f"again: {why}")
-        self._enter(now, now.only(run), Phase.settle, time)
+        self._enter(progress, progress.only(run), Phase.settle, time)
 
     def _stop(
-        self, now: BalancingProgress, run: int, why: str, estimate: Estimate | None, time: float
+        self,
+        progress: BalancingProgress,
+        run: int,
+        why: str,
+        estimate: Estimate | None,
+        time: float,
     ) -> None:
         if estimate is not None:
-            now.goal[run] = estimate.stage_position[run]
+            progress.goal[run] = estimate.stage_position[run]
         self.lab.notes.stop(run, time, why)
-        self._enter(now, now.only(run), Phase.stopped, time)
+        self._enter(progress, progress.only(run), Phase.stopped, time)
 
 
-def _unrest(now: BalancingProgress, run: int, estimate: Estimate) -> str:
+def _unrest(progress: BalancingProgress, run: int, estimate: Estimate) -> str:
     """Why a run waits in vain."""
-    away = np.abs(estimate.stage_position[run] - now.goal[run])
+    away = np.abs(estimate.stage_position[run] - progress.goal[run])
     if away.max() > ARRIVED:
-        stage = now.kit.platform.stages[int(np.argmax(away))].name
+        stage = progress.kit.platform.stages[int(np.argmax(away))].name
         return f"{stage} is still {away.max() * 1e3:.3g} mm from where it was sent"
-    lean = np.degrees(now.kit.platform.lean(estimate.attitude[run]))
-    rate = np.degrees(np.linalg.norm(now.rate[run]))
+    lean = np.degrees(progress.kit.platform.lean(estimate.attitude[run]))
+    rate = np.degrees(np.linalg.norm(progress.rate[run]))
     return (
         f"the body does not come to rest within {PATIENCE:g} s: it leans {lean:.3g} deg "
         f"and turns at {rate:.2g} deg/s"

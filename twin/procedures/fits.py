@@ -53,17 +53,17 @@ def found_in(recordings: Sequence[Recording], platform: Platform, guesses: Array
     failure = ""
     for guess in guesses:
         try:
-            one = identify(recordings, replace(platform, center_of_mass_offset=guess))
+            identification = identify(recordings, replace(platform, center_of_mass_offset=guess))
         except TwinError as problem:
             failure = str(problem)
             continue
-        if one.fit is None or not one.fit.converged:
+        if identification.fit is None or not identification.fit.converged:
             failure = "the fit of J and m r did not settle"
             continue
-        left = one.misfit[0].chi2_per_sample
+        left = identification.misfit[0].chi2_per_sample
         least = np.inf if best is None else best.misfit[0].chi2_per_sample
-        best = one if left < least else best
-        if one.misfit[0].is_noise or np.isclose(left, least, rtol=SAME):
+        best = identification if left < least else best
+        if identification.misfit[0].is_noise or np.isclose(left, least, rtol=SAME):
             break
     if best is None:
         return _failed(failure)

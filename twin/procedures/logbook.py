@@ -65,9 +65,9 @@ class Kept:
 
 def _moved(rows: NDArray[Number], live: slice, room: int) -> NDArray[Number]:
     """Those that live, at the front of so much room."""
-    found = np.empty((len(rows), room, *rows.shape[2:]), dtype=rows.dtype)
-    found[:, : live.stop - live.start] = rows[:, live]
-    return found
+    result = np.empty((len(rows), room, *rows.shape[2:]), dtype=rows.dtype)
+    result[:, : live.stop - live.start] = rows[:, live]
+    return result
 
 
 FITTED = {

@@ -59,9 +59,9 @@ def names_a_clock(name: str) -> bool:
 def stated_unit(name: str) -> str:
     """The text that stands behind a name as its unit, known or not: in brackets, or as `_deg`;
     empty if none does: `x (1)` is another x, `Rot[0]` the first of several."""
-    found = _IN_BRACKETS.search(name)
-    if found:
-        text = found[1].strip()
+    result = _IN_BRACKETS.search(name)
+    if result:
+        text = result[1].strip()
         return "" if _PART.match(text) else text
     behind = _OF_VALUE.search(name)
     return {"degps": "deg/s"}.get(behind[1], behind[1]) if behind else ""
@@ -69,11 +69,11 @@ def stated_unit(name: str) -> str:
 
 def stated_time_unit(name: str) -> str:
     """The same of a clock, of which `time_ms` says it too."""
-    found = _OF_TIME.search(name)
-    if found:
-        return _SHORT.get(found[1].lower(), found[1].lower())
-    found = _IN_BRACKETS.search(name)
-    return "" if found is None or _PART.match(found[1].strip()) else found[1].strip()
+    result = _OF_TIME.search(name)
+    if result:
+        return _SHORT.get(result[1].lower(), result[1].lower())
+    result = _IN_BRACKETS.search(name)
+    return "" if result is None or _PART.match(result[1].strip()) else result[1].strip()
 
 
 def _without_unit(name: str) -> str:

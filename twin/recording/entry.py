@@ -449,9 +449,9 @@ class Entry:
                 )
             raise self.table.fail(key, f"lists {twice!r} twice", "name each once")
         for name in file.repeated if not (self.columns or self.axes) else ():
-            numbered = [one for one in columns if one.startswith(f"{name}.")]
+            numbered = [column for column in columns if column.startswith(f"{name}.")]
             if numbered:
-                listed = " or ".join(f'"{one}"' for one in numbered)
+                listed = " or ".join(f'"{item}"' for item in numbered)
                 raise file.fault(
                     f"names two columns {name!r}",
                     f"give each its own name, or list them in `columns` as {listed}",
@@ -539,11 +539,11 @@ class Entry:
             for names, table in zip(selection.tables, (times, value, kinds), strict=False)
             if names
         }
-        (one, count), *others = samples.items()
+        (item, count), *others = samples.items()
         for other, differing in others:
             if differing != count:
                 raise file.fault(
-                    f"has {count} samples in {one!r} and {differing} in {other!r}",
+                    f"has {count} samples in {item!r} and {differing} in {other!r}",
                     "name `columns` of one length, or the right `time`",
                 )
         if selection.kind_of_row:
@@ -583,14 +583,14 @@ class Entry:
             return
         listed = {name.removeprefix("-") for name in self.columns}
         others = [name for name in file.header if name not in (clock, *listed)]
-        found = clocks_among(file.beginning(), others)
-        if not is_counter(clock) and not any(map(names_a_clock, found)):
+        result = clocks_among(file.beginning(), others)
+        if not is_counter(clock) and not any(map(names_a_clock, result)):
             return  # seconds, one a row
-        named = " or ".join(f"`time = {json.dumps(name)}`" for name in found)
+        named = " or ".join(f"`time = {json.dumps(name)}`" for name in result)
         raise self.table.fail(
             "file",
             f"has its times in {clock!r}, its first column, and that counts rows",
-            (f"write {named}" if found else "name a column of times as `time`")
+            (f"write {named}" if result else "name a column of times as `time`")
             + f" ({json.dumps(clock)} if these are seconds), or give `rate`",
         )
 

@@ -109,8 +109,8 @@ def _platform(table: Table, folder: Path) -> str | None:
     if "platform" not in table:
         return None
     name = table.text("platform")
-    if (found := _found_at(folder / name)) is not None:
-        return found
+    if (result := _found_at(folder / name)) is not None:
+        return result
     try:
         find_model(name)
     except UnknownName:
@@ -121,10 +121,10 @@ def _platform(table: Table, folder: Path) -> str | None:
 def _found_at(place: Path) -> str | None:
     """The platform folder (and variant) at a path; None where there is none."""
     try:
-        found, variant = find_model(str(place.resolve()))
+        result, variant = find_model(str(place.resolve()))
     except UnknownName:
         return None
-    return f"{found}:{variant}" if variant else str(found)
+    return f"{result}:{variant}" if variant else str(result)
 
 
 def _environment(table: Table) -> dict[str, Any]:

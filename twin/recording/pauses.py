@@ -81,7 +81,7 @@ def pieces_of(recording: Recording) -> list[Recording]:
     shown = [recording[name].time for name in OF_MOTION if name in recording]
     time = np.unique(np.concatenate(shown)) if shown else np.zeros(0)
     interval = np.diff(time)
-    usual = min((float(np.median(np.diff(one))) for one in shown if len(one) > 1), default=0.0)
+    usual = min((float(np.median(np.diff(item))) for item in shown if len(item) > 1), default=0.0)
     pauses = np.flatnonzero(interval > max(PAUSE, RARE * usual))
     if not len(pauses):
         return [recording]

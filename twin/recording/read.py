@@ -216,7 +216,7 @@ class _Parts:
                 f"has schema version {schema}, this twin reads up to {SCHEMA}",
                 "read it with a newer airbearing-twin",
             )
-        streams = {one[0]: self._series(entity, path) for entity, one in self.headers.items()}
+        streams = {item[0]: self._series(entity, path) for entity, item in self.headers.items()}
         earlier = self.facts.pop("repairs", ())
         reach = _reach(streams)
         repairs = (*earlier, *(f"{note}, {reach}" for note in self.notes))
@@ -246,7 +246,7 @@ def _batches(path: Path, recording: str) -> "Iterator[tuple[str, pa.RecordBatch]
     from rerun.chunk import RrdReader
 
     reader = RrdReader(path)
-    stores = [one for one in reader.recordings() if one.recording_id == recording]
+    stores = [item for item in reader.recordings() if item.recording_id == recording]
     for chunk in reader.stream(store=stores[0]) if stores else reader.stream():
         yield chunk.entity_path, chunk.to_record_batch()
 

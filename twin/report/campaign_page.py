@@ -37,10 +37,10 @@ SHOWN = 400
 """Points of a distribution that are drawn."""
 
 
-def spread_figure(found: Answers) -> Figure:
+def spread_figure(answers: Answers) -> Figure:
     """Share of runs below each value of each metric, an arm a line."""
-    results = found.results
-    names = list(dict.fromkeys(spread.metric for spread in found.spreads))
+    results = answers.results
+    names = list(dict.fromkeys(spread.metric for spread in answers.spreads))
     with mpl.rc_context(FIGURE):
         columns = 3
         lines = -(-len(names) // columns)
@@ -68,17 +68,17 @@ def spread_figure(found: Answers) -> Figure:
         return figure
 
 
-def sensitivity_figure(found: Answers, arm: str) -> Figure | None:
+def sensitivity_figure(answers: Answers, arm: str) -> Figure | None:
     """Rank correlation of each metric with each factor; None where there is none."""
-    links = [one for one in found.sensitivities if one.arm == arm]
+    links = [sensitivity for sensitivity in answers.sensitivities if sensitivity.arm == arm]
     if not links:
         return None
-    metrics = list(dict.fromkeys(one.metric for one in links))
-    factors = list(dict.fromkeys(one.factor for one in links))
+    metrics = list(dict.fromkeys(link.metric for link in links))
+    factors = list(dict.fromkeys(link.factor for link in links))
     grid = np.full((len(metrics), len(factors)), np.nan)
-    for one in links:
-        grid[metrics.index(one.metric), factors.index(one.factor)] = one.correlation.value
-    sure = {(one.metric, one.factor) for one in links if one.certain}
+    for link in links:
+        grid[metrics.index(link.metric), factors.index(link.factor)] = link.correlation.value
+    sure = {(link.metric, link.factor) for link in links if link.certain}
     with mpl.rc_context({**FIGURE, "axes.grid": False}):
         figure = Figure(figsize=(9.6, 2.2 + 0.32 * len(metrics)))
         panel = figure.subplots()
@@ -172,53 +172,53 @@ def _short(name: str) -> str:
     return f"|{plain}|" if name.startswith("|") else plain
 
 
-def write_campaign_page(path: Path, found: Answers) -> None:
+def write_campaign_page(path: Path, answers: Answers) -> None:
     """Write the page."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, campaign_page(found))
+    write_whole(path, campaign_page(answers))
 
 
-def campaign_page(found: Answers) -> str:
+def campaign_page(answers: Answers) -> str:
     """The page as text."""
-    results, spec = found.results, found.results.spec
-    first, *rest = summary(found)
-    parts = [f"<h1>{escape(title(found))}</h1>", f"<p class='verdict'>{escape(first)}</p>"]
+    results, spec = answers.results, answers.results.spec
+    first, *rest = summary(answers)
+    parts = [f"<h1>{escape(title(answers))}</h1>", f"<p class='verdict'>{escape(first)}</p>"]
     parts.append(bullets(rest))
-    if found.comparisons:
-        parts += ["<h2>Compared</h2>", bullets(verdicts(found))]
-        parts.append(_table(comparison_table(found.comparisons)))
-    if found.conditions:
+    if answers.comparisons:
+        parts += ["<h2>Compared</h2>", bullets(verdicts(answers))]
+        parts.append(_table(comparison_table(answers.comparisons)))
+    if answers.conditions:
         parts.append(f"<p>{escape(CONDITIONS)}</p>")
-        parts.append(_table(condition_table(found)))
+        parts.append(_table(condition_table(answers)))
     parts += [
         "<h2>Distributions</h2>",
-        framed(spread_figure(found), "Share of the runs that stay below each value."),
-        _table(spread_table(found)),
+        framed(spread_figure(answers), "Share of the runs that stay below each value."),
+        _table(spread_table(answers)),
         "<h2>What they depend on</h2>",
     ]
-    if found.indices:
+    if answers.indices:
         parts.append(f"<p>{escape(INDICES)}</p>")
-        parts.append(_table(index_table(found)))
+        parts.append(_table(index_table(answers)))
     for arm in spec.arms:
-        drawn = sensitivity_figure(found, arm.name)
+        drawn = sensitivity_figure(answers, arm.name)
         if drawn is not None:
             caption = f"{arm.name}: numbers stand where it is no chance, among all that were asked."
             parts.append(framed(drawn, caption))
-    head, rows = sensitivity_table(found)
-    parts.append(_table((head, rows)) if rows else f"<p>{nothing_proven(found)}</p>")
+    head, rows = sensitivity_table(answers)
+    parts.append(_table((head, rows)) if rows else f"<p>{nothing_proven(answers)}</p>")
     maps = [(name, gain_figure(results, name)) for name in results.metrics
             if np.isfinite(results.metrics[name]).any()]  # fmt: skip
-    if found.points:
+    if answers.points:
         parts.append("<h2>Over the grid</h2>")
-        parts.append(_table(point_table(found)))
+        parts.append(_table(point_table(answers)))
         band = "; the band holds 90 % of the runs" if len(spec.grids) == 1 else ""
         parts += [framed(drawn, f"Median of {name}{band}.") for name, drawn in maps if drawn]
-    parts += ["<h2>Worst runs</h2>", _table(worst_table(found))]
+    parts += ["<h2>Worst runs</h2>", _table(worst_table(answers))]
     parts.append(f"<p>Again, and in full: <code>twin replay {escape(str(results.folder))} RUN "
                  "--rrd OUT.rrd</code></p>")  # fmt: skip
     parts += ["<h2>Specification</h2>", f"<pre>{escape(spec.text)}</pre>"]
     parts.append(foot([], None))
-    return page(title(found), "\n".join(parts))
+    return page(title(answers), "\n".join(parts))
 
 
 def _table(rows: Rows) -> str:

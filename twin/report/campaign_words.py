@@ -25,119 +25,127 @@ PROVEN = 0.05
 """Level of significance, of p-values that are corrected for their number."""
 
 
-def title(found: Answers) -> str:
+def title(answers: Answers) -> str:
     """Of a report."""
-    return f"Campaign {found.results.spec.path.parent.name or found.results.folder.name}"
+    return f"Campaign {answers.results.spec.path.parent.name or answers.results.folder.name}"
 
 
-def summary(found: Answers) -> list[str]:
+def summary(answers: Answers) -> list[str]:
     """What was flown and how it ended, a sentence each."""
-    results, spec = found.results, found.results.spec
+    results, spec = answers.results, answers.results.spec
     machines = sorted({arm.platform.name for arm in spec.arms})
     runs, long = ("runs", "") if spec.procedure == "run" else ("balancings", "at most ")
-    drawn = f", {_machines(found)} machines" if spec.dispersed else ""
+    drawn = f", {_machines(answers)} machines" if spec.dispersed else ""
     lines = [
         f"{len(results.run)} of {spec.runs} {runs} of {', '.join(machines)} flown, {long}"
         f"{spec.duration:g} s each, {spec.sampling} samples{drawn}, seed {spec.seed}."
     ]
-    for arm, ends in found.ended.items():
+    for arm, ends in answers.ended.items():
         words = {"done": "balanced"} if spec.procedure == "balance" else {}
         counted = ", ".join(f"{n} {words.get(end, end)}" for end, n in sorted(ends.items()))
         lines.append(f"{arm}: {counted}.")
-    for arm, count in found.at_stop.items():
+    for arm, count in answers.at_stop.items():
         angle = math.degrees(next(a.platform.stop_angle for a in spec.arms if a.name == arm))
         lines.append(
             f"{arm}: {count} touched the tilt stop at {angle:.3g} deg; what their metrics say is "
             "of the stop, too."
         )
-    for reason, count, run in found.reasons:
+    for reason, count, run in answers.reasons:
         lines.append(f"{count} did not come to their end: {reason} (the first is run {run}).")
-    return lines + _held_against(found)
+    return lines + _held_against(answers)
 
 
-def _machines(found: Answers) -> int:
-    return len(set(found.results.machine.tolist()))
+def _machines(answers: Answers) -> int:
+    return len(set(answers.results.machine.tolist()))
 
 
-def _held_against(found: Answers) -> list[str]:
+def _held_against(answers: Answers) -> list[str]:
     """Which campaign it is held against, and in what that is another."""
-    against = found.against
+    against = answers.against
     if against is None:
         return []
-    ours, theirs = found.results.spec, against.spec
+    ours, theirs = answers.results.spec, against.spec
     said = {
         "machines": [", ".join(arm.machine for arm in s.arms) for s in (ours, theirs)],
         "procedure": [s.procedure for s in (ours, theirs)],
         "duration": [f"{s.duration:g} s" for s in (ours, theirs)],
         "steady": [f"{s.steady:g} s" for s in (ours, theirs)],
-        "runs": [f"{len(r.run)}" for r in (found.results, against)],
+        "runs": [f"{len(r.run)}" for r in (answers.results, against)],
         "seed": [f"{s.seed}" for s in (ours, theirs)],
         "what is drawn": [
             "; ".join(f"{f.name} {f.distribution.words()}" for f in s.factors) or "nothing"
             for s in (ours, theirs)
         ],
     }
-    differ = [f"{what} ({one} here, {other} there)" for what, (one, other) in said.items()
-              if one != other]  # fmt: skip
+    differ = [f"{what} ({item} here, {other} there)" for what, (item, other) in said.items()
+              if item != other]  # fmt: skip
     lines = [f"Held against {against.folder}: " + ("they differ in " + ", ".join(differ)
              if differ else "the same machines, duration and seed") + "."]  # fmt: skip
-    if not set(found.results.metrics) & set(against.metrics):
+    if not set(answers.results.metrics) & set(against.metrics):
         lines.append("They have no metric in common.")
     return lines
 
 
-def verdicts(found: Answers) -> list[str]:
+def verdicts(answers: Answers) -> list[str]:
     """The comparisons as sentences: what is different, and by how much."""
-    return [comparison_words(one) for one in found.comparisons]
+    return [comparison_words(comparison) for comparison in answers.comparisons]
 
 
-def comparison_words(one: ArmComparison) -> str:
+def comparison_words(comparison: ArmComparison) -> str:
     """One comparison as a sentence."""
-    words = METRICS[one.metric].words
-    how = f"on {one.machines} machines that both met" if one.pairs else "on machines of their own"
-    if one.ties == 1.0:
-        return f"{words}: the same with {one.one} and {one.other} {how}."
-    if not one.p < PROVEN:
-        return f"{words}: no difference between {one.one} and {one.other} is proven {how}."
-    ratio = one.ratio
+    words = METRICS[comparison.metric].words
+    how = (
+        f"on {comparison.machines} machines that both met"
+        if comparison.pairs
+        else "on machines of their own"
+    )
+    if comparison.ties == 1.0:
+        return f"{words}: the same with {comparison.one} and {comparison.other} {how}."
+    if not comparison.p < PROVEN:
+        return (
+            f"{words}: no difference between {comparison.one} and {comparison.other} "
+            f"is proven {how}."
+        )
+    ratio = comparison.ratio
     scale = (
         f"on average {ratio.value:.3g} ({ratio.low:.3g} to {ratio.high:.3g}) times that of "
         if math.isfinite(ratio.value)
         else "unlike that of "
     )
     return (
-        f"{words}: with {one.other} {scale}{one.one}, {how}; smaller in {one.wins:.0%} of them "
-        + (f"and the same in {one.ties:.0%} " if one.ties else "")
-        + f"(p {_p(one.p)})."
+        f"{words}: with {comparison.other} {scale}{comparison.one}, {how}; "
+        f"smaller in {comparison.wins:.0%} of them "
+        + (f"and the same in {comparison.ties:.0%} " if comparison.ties else "")
+        + f"(p {_p(comparison.p)})."
     )
 
 
-def spread_table(found: Answers) -> Rows:
+def spread_table(answers: Answers) -> Rows:
     """Distribution of each metric."""
-    rows = [_spread_row(spread) for spread in found.spreads]
+    rows = [_spread_row(spread) for spread in answers.spreads]
     head = ("metric", "arm", "runs", "mean (95 %)", "median (95 %)", "95th percentile (95 %)")
     return head, rows
 
 
-def point_table(found: Answers) -> Rows:
+def point_table(answers: Answers) -> Rows:
     """Distribution of each metric at each point of the grids."""
-    grids = [factor for factor, _ in found.results.spec.grids]
+    grids = [factor for factor, _ in answers.results.spec.grids]
     rows: list[list[str]] = []
-    for one in found.points:
-        metric = METRICS[one.metric]
-        factor, unit = fitting(max(abs(one.median.value), abs(one.high.value)), metric.unit)
-        at = [_number(value, grid.unit) for (_, value), grid in zip(one.at, grids, strict=True)]
-        told = [_interval(value, factor) for value in (one.median, one.high)]
-        rows.append([f"{one.metric} [{unit}]", one.arm, *at, f"{one.count}", *told])
+    for point in answers.points:
+        metric = METRICS[point.metric]
+        factor, unit = fitting(max(abs(point.median.value), abs(point.high.value)), metric.unit)
+        at = [_number(value, grid.unit) for (_, value), grid in zip(point.at, grids, strict=True)]
+        told = [_interval(value, factor) for value in (point.median, point.high)]
+        rows.append([f"{point.metric} [{unit}]", point.arm, *at, f"{point.count}", *told])
     names = [grid.name for grid in grids]
     head = ("metric", "arm", *names, "runs", "median (95 %)", "95th percentile (95 %)")
     return head, rows
 
 
-def nothing_proven(found: Answers) -> str:
+def nothing_proven(answers: Answers) -> str:
     """What stands where no factor matters for certain."""
-    machines, said = _machines(found), "No factor is proven to matter."
-    if not found.results.spec.dispersed or machines >= A_BEGINNING:
+    machines, said = _machines(answers), "No factor is proven to matter."
+    if not answers.results.spec.dispersed or machines >= A_BEGINNING:
         return said
     return f"{said} {machines} machines can hardly prove any: a dozen is a beginning."
 
@@ -146,33 +154,34 @@ def comparison_table(comparisons: Sequence[ArmComparison]) -> Rows:
     """Of two sets of runs, metric by metric."""
     rows = [
         [
-            one.metric,
-            f"{one.other} / {one.one}",
-            f"{one.pairs}" if one.pairs else "unpaired",
-            _interval(one.ratio, 1.0),
-            f"{one.wins:.0%}",
-            f"{one.ties:.0%}",
-            _p(one.p),
+            comparison.metric,
+            f"{comparison.other} / {comparison.one}",
+            f"{comparison.pairs}" if comparison.pairs else "unpaired",
+            _interval(comparison.ratio, 1.0),
+            f"{comparison.wins:.0%}",
+            f"{comparison.ties:.0%}",
+            _p(comparison.p),
         ]
-        for one in comparisons
+        for comparison in comparisons
     ]
     head = ("metric", "of", "pairs", "ratio of means (95 %)", "smaller in", "the same in",
             "p, corrected")  # fmt: skip
     return head, rows
 
 
-def condition_table(found: Answers) -> Rows:
+def condition_table(answers: Answers) -> Rows:
     """Ratios of arms in the parts of a factor on which they depend."""
-    units = {factor.name: factor.unit for factor in found.results.spec.factors}
+    units = {factor.name: factor.unit for factor in answers.results.spec.factors}
     rows = [
         [
-            one.metric,
-            f"{one.other} / {one.one}",
-            f"{one.factor} {_span(one.low, one.high, units[one.factor.strip('|')])}",
-            f"{one.pairs}",
-            _interval(one.ratio, 1.0),
+            condition.metric,
+            f"{condition.other} / {condition.one}",
+            f"{condition.factor} "
+            f"{_span(condition.low, condition.high, units[condition.factor.strip('|')])}",
+            f"{condition.pairs}",
+            _interval(condition.ratio, 1.0),
         ]
-        for one in found.conditions
+        for condition in answers.conditions
     ]
     return ("metric", "of", "where", "pairs", "ratio of means (95 %)"), rows
 
@@ -185,67 +194,73 @@ def _span(low: float, high: float, unit: str) -> str:
     return f"{low / factor:.3g} to {high / factor:.3g}{tail}"
 
 
-def sensitivity_table(found: Answers) -> Rows:
+def sensitivity_table(answers: Answers) -> Rows:
     """Those that are no chance, the strongest first."""
-    links = [one for one in found.sensitivities if one.certain]
-    links.sort(key=lambda one: -abs(one.correlation.value))
+    links = [sensitivity for sensitivity in answers.sensitivities if sensitivity.certain]
+    links.sort(key=lambda item: -abs(item.correlation.value))
     rows = [
-        [one.metric, one.factor, one.arm, _interval(one.correlation, 1.0, "+")]
-        for one in links[:LISTED]
+        [link.metric, link.factor, link.arm, _interval(link.correlation, 1.0, "+")]
+        for link in links[:LISTED]
     ]
     return ("metric", "goes with", "arm", "rank correlation (95 %)"), rows
 
 
-def index_table(found: Answers) -> Rows:
+def index_table(answers: Answers) -> Rows:
     """Sobol indices that may be worth a word, metric by metric, the largest first."""
-    order = {name: number for number, name in enumerate(found.results.metrics)}
-    indices = [one for one in found.indices if one.total.high >= WORTH]
-    indices.sort(key=lambda one: (order[one.metric], one.arm, -one.total.value))
+    order = {name: number for number, name in enumerate(answers.results.metrics)}
+    indices = [index for index in answers.indices if index.total.high >= WORTH]
+    indices.sort(key=lambda item: (order[item.metric], item.arm, -item.total.value))
     rows = [
-        [one.metric, one.factor, one.arm, _interval(one.first, 1.0), _interval(one.total, 1.0)]
-        for one in indices
+        [
+            index.metric,
+            index.factor,
+            index.arm,
+            _interval(index.first, 1.0),
+            _interval(index.total, 1.0),
+        ]
+        for index in indices
     ]
     head = ("metric", "depends on", "arm", "alone: first-order index (95 %)",
             "with others, too: total index (95 %)")  # fmt: skip
     return head, rows
 
 
-def worst_table(found: Answers) -> Rows:
+def worst_table(answers: Answers) -> Rows:
     """The worst runs of each metric, and what is unusual about them."""
-    units = {factor.name: factor.unit for factor in found.results.spec.factors}
+    units = {factor.name: factor.unit for factor in answers.results.spec.factors}
     rows: list[list[str]] = []
-    for one in found.worst:
-        why = [_blamed(factor, units[factor.factor.strip("|")]) for factor in one.blamed]
+    for item in answers.worst:
+        why = [_blamed(factor, units[factor.factor.strip("|")]) for factor in item.blamed]
         rows.append(
             [
-                one.metric,
-                f"{one.run}",
-                one.arm,
-                _number(one.value, METRICS[one.metric].unit),
+                item.metric,
+                f"{item.run}",
+                item.arm,
+                _number(item.value, METRICS[item.metric].unit),
                 "; ".join(why) or "nothing that is known to matter is unusual about it",
             ]
         )
     return ("metric", "run", "arm", "value", "why, as far as the factors tell"), rows
 
 
-def markdown(found: Answers) -> str:
+def markdown(answers: Answers) -> str:
     """The whole report without figures."""
-    parts = [f"# {title(found)}", "", *(f"- {line}" for line in summary(found))]
-    if found.comparisons:
-        parts += ["", "## Compared", "", *(f"- {line}" for line in verdicts(found))]
-        parts += ["", *_markdown_table(comparison_table(found.comparisons))]
-    if found.conditions:
-        parts += ["", CONDITIONS, "", *_markdown_table(condition_table(found))]
-    parts += ["", "## Distributions", "", *_markdown_table(spread_table(found))]
-    head, rows = sensitivity_table(found)
+    parts = [f"# {title(answers)}", "", *(f"- {line}" for line in summary(answers))]
+    if answers.comparisons:
+        parts += ["", "## Compared", "", *(f"- {line}" for line in verdicts(answers))]
+        parts += ["", *_markdown_table(comparison_table(answers.comparisons))]
+    if answers.conditions:
+        parts += ["", CONDITIONS, "", *_markdown_table(condition_table(answers))]
+    parts += ["", "## Distributions", "", *_markdown_table(spread_table(answers))]
+    head, rows = sensitivity_table(answers)
     parts += ["", "## What they depend on", ""]
-    if found.indices:
+    if answers.indices:
         parts += [INDICES, ""]
-        parts += [*_markdown_table(index_table(found)), ""]
-    parts += _markdown_table((head, rows)) if rows else [nothing_proven(found)]
-    if found.points:
-        parts += ["", "## Over the grid", "", *_markdown_table(point_table(found))]
-    parts += ["", "## Worst runs", "", *_markdown_table(worst_table(found))]
+        parts += [*_markdown_table(index_table(answers)), ""]
+    parts += _markdown_table((head, rows)) if rows else [nothing_proven(answers)]
+    if answers.points:
+        parts += ["", "## Over the grid", "", *_markdown_table(point_table(answers))]
+    parts += ["", "## Worst runs", "", *_markdown_table(worst_table(answers))]
     return "\n".join(parts) + "\n"
 
 
@@ -257,35 +272,36 @@ def _markdown_table(rows: Rows) -> list[str]:
     return [*lines, *("| " + " | ".join(row) + " |" for row in bare)]
 
 
-def _spread_row(one: Spread) -> list[str]:
-    metric = METRICS[one.metric]
-    largest = max(abs(v) for v in (one.mean.value, one.median.value, one.high.value))
+def _spread_row(spread: Spread) -> list[str]:
+    metric = METRICS[spread.metric]
+    largest = max(abs(v) for v in (spread.mean.value, spread.median.value, spread.high.value))
     factor, unit = fitting(largest, metric.unit)
     return [
-        f"{one.metric} [{unit}]",
-        one.arm,
-        f"{one.count}",
-        *(_interval(value, factor) for value in (one.mean, one.median, one.high)),
+        f"{spread.metric} [{unit}]",
+        spread.arm,
+        f"{spread.count}",
+        *(_interval(value, factor) for value in (spread.mean, spread.median, spread.high)),
     ]
 
 
-def _blamed(one: Blamed, unit: str) -> str:
-    more = one.below >= one.above
-    side, share = ("more", one.below) if more else ("less", one.above)
-    return f"{one.factor} {_number(one.value, unit)}, {side} than in {share:.0%} of the runs"
+def _blamed(blamed: Blamed, unit: str) -> str:
+    more = blamed.below >= blamed.above
+    side, share = ("more", blamed.below) if more else ("less", blamed.above)
+    return f"{blamed.factor} {_number(blamed.value, unit)}, {side} than in {share:.0%} of the runs"
 
 
-def _interval(one: Interval, factor: float, sign: str = "") -> str:
-    if not math.isfinite(one.value):
+def _interval(interval: Interval, factor: float, sign: str = "") -> str:
+    if not math.isfinite(interval.value):
         return "none"
     value, low, high = (
-        format(number / factor, f"{sign}.3g") for number in (one.value, one.low, one.high)
+        format(number / factor, f"{sign}.3g")
+        for number in (interval.value, interval.low, interval.high)
     )
-    if math.isinf(one.high):
-        return f"{value} (at least {low})" if math.isfinite(one.low) else value
-    if math.isinf(one.low):
+    if math.isinf(interval.high):
+        return f"{value} (at least {low})" if math.isfinite(interval.low) else value
+    if math.isinf(interval.low):
         return f"{value} (at most {high})"
-    return value if math.isnan(one.low) else f"{value} ({low} to {high})"
+    return value if math.isnan(interval.low) else f"{value} ({low} to {high})"
 
 
 def _number(value: float, unit: str) -> str:
@@ -297,99 +313,99 @@ def _p(value: float) -> str:
     return "below 1e-9" if value < 1e-9 else f"{value:.2g}"
 
 
-def campaign_document(found: Answers) -> dict[str, Any]:
+def campaign_document(answers: Answers) -> dict[str, Any]:
     """One document; what is not known is null when it is printed."""
-    results, spec = found.results, found.results.spec
+    results, spec = answers.results, answers.results.spec
     units = {factor.name: factor.unit for factor in spec.factors}
     return {
         "runs": len(results.run),
         "of": spec.runs,
-        "ended": found.ended,
+        "ended": answers.ended,
         "reasons": [
             {"reason": reason, "count": count, "first_run": run}
-            for reason, count, run in found.reasons
+            for reason, count, run in answers.reasons
         ],
         "metrics": [
             {
-                "arm": one.arm,
-                "metric": one.metric,
-                "unit": METRICS[one.metric].unit,
-                "count": one.count,
-                "mean": one.mean.document(),
-                "median": one.median.document(),
-                "percentile_95": one.high.document(),
+                "arm": spread.arm,
+                "metric": spread.metric,
+                "unit": METRICS[spread.metric].unit,
+                "count": spread.count,
+                "mean": spread.mean.document(),
+                "median": spread.median.document(),
+                "percentile_95": spread.high.document(),
             }
-            for one in found.spreads
+            for spread in answers.spreads
         ],
         "points": [
             {
-                "arm": one.arm,
-                "at": dict(one.at),
-                "metric": one.metric,
-                "unit": METRICS[one.metric].unit,
-                "count": one.count,
-                "median": one.median.document(),
-                "percentile_95": one.high.document(),
+                "arm": point.arm,
+                "at": dict(point.at),
+                "metric": point.metric,
+                "unit": METRICS[point.metric].unit,
+                "count": point.count,
+                "median": point.median.document(),
+                "percentile_95": point.high.document(),
             }
-            for one in found.points
+            for point in answers.points
         ],
-        "touched_the_stop": found.at_stop,
+        "touched_the_stop": answers.at_stop,
         "sensitivities": [
             {
-                "arm": one.arm,
-                "metric": one.metric,
-                "factor": one.factor,
-                "rank_correlation": one.correlation.document(),
-                "certain": one.certain,
+                "arm": sensitivity.arm,
+                "metric": sensitivity.metric,
+                "factor": sensitivity.factor,
+                "rank_correlation": sensitivity.correlation.document(),
+                "certain": sensitivity.certain,
             }
-            for one in found.sensitivities
+            for sensitivity in answers.sensitivities
         ],
         "sobol_indices": [
             {
-                "arm": one.arm,
-                "metric": one.metric,
-                "factor": one.factor,
-                "first_order": one.first.document(),
-                "total": one.total.document(),
-                "points": one.count,
+                "arm": index.arm,
+                "metric": index.metric,
+                "factor": index.factor,
+                "first_order": index.first.document(),
+                "total": index.total.document(),
+                "points": index.count,
             }
-            for one in found.indices
+            for index in answers.indices
         ],
         "comparisons": [
             {
-                "one": one.one,
-                "other": one.other,
-                "metric": one.metric,
-                "pairs": one.pairs,
-                "machines": one.machines,
-                "ratio_of_means": one.ratio.document(),
-                "smaller_in": one.wins,
-                "same_in": one.ties,
-                "p": one.p,
+                "one": comparison.one,
+                "other": comparison.other,
+                "metric": comparison.metric,
+                "pairs": comparison.pairs,
+                "machines": comparison.machines,
+                "ratio_of_means": comparison.ratio.document(),
+                "smaller_in": comparison.wins,
+                "same_in": comparison.ties,
+                "p": comparison.p,
             }
-            for one in found.comparisons
+            for comparison in answers.comparisons
         ],
         "conditions": [
             {
-                "one": one.one,
-                "other": one.other,
-                "metric": one.metric,
-                "factor": one.factor,
-                "low": one.low,
-                "high": one.high,
-                "unit": units[one.factor.strip("|")],
-                "pairs": one.pairs,
-                "ratio_of_means": one.ratio.document(),
+                "one": condition.one,
+                "other": condition.other,
+                "metric": condition.metric,
+                "factor": condition.factor,
+                "low": condition.low,
+                "high": condition.high,
+                "unit": units[condition.factor.strip("|")],
+                "pairs": condition.pairs,
+                "ratio_of_means": condition.ratio.document(),
             }
-            for one in found.conditions
+            for condition in answers.conditions
         ],
         "worst": [
             {
-                "run": one.run,
-                "arm": one.arm,
-                "metric": one.metric,
-                "value": one.value,
-                "unit": METRICS[one.metric].unit,
+                "run": item.run,
+                "arm": item.arm,
+                "metric": item.metric,
+                "value": item.value,
+                "unit": METRICS[item.metric].unit,
                 "blamed": [
                     {
                         "factor": blamed.factor,
@@ -398,9 +414,9 @@ def campaign_document(found: Answers) -> dict[str, Any]:
                         "share_below": blamed.below,
                         "share_above": blamed.above,
                     }
-                    for blamed in one.blamed
+                    for blamed in item.blamed
                 ],
             }
-            for one in found.worst
+            for item in answers.worst
         ],
     }

@@ -115,7 +115,7 @@ def contents_of(
     signed, _ = with_signs(recording, [wheel.axis for wheel in wheels if wheel.gimbal is None])
     advice = convention_advice(signed, platform)
     used = cleaned(recording) if platform is None else usable(recording, platform)
-    findings += (f"{one}." for one in used.repairs if one not in recording.repairs)
+    findings += (f"{repair}." for repair in used.repairs if repair not in recording.repairs)
     if platform is None:
         findings += _apart(recording)
     else:
@@ -141,13 +141,13 @@ def _apart(recording: Recording) -> list[str]:
         return []
     longest = max(names, key=lambda name: np.ptp(recording[name].time))
     said = [apart(recording, name, longest) for name in names if name != longest]
-    return [f"{one[0].upper()}{one[1:]}." for one in said if one]
+    return [f"{item[0].upper()}{item[1:]}." for item in said if item]
 
 
 def _of_other_width(recording: Recording, platform: Platform) -> list[str]:
     """Of streams with another number of columns than the machine has parts."""
     said: list[str] = []
-    for name in (one for one in recording if one in STREAMS):
+    for name in (item for item in recording if item in STREAMS):
         try:
             check_columns(recording, platform, [name])
         except UsageError as problem:

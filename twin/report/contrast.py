@@ -16,7 +16,7 @@ def contrast_words(contrast: Contrast) -> str:
     """A table: what the effect changes in each stream, beside the sensor's noise."""
     platform, effect = contrast.platform, contrast.effect
     head = ("stream", "changed by (rms)", "at most", "noise a sample")
-    rows = [head, *(_row(one) for one in contrast.differences)]
+    rows = [head, *(_row(difference) for difference in contrast.differences)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
     table = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
@@ -39,22 +39,24 @@ def draw_contrast(contrast: Contrast, path: Path) -> None:
     Raises:
         UsageError: the file cannot be written.
     """
-    shown = [one for one in contrast.differences if one.seen] or contrast.differences[:1]
+    shown = [
+        difference for difference in contrast.differences if difference.seen
+    ] or contrast.differences[:1]
     with mpl.rc_context(FIGURE):
         figure = Figure(figsize=(9.6, 0.9 + 1.9 * max(len(shown), 1)))
         panels = figure.subplots(max(len(shown), 1), 1, sharex=True, squeeze=False)[:, 0]
-        for panel, one in zip(panels, shown, strict=False):
-            factor, unit = fitting(one.worst, one.unit)
-            for k, column in enumerate(one.columns):
+        for panel, item in zip(panels, shown, strict=False):
+            factor, unit = fitting(item.worst, item.unit)
+            for k, column in enumerate(item.columns):
                 color = PALETTE[k % len(PALETTE)]
-                panel.plot(one.time, one.value[:, k] / factor, color=color, label=column)
+                panel.plot(item.time, item.value[:, k] / factor, color=color, label=column)
             panel.axhspan(
-                -one.noise / factor, one.noise / factor, color="#e8edf1", zorder=0, lw=0.0
+                -item.noise / factor, item.noise / factor, color="#e8edf1", zorder=0, lw=0.0
             )
-            room = 1.15 * one.worst / factor or 1.0
+            room = 1.15 * item.worst / factor or 1.0
             panel.set_ylim(-room, room)
-            panel.set_ylabel(f"{one.stream} [{unit}]")
-            panel.legend(ncols=len(one.columns), loc="lower right", bbox_to_anchor=(1.0, 0.98))
+            panel.set_ylabel(f"{item.stream} [{unit}]")
+            panel.legend(ncols=len(item.columns), loc="lower right", bbox_to_anchor=(1.0, 0.98))
         panels[-1].set_xlabel("time [s]")
         figure.suptitle(
             f"{contrast.platform.name}: with {contrast.effect.words()}, less without\n"
@@ -71,8 +73,13 @@ def draw_contrast(contrast: Contrast, path: Path) -> None:
             raise UsageError(f"{path} cannot be written ({problem.strerror})") from None
 
 
-def _row(one: Difference) -> tuple[str, str, str, str]:
-    noise = printed(one.noise, one.unit) if one.noise else "none"
-    if not one.seen:
-        return one.stream, "unchanged", "", noise
-    return one.stream, printed(one.rms, one.unit), printed(one.worst, one.unit), noise
+def _row(difference: Difference) -> tuple[str, str, str, str]:
+    noise = printed(difference.noise, difference.unit) if difference.noise else "none"
+    if not difference.seen:
+        return difference.stream, "unchanged", "", noise
+    return (
+        difference.stream,
+        printed(difference.rms, difference.unit),
+        printed(difference.worst, difference.unit),
+        noise,
+    )

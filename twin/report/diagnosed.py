@@ -25,14 +25,14 @@ from twin.units import as_precise, fitting, listed, printed, three_digits
 LAG = "clock_lag"
 
 
-def one_clock_sentences(found: Diagnosis) -> list[str]:
+def one_clock_sentences(diagnosis: Diagnosis) -> list[str]:
     """Which clock it is, theirs or that of all else; nothing where the lags differ."""
-    late = [cause for cause in found.causes if cause.effect.name == LAG]
+    late = [cause for cause in diagnosis.causes if cause.effect.name == LAG]
     if len(late) < 2 or not _equal(late):
         return []
     streams = [cause.effect.target for cause in late]
     lag = float(np.mean([cause.effect.values[0] for cause in late]))
-    others = sorted(_in_use(found) - set(streams))
+    others = sorted(_in_use(diagnosis) - set(streams))
     if not others:
         return []
     way, other = ("late", "early") if lag > 0.0 else ("early", "late")
@@ -50,11 +50,11 @@ def _equal(late: Sequence[Cause]) -> bool:
     return bool((lags - halves).max() <= (lags + halves).min())
 
 
-def _in_use(found: Diagnosis) -> set[str]:
+def _in_use(diagnosis: Diagnosis) -> set[str]:
     """What the logs are predicted with, and what of, that changes: else no clock shows."""
     return {
         name
-        for body in found.explained.bodies
+        for body in diagnosis.explained.bodies
         for name in (*body.inputs.used, *(output.stream for output in body.outputs))
         if name in body.recording and np.ptp(body.recording[name].value, axis=0).any()
     }
@@ -88,51 +88,51 @@ OUT_OF_REACH = {
 """What no run of the library does, by the cause that it sets apart."""
 
 
-def experiment_sentence(found: Experiment) -> str:
+def experiment_sentence(experiment: Experiment) -> str:
     """What to do next, what it should bring, and beside what."""
-    nearest, split = _least(found.splits)
-    _, again = _least(found.repeated)
-    bar = f"where {found.needed:g} would do"
-    if found.enough:
+    nearest, split = _least(experiment.splits)
+    _, again = _least(experiment.repeated)
+    bar = f"where {experiment.needed:g} would do"
+    if experiment.enough:
         return (
             f"To tell them apart, make on the machine the run that this rehearses: "
-            f"{found.command}. With its log beside these, {nearest} as the nearest should be "
+            f"{experiment.command}. With its log beside these, {nearest} as the nearest should be "
             f"{split:.1f} behind in evidence, {bar}; the same logs made once more would leave "
             f"{again:.1f}."
         )
-    if again >= found.needed:
+    if again >= experiment.needed:
         return (
             f"To tell them apart, make the same logs once more: that should leave none of them "
             f"less than {again:.1f} behind, {bar}; no other run that was tried does as well "
             f"({split:.1f})."
         )
-    close = [label for label, size in found.splits.items() if size < found.needed]
-    ways = dict.fromkeys(_way(found, label) for label in close)
+    close = [label for label, size in experiment.splits.items() if size < experiment.needed]
+    ways = dict.fromkeys(_way(experiment, label) for label in close)
     said = "; ".join(way for way in ways if way)
     return (
-        f"No run that was tried tells them apart: the best, {found.command}, would leave "
+        f"No run that was tried tells them apart: the best, {experiment.command}, would leave "
         f"{nearest} {split:.1f} behind, {bar}, and the same logs made once more {again:.1f}."
         + (f" What could: {said}." if said else "")
     )
 
 
-def experiment_document(found: Experiment) -> dict[str, Any]:
+def experiment_document(experiment: Experiment) -> dict[str, Any]:
     """For `--json`; the command is null where no run splits the ties."""
     return {
-        "command": found.command if found.enough else None,
-        "splits": dict(found.splits),
-        "repeated": dict(found.repeated),
-        "sentence": experiment_sentence(found),
+        "command": experiment.command if experiment.enough else None,
+        "splits": dict(experiment.splits),
+        "repeated": dict(experiment.repeated),
+        "sentence": experiment_sentence(experiment),
     }
 
 
 def _least(sizes: Mapping[str, float]) -> tuple[str, float]:
-    return min(sizes.items(), key=lambda one: one[1])
+    return min(sizes.items(), key=lambda size: size[1])
 
 
-def _way(found: Experiment, label: str) -> str:
+def _way(experiment: Experiment, label: str) -> str:
     """To set a tied cause, or else the one named in its place, apart."""
-    names = [label.partition(":")[0], *(one.partition(":")[0] for one in found.named)]
+    names = [label.partition(":")[0], *(item.partition(":")[0] for item in experiment.named)]
     return next((OUT_OF_REACH[name] for name in names if name in OUT_OF_REACH), "")
 
 
@@ -144,31 +144,31 @@ SHOWN = 5
 """Causes that were tried and rejected of which the text tells."""
 
 
-def diagnosed(found: Diagnosis) -> list[str]:
+def diagnosed(diagnosis: Diagnosis) -> list[str]:
     """All that is to be said, the verdict first."""
-    said = [finding.sentence for finding in found.conventions]
-    said += taken_as_at_rest(found.recordings, found.platform)
-    said += beyond_stated(found.recordings, found.platform)
-    said.append(verdict_sentence(found))
-    said += [] if found.intervals_hold else [NO_INTERVALS]
-    said += [push_sentence(found.pushes)] if found.pushes else []
-    said += cause_sentences(found)
-    said += one_clock_sentences(found)
-    said += wander_sentences(found)
-    if found.next_experiment is not None:
-        said.append(experiment_sentence(found.next_experiment))
-    if found.equation is not None:
-        said.append(equation_sentence(found.equation))
-    if found.explained.follows:
-        said += _left(found.residual_test)
-        said += quiet_sentences(found.explained.account.misfits)
-    said.append(_gain(found))
-    said += _base(found)
-    said += _rejected(found)
-    said += could_show(found)
-    said += [finding.sentence for finding in found.noise]
-    said += _not_asked(found.not_asked)
-    said += [f"Repaired on reading: {r}." for log in found.recordings for r in log.repairs]
+    said = [finding.sentence for finding in diagnosis.conventions]
+    said += taken_as_at_rest(diagnosis.recordings, diagnosis.platform)
+    said += beyond_stated(diagnosis.recordings, diagnosis.platform)
+    said.append(verdict_sentence(diagnosis))
+    said += [] if diagnosis.intervals_hold else [NO_INTERVALS]
+    said += [push_sentence(diagnosis.pushes)] if diagnosis.pushes else []
+    said += cause_sentences(diagnosis)
+    said += one_clock_sentences(diagnosis)
+    said += wander_sentences(diagnosis)
+    if diagnosis.next_experiment is not None:
+        said.append(experiment_sentence(diagnosis.next_experiment))
+    if diagnosis.equation is not None:
+        said.append(equation_sentence(diagnosis.equation))
+    if diagnosis.explained.follows:
+        said += _left(diagnosis.residual_test)
+        said += quiet_sentences(diagnosis.explained.account.misfits)
+    said.append(_gain(diagnosis))
+    said += _base(diagnosis)
+    said += _rejected(diagnosis)
+    said += could_show(diagnosis)
+    said += [finding.sentence for finding in diagnosis.noise]
+    said += _not_asked(diagnosis.not_asked)
+    said += [f"Repaired on reading: {r}." for log in diagnosis.recordings for r in log.repairs]
     return said
 
 
@@ -183,56 +183,57 @@ def push_sentence(pushes: Sequence[PushInterval]) -> str:
     )
 
 
-def verdict_sentence(found: Diagnosis) -> str:
+def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The verdict, as a person says it."""
-    names = listed([cause_name(cause) for cause in found.causes])
-    if found.pushes:
-        times = "once" if len(found.pushes) == 1 else f"{len(found.pushes)} times"
+    names = listed([cause_name(cause) for cause in diagnosis.causes])
+    if diagnosis.pushes:
+        times = "once" if len(diagnosis.pushes) == 1 else f"{len(diagnosis.pushes)} times"
         rest = f"the model lacks {names}, and with that" if names else "as the model is,"
         return (
             f"Unexplained: {times} something happened that no cause explains; for the rest of the "
             f"time, {rest} nothing but noise is left."
         )
-    noise = listed(["noise", *wanders(found)])
-    if found.verdict == "healthy":
+    noise = listed(["noise", *wanders(diagnosis)])
+    if diagnosis.verdict == "healthy":
         return (
             f"Healthy: what the model leaves is the sensors' {noise}, and none of "
-            f"{sum(one.could_show for one in found.tried)} causes that would show explains any."
+            f"{sum(item.could_show for item in diagnosis.tried)} causes that would "
+            "show explains any."
         )
-    if found.verdict == "explained":
+    if diagnosis.verdict == "explained":
         return f"Explained: the model lacks {names}, and with that nothing but {noise} is left."
-    if found.verdict == "ambiguous":
+    if diagnosis.verdict == "ambiguous":
         return (
             f"Ambiguous: the model lacks {names}, or what these logs cannot tell from it; with it "
             f"nothing but {noise} is left."
         )
-    rest = listed(wanders(found))
-    if found.verdict == "explained in part":
-        carry = f"{names} {_carry(found)}"
-        share = f"{100.0 * found.carried:.0f} %"
-        if found.explained.follows:
+    rest = listed(wanders(diagnosis))
+    if diagnosis.verdict == "explained in part":
+        carry = f"{names} {_carry(diagnosis)}"
+        share = f"{100.0 * diagnosis.carried:.0f} %"
+        if diagnosis.explained.follows:
             return (
                 f"Explained in part: {carry} {share} of what the model misses; the rest is {rest}, "
                 "more than rooms and sensors have."
             )
-        length = max(body.grid.length for body in found.explained.bodies)
-        size = np.sqrt(found.residual_test.chi2)
+        length = max(body.grid.length for body in diagnosis.explained.bodies)
+        size = np.sqrt(diagnosis.residual_test.chi2)
         left = "leave no more than the noise"
-        if not found.intervals_hold:
+        if not diagnosis.intervals_hold:
             left = f"still miss by {size:.2g} times the noise"
         return (
             f"Explained in part: {carry} {share} of the error of a free run of {HORIZONS[0]:g} s; "
             "no cause makes the motion follow the model for longer, and segments of "
             f"{length:.2g} s {left}."
         )
-    if not ordinary(found.wander):
+    if not ordinary(diagnosis.wander):
         best = f", beside {names}," if names else ""
         return (
             f"Unexplained: the model lacks{best} {rest}, more than rooms and sensors have, and no "
             "cause of the catalogue explains it."
         )
-    if not found.explained.follows:
-        size = np.sqrt(found.residual_test.chi2)
+    if not diagnosis.explained.follows:
+        size = np.sqrt(diagnosis.residual_test.chi2)
         best = f"most is explained by {names}, but " if names else ""
         apart = (
             "segments predicted apart leave no more than the noise, but the logs do not go on from "
@@ -241,17 +242,19 @@ def verdict_sentence(found: Diagnosis) -> str:
             else f"segments predicted apart still miss by {size:.2g} times the noise."
         )
         return f"Unexplained: {best}no cause makes the motion follow the model: {apart}"
-    if found.equation is None and crowded(found.explained.effects):
+    if diagnosis.equation is None and crowded(diagnosis.explained.effects):
         return (
             f"Unexplained: {names} together explain most, but so many at once rather stand in for "
             "something that the catalogue has no name for."
         )
-    if found.equation is None and foretells_nothing(found.explained.effects, found.held_out):
+    if diagnosis.equation is None and foretells_nothing(
+        diagnosis.explained.effects, diagnosis.held_out
+    ):
         return (
             f"Unexplained: these logs are explained best by {names}, which foretells nothing of "
             "the time that took no part in the fit."
         )
-    if found.equation is None and strays(found.held_out):
+    if diagnosis.equation is None and strays(diagnosis.held_out):
         best = f"these logs are explained best by {names}, but " if names else ""
         return (
             f"Unexplained: {best}time that took no part in the fit is missed by more than a true "
@@ -261,35 +264,40 @@ def verdict_sentence(found: Diagnosis) -> str:
     return f"Unexplained: the model lacks something{beside} that the catalogue has no name for."
 
 
-def wanders(found: Diagnosis) -> list[str]:
+def wanders(diagnosis: Diagnosis) -> list[str]:
     """Noise beside the sensors' own in words: `a torque of 0.03 mN m rms that wanders over 3 s`."""
     said: list[str] = []
-    if found.wander.torque is not None:
-        one = found.wander.torque
-        size = printed(one.rms, "N m")
-        said.append(f"a torque of {size} rms that wanders over {one.time:.2g} s")
-    for stream, one in found.wander.errors:
+    if diagnosis.wander.torque is not None:
+        item = diagnosis.wander.torque
+        size = printed(item.rms, "N m")
+        said.append(f"a torque of {size} rms that wanders over {item.time:.2g} s")
+    for stream, item in diagnosis.wander.errors:
         unit = "rad" if stream == "attitude" else stream_named(stream).unit
-        size = printed(one.rms, unit)
-        said.append(f"an error of {stream} of {size} rms that wanders over {one.time:.2g} s")
-    for stream, factor in found.wander.scales:
+        size = printed(item.rms, unit)
+        said.append(f"an error of {stream} of {size} rms that wanders over {item.time:.2g} s")
+    for stream, factor in diagnosis.wander.scales:
         said.append(f"white noise of {stream} {factor:.2g} times as large as its samples' scatter")
     return said
 
 
-def wander_sentences(found: Diagnosis) -> list[str]:
+def wander_sentences(diagnosis: Diagnosis) -> list[str]:
     """How much of what the model misses the causes carry beside what wanders."""
-    if not found.wander.wanders or not found.causes or found.verdict == "explained in part":
+    if (
+        not diagnosis.wander.wanders
+        or not diagnosis.causes
+        or diagnosis.verdict == "explained in part"
+    ):
         return []
-    names = listed([cause_name(cause) for cause in found.causes])
+    names = listed([cause_name(cause) for cause in diagnosis.causes])
     return [
-        f"{names} {_carry(found)} {100.0 * found.carried:.0f} % of what the model misses, what "
+        f"{names} {_carry(diagnosis)} {100.0 * diagnosis.carried:.0f} % of what "
+        "the model misses, what "
         "wanders the rest; every interval allows for it."
     ]
 
 
-def _carry(found: Diagnosis) -> str:
-    return "carries" if len(found.causes) == 1 else "carry"
+def _carry(diagnosis: Diagnosis) -> str:
+    return "carries" if len(diagnosis.causes) == 1 else "carry"
 
 
 def cause_name(cause: Cause) -> str:
@@ -298,9 +306,9 @@ def cause_name(cause: Cause) -> str:
     return f"{cause.effect.name}{of}"
 
 
-def cause_sentences(found: Diagnosis) -> list[str]:
+def cause_sentences(diagnosis: Diagnosis) -> list[str]:
     """Of each cause; no confidence where something without a name is at work."""
-    return [cause_sentence(cause, sure=found.intervals_hold) for cause in found.causes]
+    return [cause_sentence(cause, sure=diagnosis.intervals_hold) for cause in diagnosis.causes]
 
 
 def cause_sentence(cause: Cause, *, sure: bool = True) -> str:
@@ -382,29 +390,29 @@ def _left(left: ResidualTest) -> list[str]:
     return [f"What is left: {what}; noise alone does so with probability {chance:.2g}."]
 
 
-def _gain(found: Diagnosis) -> str:
-    gain = found.held_out
-    named = bool(found.causes) or found.equation is not None
-    runs = _free_runs(found.free_runs, first_of(found))
+def _gain(diagnosis: Diagnosis) -> str:
+    gain = diagnosis.held_out
+    named = bool(diagnosis.causes) or diagnosis.equation is not None
+    runs = _free_runs(diagnosis.free_runs, first_of(diagnosis))
     if named and np.isnan(gain.log_likelihood):
         return (
             "The log is too short for a part of it to be held out of the fit: what was named is "
             "tested on no other time; record another run for --validate."
             f"{runs}"
         )
-    if not found.explained.follows and not found.causes:
+    if not diagnosis.explained.follows and not diagnosis.causes:
         return "With no cause to add, nothing is gained on time that took no part in the fit."
-    if not found.explained.follows:
+    if not diagnosis.explained.follows:
         return (
             f"On segments that took no part in the fit the logs become likelier by "
             f"{gain.log_likelihood:.0f} nats, each segment counted by its own scatter."
             f"{runs}"
         )
-    if found.equation is None and not found.explained.effects:
+    if diagnosis.equation is None and not diagnosis.explained.effects:
         band = f"; a true model stays within {gain.low:.3f} to {gain.high:.3f}"
         band = "" if np.isnan(gain.low) else band
         scatters = "What was named only makes a sensor scatter more. " if named else ""
-        left = found.residual_test.chi2
+        left = diagnosis.residual_test.chi2
         return f"{scatters}Chi-square of the innovations {left:.4f} a sample{band}."
     return (
         f"On time that took no part in the fit the logs become likelier by "
@@ -414,24 +422,24 @@ def _gain(found: Diagnosis) -> str:
     )
 
 
-def first_of(found: Diagnosis) -> str:
+def first_of(diagnosis: Diagnosis) -> str:
     """What free runs and curves are of, where there are several logs or one that has gaps."""
-    return " of the first stretch of log" if len(found.explained.bodies) > 1 else ""
+    return " of the first stretch of log" if len(diagnosis.explained.bodies) > 1 else ""
 
 
-def _free_runs(found: Mapping[float, FreeRun | None], of: str = "") -> str:
+def _free_runs(result: Mapping[float, FreeRun | None], of: str = "") -> str:
     runs = [
         f"{horizon:g} s: {np.degrees(run.errors[0]):.2g} to {np.degrees(run.errors[1]):.2g} deg "
         f"(perfect {np.degrees(run.errors[2]):.2g})"
-        for horizon, run in found.items()
+        for horizon, run in result.items()
         if run is not None and run.errors[1] < MEANINGFUL
     ]
     return f" Free runs{of}, before and after: {'; '.join(runs)}." if runs else ""
 
 
-def _base(found: Diagnosis) -> list[str]:
-    base, theta = found.explained.base, found.explained.at.theta
-    half = NORMAL * np.sqrt(np.diag(found.explained.covariance))[: len(theta)]
+def _base(diagnosis: Diagnosis) -> list[str]:
+    base, theta = diagnosis.explained.base, diagnosis.explained.at.theta
+    half = NORMAL * np.sqrt(np.diag(diagnosis.explained.covariance))[: len(theta)]
     stated = base.as_stated
     parts = [
         f"{name} {pair(float(v), float(h))} ({three_digits(float(s))}) {unit}"
@@ -450,7 +458,7 @@ def _base(found: Diagnosis) -> list[str]:
     body = np.arange(len(theta)) < len(theta) - len(base.joints)
     far = body & (np.abs(theta - stated) - half > FAR * base.scale)
     if far.any():
-        names = ", ".join(name for name, one in zip(base.names, far, strict=True) if one)
+        names = ", ".join(name for name, item in zip(base.names, far, strict=True) if item)
         said.append(
             f"Mind: {names} had to move far from what platform.toml states. If that is no "
             "surprise, state it there; else it is another machine, or a torque or a speed of "
@@ -462,36 +470,36 @@ def _base(found: Diagnosis) -> list[str]:
     return [*said, f"These logs leave open: {'; '.join(left)}."] if left else said
 
 
-def _rejected(found: Diagnosis) -> list[str]:
-    if not found.tried or found.verdict == "healthy":
+def _rejected(diagnosis: Diagnosis) -> list[str]:
+    if not diagnosis.tried or diagnosis.verdict == "healthy":
         return []
-    alone = sorted(found.tried, key=lambda tried: -tried.alone)[:SHOWN]
-    if not found.explained.follows:
+    alone = sorted(diagnosis.tried, key=lambda tried: -tried.alone)[:SHOWN]
+    if not diagnosis.explained.follows:
         # what columns of independent segments predict is not what fits show
-        return ["Tried and rejected: " + ", ".join(one.label for one in alone) + "."]
+        return ["Tried and rejected: " + ", ".join(item.label for item in alone) + "."]
     parts = [
-        f"{one.label} (alone {one.alone:.0f}, beside these {one.evidence:.0f})" for one in alone
+        f"{item.label} (alone {item.alone:.0f}, beside these {item.evidence:.0f})" for item in alone
     ]
     return ["Tried and rejected, evidence in brackets: " + ", ".join(parts) + "."]
 
 
-def could_show(found: Diagnosis) -> list[str]:
+def could_show(diagnosis: Diagnosis) -> list[str]:
     """From which size on each cause would have been found, a line an effect; of healthy logs."""
-    if found.verdict != "healthy":
+    if diagnosis.verdict != "healthy":
         return []
     sizes: dict[str, list[str]] = {}
-    for one in sorted(found.tried, key=lambda one: one.label):
-        if one.could_show:
-            name, _, target = one.label.partition(":")
+    for item in sorted(diagnosis.tried, key=lambda item: item.label):
+        if item.could_show:
+            name, _, target = item.label.partition(":")
             parts = [
                 printed(size, unit) if np.isfinite(size) else "never"
-                for size, unit in zip(one.detectable.tolist(), one.units, strict=True)
+                for size, unit in zip(item.detectable.tolist(), item.units, strict=True)
             ]
             sizes.setdefault(name, []).append(f"{target} {' / '.join(parts)}".lstrip())
     head = "Each of these, alone, would have been found in 95 of 100 such logs from such a size on:"
     said = [head] if sizes else []
     said += [f"  {name}: {', '.join(targets)}" for name, targets in sizes.items()]
-    never = [one.label for one in found.tried if not one.could_show]
+    never = [item.label for item in diagnosis.tried if not item.could_show]
     if never:
         said.append(f"These would not have been found, however large: {', '.join(never)}.")
     return said

@@ -51,25 +51,28 @@ LISTED = 18
 """Causes that are drawn, the strongest alone first."""
 
 
-def prediction_figure(found: Diagnosis) -> Figure:
+def prediction_figure(diagnosis: Diagnosis) -> Figure:
     """Of the first log, the measured motion, and free runs of the model without the causes and with
     them."""
-    body = found.explained.bodies[0]
-    run = run_to_show(found.free_runs, body)
+    body = diagnosis.explained.bodies[0]
+    run = run_to_show(diagnosis.free_runs, body)
     return drawn_motion(body.motion, run, before="before", after="after")
 
 
-def left_figure(found: Diagnosis) -> Figure:
+def left_figure(diagnosis: Diagnosis) -> Figure:
     """Of the first log, the residual of each stream, without the causes and with them."""
-    accounts = [(found.baseline.account, BUILT, "before"), (found.explained.account, BEST, "after")]
-    return drawn_residuals(found.explained.bodies[0], accounts)
+    accounts = [
+        (diagnosis.baseline.account, BUILT, "before"),
+        (diagnosis.explained.account, BEST, "after"),
+    ]
+    return drawn_residuals(diagnosis.explained.bodies[0], accounts)
 
 
-def before_after_figure(found: Diagnosis) -> Figure:
+def before_after_figure(diagnosis: Diagnosis) -> Figure:
     """Chi-square a sample of each stream over time, without the causes and with them."""
     with mpl.rc_context(FIGURE):
-        before = found.baseline.account.misfits
-        after = found.explained.account.misfits
+        before = diagnosis.baseline.account.misfits
+        after = diagnosis.explained.account.misfits
         streams = list(dict.fromkeys(part.stream for part in after))
         figure = Figure(figsize=(9.6, 0.8 + 1.8 * len(streams)))
         panels = figure.subplots(len(streams), 1, squeeze=False, sharex=True)[:, 0]
@@ -93,11 +96,11 @@ def before_after_figure(found: Diagnosis) -> Figure:
         return figure
 
 
-def evidence_figure(found: Diagnosis) -> Figure:
+def evidence_figure(diagnosis: Diagnosis) -> Figure:
     """What each cause explains on its own, and what it still adds beside those that were found."""
     with mpl.rc_context(FIGURE):
-        rows = [(c.effect.label, c.alone, c.evidence, True) for c in found.causes]
-        rows += [(t.label, t.alone, t.evidence, False) for t in found.tried]
+        rows = [(c.effect.label, c.alone, c.evidence, True) for c in diagnosis.causes]
+        rows += [(t.label, t.alone, t.evidence, False) for t in diagnosis.tried]
         rows = sorted(rows, key=lambda row: -row[1])[:LISTED]
         figure = Figure(figsize=(9.6, 1.0 + 0.3 * len(rows)))
         panel = figure.subplots()
@@ -124,70 +127,70 @@ def evidence_figure(found: Diagnosis) -> Figure:
         return figure
 
 
-def write_diagnosis(path: Path, found: Diagnosis, gain: Validation | None) -> None:
+def write_diagnosis(path: Path, diagnosis: Diagnosis, gain: Validation | None) -> None:
     """Write the page."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, diagnosis_page(found, gain))
+    write_whole(path, diagnosis_page(diagnosis, gain))
 
 
-def diagnosis_page(found: Diagnosis, gain: Validation | None = None) -> str:
+def diagnosis_page(diagnosis: Diagnosis, gain: Validation | None = None) -> str:
     """The page as text."""
-    names = ", ".join(map(log_name, found.recordings))
-    title = f"Diagnosis of {names} on {found.platform.name}"
-    parts = [*_parts(found, gain, title), foot(found.recordings, found.platform)]
+    names = ", ".join(map(log_name, diagnosis.recordings))
+    title = f"Diagnosis of {names} on {diagnosis.platform.name}"
+    parts = [*_parts(diagnosis, gain, title), foot(diagnosis.recordings, diagnosis.platform)]
     return page(title, "\n".join(parts))
 
 
-def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
-    length = sum(log.stop - log.start for log in found.recordings)
-    verdict = verdict_sentence(found)
-    own = cause_sentences(found) + one_clock_sentences(found)
-    if found.equation is not None:
-        own.append(equation_sentence(found.equation))
-    if found.pushes:
-        own.insert(0, push_sentence(found.pushes))
+def _parts(diagnosis: Diagnosis, gain: Validation | None, title: str) -> list[str]:
+    length = sum(log.stop - log.start for log in diagnosis.recordings)
+    verdict = verdict_sentence(diagnosis)
+    own = cause_sentences(diagnosis) + one_clock_sentences(diagnosis)
+    if diagnosis.equation is not None:
+        own.append(equation_sentence(diagnosis.equation))
+    if diagnosis.pushes:
+        own.insert(0, push_sentence(diagnosis.pushes))
     told = [verdict, *own]
-    if found.next_experiment is not None:
-        told.append(experiment_sentence(found.next_experiment))
-    sizes = could_show(found)
-    rest = [said for said in diagnosed(found) if said not in (*told, *sizes)]
-    first = first_of(found)
+    if diagnosis.next_experiment is not None:
+        told.append(experiment_sentence(diagnosis.next_experiment))
+    sizes = could_show(diagnosis)
+    rest = [said for said in diagnosed(diagnosis) if said not in (*told, *sizes)]
+    first = first_of(diagnosis)
     curves = f"{first} that has it" if first else ""
     parts = [
         f"<h1>{escape(title)}</h1>",
-        f"<p class='under'>{escape(found.platform.title)} · {length:.3g} s · "
-        f"{len(found.tried) + len(found.causes)} candidates</p>",
+        f"<p class='under'>{escape(diagnosis.platform.title)} · {length:.3g} s · "
+        f"{len(diagnosis.tried) + len(diagnosis.causes)} candidates</p>",
         f"<p class='verdict'>{escape(typeset(verdict))}</p>",
         bullets(own),
         "<h2>Measured and predicted</h2>",
-        framed(prediction_figure(found), _run_caption(found)),
+        framed(prediction_figure(diagnosis), _run_caption(diagnosis)),
         framed(
-            left_figure(found),
+            left_figure(diagnosis),
             "Measured less predicted. What lies outside the frame belongs to the worst stretches.",
         ),
         "<h2>Before and after</h2>",
         framed(
-            before_after_figure(found),
+            before_after_figure(diagnosis),
             f"Mean squared innovation of each stream{curves}, in units of its noise, over blocks "
             "of time: the machine with its base refitted, without the causes and with them.",
         ),
-        _gain_table(found),
+        _gain_table(diagnosis),
     ]
     if gain is not None:
         parts.append(f"<p>{escape(typeset(validated(gain)))}</p>")
     parts += [
         "<h2>The causes, ranked</h2>",
         framed(
-            evidence_figure(found),
+            evidence_figure(diagnosis),
             "Causes that look alike are long together on their own; beside the one that is named "
             "the others have nothing left to explain.",
         ),
     ]
-    if any(cause.ties for cause in found.causes):
-        parts += ["<h2>What these logs cannot tell apart</h2>", _ties_table(found)]
-    if found.next_experiment is not None:
-        parts += _experiment(found.next_experiment)
-    parts += ["<h2>The base</h2>", _base_table(found), "<h2>All that is to be said</h2>"]
+    if any(cause.ties for cause in diagnosis.causes):
+        parts += ["<h2>What these logs cannot tell apart</h2>", _ties_table(diagnosis)]
+    if diagnosis.next_experiment is not None:
+        parts += _experiment(diagnosis.next_experiment)
+    parts += ["<h2>The base</h2>", _base_table(diagnosis), "<h2>All that is to be said</h2>"]
     parts.append(bullets(rest))
     if sizes:
         lines = "\n".join(escape(typeset(said)) for said in sizes)
@@ -195,13 +198,13 @@ def _parts(found: Diagnosis, gain: Validation | None, title: str) -> list[str]:
     return parts
 
 
-def _run_caption(found: Diagnosis) -> str:
-    return run_caption(run_to_show(found.free_runs, found.explained.bodies[0]))
+def _run_caption(diagnosis: Diagnosis) -> str:
+    return run_caption(run_to_show(diagnosis.free_runs, diagnosis.explained.bodies[0]))
 
 
-def _gain_table(found: Diagnosis) -> str:
-    gain = found.held_out
-    first = first_of(found)
+def _gain_table(diagnosis: Diagnosis) -> str:
+    gain = diagnosis.held_out
+    first = first_of(diagnosis)
     rows = [
         [
             "chi-square a sample, held-out blocks",
@@ -210,10 +213,10 @@ def _gain_table(found: Diagnosis) -> str:
             f"{gain.low:.4f} to {gain.high:.4f}",
         ]
     ]
-    if not found.explained.follows or np.isnan(gain.after):
+    if not diagnosis.explained.follows or np.isnan(gain.after):
         # each segment counts by its own scatter: no chi-square is to be expected; or none was held
         rows = []
-    for horizon, run in found.free_runs.items():
+    for horizon, run in diagnosis.free_runs.items():
         if run is not None and run.errors[1] < MEANINGFUL:
             before, after, perfect = (f"{np.degrees(error):.3g} deg" for error in run.errors)
             rows.append(
@@ -222,10 +225,10 @@ def _gain_table(found: Diagnosis) -> str:
     return table(["", "before", "after", "a true model"], rows)
 
 
-def _ties_table(found: Diagnosis) -> str:
+def _ties_table(diagnosis: Diagnosis) -> str:
     rows = [
         [cause.effect.label, tie.label, f"{tie.behind:.1f}"]
-        for cause in found.causes
+        for cause in diagnosis.causes
         for tie in cause.ties
     ]
     return table(["named", "could be instead", "evidence behind"], rows)
@@ -245,12 +248,12 @@ def _experiment(best: Experiment) -> list[str]:
     ]
 
 
-def _base_table(found: Diagnosis) -> str:
-    base = found.explained.base
+def _base_table(diagnosis: Diagnosis) -> str:
+    base = diagnosis.explained.base
     rows: list[Sequence[str]] = []
     sides = [
-        (one.at.theta, NORMAL * np.sqrt(np.diag(one.covariance)))
-        for one in (found.baseline, found.explained)
+        (item.at.theta, NORMAL * np.sqrt(np.diag(item.covariance)))
+        for item in (diagnosis.baseline, diagnosis.explained)
     ]
     for i, (name, unit) in enumerate(zip(base.names, base.units, strict=True)):
         cells = [f"{pair(float(theta[i]), float(half[i]))} {unit}" for theta, half in sides]
@@ -258,17 +261,17 @@ def _base_table(found: Diagnosis) -> str:
     return table(["parameter", "as stated", "refitted", "refitted with the causes"], rows)
 
 
-def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[str, Any]:
+def diagnosis_document(diagnosis: Diagnosis, validation: Validation | None) -> dict[str, Any]:
     """What `twin diagnose --json` prints (docs/design.md 4.5); SI throughout."""
-    explained, gain = found.explained, found.held_out
+    explained, gain = diagnosis.explained, diagnosis.held_out
     p = len(explained.at.theta)
     covariance = explained.covariance[:p, :p]
     return {
-        "verdict": found.verdict,
-        "intervals_hold": found.intervals_hold,
-        "sentence": verdict_sentence(found),
-        "causes": [_cause(cause) for cause in found.causes],
-        "wander": _wander(found),
+        "verdict": diagnosis.verdict,
+        "intervals_hold": diagnosis.intervals_hold,
+        "sentence": verdict_sentence(diagnosis),
+        "causes": [_cause(cause) for cause in diagnosis.causes],
+        "wander": _wander(diagnosis),
         "base": dict(explained.base.table(explained.at.theta, covariance, NORMAL)),
         "gain": {
             "held_out": {
@@ -278,15 +281,15 @@ def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[
                     "after": gain.after,
                     "band": [gain.low, gain.high],
                 },
-                "free_run": free_run_document(found.free_runs),
+                "free_run": free_run_document(diagnosis.free_runs),
             },
             "validation": None if validation is None else _validation(validation),
         },
         "equation": None
-        if found.equation is None
+        if diagnosis.equation is None
         else {
-            "text": equation_text(found.equation),
-            "evidence": found.equation.evidence,
+            "text": equation_text(diagnosis.equation),
+            "evidence": diagnosis.equation.evidence,
             "terms": [
                 {
                     "what": law.what,
@@ -298,23 +301,24 @@ def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[
                     "high": value + half,
                 }
                 for law, value, half in zip(
-                    found.equation.laws,
-                    found.equation.coefficients.tolist(),
-                    found.equation.half_widths.tolist(),
+                    diagnosis.equation.laws,
+                    diagnosis.equation.coefficients.tolist(),
+                    diagnosis.equation.half_widths.tolist(),
                     strict=True,
                 )
             ],
         },
         "pushes": [
-            {"log": push.source, "start": push.start, "stop": push.stop} for push in found.pushes
+            {"log": push.source, "start": push.start, "stop": push.stop}
+            for push in diagnosis.pushes
         ],
         "next_experiment": None
-        if found.next_experiment is None
-        else experiment_document(found.next_experiment),
+        if diagnosis.next_experiment is None
+        else experiment_document(diagnosis.next_experiment),
         "remainder": {
-            "chance": found.residual_test.chance,
-            "torque_gain": found.residual_test.torque_gain,
-            "directions": found.residual_test.freedom,
+            "chance": diagnosis.residual_test.chance,
+            "torque_gain": diagnosis.residual_test.torque_gain,
+            "directions": diagnosis.residual_test.freedom,
         },
         "tried": [
             {
@@ -323,25 +327,25 @@ def diagnosis_document(found: Diagnosis, validation: Validation | None) -> dict[
                 "alone": tried.alone,
                 "detectable": dict(zip(tried.names, tried.detectable.tolist(), strict=True)),
             }
-            for tried in found.tried
+            for tried in diagnosis.tried
         ],
-        "not_asked": dict(found.not_asked),
-        "conventions": [finding.sentence for finding in found.conventions],
-        "noise": [finding.sentence for finding in found.noise],
-        "taken_as_at_rest": list(taken_as_at_rest(found.recordings, found.platform)),
-        "repairs": [repair for log in found.recordings for repair in log.repairs],
+        "not_asked": dict(diagnosis.not_asked),
+        "conventions": [finding.sentence for finding in diagnosis.conventions],
+        "noise": [finding.sentence for finding in diagnosis.noise],
+        "taken_as_at_rest": list(taken_as_at_rest(diagnosis.recordings, diagnosis.platform)),
+        "repairs": [repair for log in diagnosis.recordings for repair in log.repairs],
     }
 
 
-def _wander(found: Diagnosis) -> dict[str, Any]:
-    noise = found.wander
+def _wander(diagnosis: Diagnosis) -> dict[str, Any]:
+    noise = diagnosis.wander
     torque = noise.torque
-    shared = bool(found.causes) and (noise.wanders or not found.explained.follows)
+    shared = bool(diagnosis.causes) and (noise.wanders or not diagnosis.explained.follows)
     return {
         "torque": None if torque is None else {"rms": torque.rms, "time": torque.time},
-        "errors": {stream: {"rms": one.rms, "time": one.time} for stream, one in noise.errors},
+        "errors": {stream: {"rms": item.rms, "time": item.time} for stream, item in noise.errors},
         "white_noise": dict(noise.scales),
-        "carried_by_causes": found.carried if shared else None,
+        "carried_by_causes": diagnosis.carried if shared else None,
     }
 
 

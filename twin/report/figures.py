@@ -131,12 +131,12 @@ def drawn_residuals(body: Body, accounts: Sequence[tuple[Account, str, str]]) ->
 def misfit_figure(comparison: Comparison) -> Figure:
     """Chi-square of each stream over time, and autocorrelations, with the bands of a true model."""
     with mpl.rc_context(FIGURE):
-        found = comparison.best.explained.misfits
-        streams = list(dict.fromkeys(part.stream for part in found))
+        result = comparison.best.explained.misfits
+        streams = list(dict.fromkeys(part.stream for part in result))
         figure = Figure(figsize=(9.6, 0.8 + 1.9 * len(streams)))
         panels = figure.subplots(len(streams), 2, squeeze=False)
         for (left, right), stream in zip(panels, streams, strict=True):
-            parts = [part for part in found if part.stream == stream]
+            parts = [part for part in result if part.stream == stream]
             band = parts[0].block_band
             left.fill_between(
                 parts[0].block_time, band[:, 0], band[:, 1], color=BAND, lw=0.0, step="mid"
@@ -213,8 +213,8 @@ def torque_figure(comparison: Comparison) -> Figure:
             )
             _draw_friction(panel, comparison, torque, k, rate_factor, factor)
             axis = f" {AXES[k]}" if width > 1 else ""
-            for one in (over_time, panel):
-                one.set_ylim(-limit / factor, limit / factor)
+            for item in (over_time, panel):
+                item.set_ylim(-limit / factor, limit / factor)
             over_time.set_ylabel(f"unexplained torque{axis} [{name}]")
             panel.set_xlabel(f"rate{axis} [{rate_name}]")
         panels[-1, 0].set_xlabel("time [s]")
@@ -225,12 +225,12 @@ def balance_figure(comparison: Comparison) -> Figure | None:
     """Angular momentum about the vertical, and energy less the work of the motors; None where the
     log shows neither."""
     with mpl.rc_context(FIGURE):
-        found = comparison.balance
+        result = comparison.balance
         curves = [
             (values, name, unit)
             for values, name, unit in (
-                (found.momentum, "momentum about\nthe vertical", "N m s"),
-                (found.energy, "energy less the\nmotors' work", "J"),
+                (result.momentum, "momentum about\nthe vertical", "N m s"),
+                (result.energy, "energy less the\nmotors' work", "J"),
             )
             if values is not None
         ]
@@ -242,7 +242,7 @@ def balance_figure(comparison: Comparison) -> Figure | None:
             change = values - values[0]
             factor, shown = fitting(float(np.abs(change).max()), unit)
             thin = slice(None, None, max(len(change) // POINTS, 1))
-            panel.plot(found.time[thin], change[thin] / factor, color=MEASURED)
+            panel.plot(result.time[thin], change[thin] / factor, color=MEASURED)
             panel.axhline(0.0, color=SOFT, lw=0.8)
             panel.set_ylabel(f"{name} [{shown}]")
         panels[-1].set_xlabel("time [s]")

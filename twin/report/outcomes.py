@@ -112,30 +112,31 @@ TIES = {
 }
 
 
-def gyro_sentences(found: GyroComparison) -> list[str]:
+def gyro_sentences(comparison: GyroComparison) -> list[str]:
     """What is wrong with a gyro that is taken as it is, and how far that leads astray."""
     lines = [
         "The gyro held against the attitude, without a model of what moves the body:",
         "taken as it is, its squared innovations are "
-        f"{three_digits(found.chi2_before)} times what they are without the errors below.",
+        f"{three_digits(comparison.chi2_before)} times what they are without the errors below.",
     ]
-    lines += [_sentence(fault, found) for fault in FAULTS]
+    lines += [_sentence(fault, comparison) for fault in FAULTS]
     alone = [
         f"{printed(raw, 'rad')} in {three_digits(horizon)} s ({printed(mended, 'rad', raw)})"
-        for horizon, raw, mended in found.drift
+        for horizon, raw, mended in comparison.drift
     ]
     if alone:
         lines.append(f"Alone and as it is (corrected) it strays by {', '.join(alone)}, rms.")
     lines.append(
-        f"What is left is noise of {printed(found.gyro_noise, 'rad/s')} a sample of the gyro and "
-        f"of {printed(found.attitude_noise, 'rad')} of the attitude; intervals are 95 %."
+        f"What is left is noise of {printed(comparison.gyro_noise, 'rad/s')} a "
+        "sample of the gyro and "
+        f"of {printed(comparison.attitude_noise, 'rad')} of the attitude; intervals are 95 %."
     )
     return lines
 
 
-def _sentence(fault: GyroError, found: GyroComparison) -> str:
+def _sentence(fault: GyroError, comparison: GyroComparison) -> str:
     places = _places(fault)
-    value, half = found.value[places], found.half_width[places]
+    value, half = comparison.value[places], comparison.half_width[places]
     shown = np.isfinite(half)
     if not shown.any():
         return f"{fault.name}: the motion does not show it."
@@ -152,17 +153,17 @@ def _sentence(fault: GyroError, found: GyroComparison) -> str:
     text = f"{fault.name}: {fault.words} {numbers} {unit}"
     if not shown.all():
         text += " (unknown: the body hardly turns that way)"
-    if not found.certain[places].any():
+    if not comparison.certain[places].any():
         return f"{text}: nothing that is sure."
     return f"{text}; {TIES[fault.name]}." if fault.name in TIES else f"{text}."
 
 
-def gyro_document(source: str, found: GyroComparison) -> dict[str, Any]:
+def gyro_document(source: str, comparison: GyroComparison) -> dict[str, Any]:
     """What `twin compare --json` prints of a log without a platform; SI."""
     parameters: dict[str, Any] = {}
     for fault in FAULTS:
         places = _places(fault)
-        value, half = found.value[places], found.half_width[places]
+        value, half = comparison.value[places], comparison.half_width[places]
         parameters[fault.name] = {
             "value": value,
             "low": value - half,
@@ -175,11 +176,11 @@ def gyro_document(source: str, found: GyroComparison) -> dict[str, Any]:
         "platform": None,
         "gyro_against_attitude": {
             "parameters": parameters,
-            "chi2_before": found.chi2_before,
-            "noise": {"gyro": found.gyro_noise, "attitude": found.attitude_noise},
+            "chi2_before": comparison.chi2_before,
+            "noise": {"gyro": comparison.gyro_noise, "attitude": comparison.attitude_noise},
             "alone": [
                 {"horizon": horizon, "as_it_is": raw, "corrected": mended}
-                for horizon, raw, mended in found.drift
+                for horizon, raw, mended in comparison.drift
             ],
         },
     }
@@ -193,42 +194,56 @@ def _places(fault: GyroError) -> slice:
 Array = NDArray[np.float64]
 
 
-def identified(found: Identification) -> list[str]:
+def identified(identification: Identification) -> list[str]:
     """The entries with their 95 % intervals, then how far to trust them."""
-    logs = " and ".join(f"{_duration(log):.0f} s" for log in found.recordings)
-    together = ", fitted together" if len(found.recordings) > 1 else ""
+    logs = " and ".join(f"{_duration(log):.0f} s" for log in identification.recordings)
+    together = ", fitted together" if len(identification.recordings) > 1 else ""
     lines = [
-        f"{found.platform.title} ({found.platform.name}), {logs} of log{together}",
-        f"  by {found.method}, {_intervals(found)}:",
+        f"{identification.platform.title} ({identification.platform.name}), "
+        f"{logs} of log{together}",
+        f"  by {identification.method}, {_intervals(identification)}:",
     ]
-    lines += [f"    {line}" for line in (*_entries(found), *_joints(found), *_scales(found))]
-    lines += [f"  {line}" for line in (*_excitation(found), *_sentences(found.not_used))]
-    lines += [f"  {line}" for line in taken_as_at_rest(found.recordings, found.platform)]
-    lines += [f"  {line}" for line in beyond_stated(found.recordings, found.platform)]
-    lines += [f"  {line}" for line in _trust(found)]
-    lines += [f"  {found.not_rigid}"] if found.not_rigid else []
-    if found.platform.base.falls:
+    lines += [
+        f"    {line}"
+        for line in (*_entries(identification), *_joints(identification), *_scales(identification))
+    ]
+    lines += [
+        f"  {line}" for line in (*_excitation(identification), *_sentences(identification.not_used))
+    ]
+    lines += [
+        f"  {line}" for line in taken_as_at_rest(identification.recordings, identification.platform)
+    ]
+    lines += [
+        f"  {line}" for line in beyond_stated(identification.recordings, identification.platform)
+    ]
+    lines += [f"  {line}" for line in _trust(identification)]
+    lines += [f"  {identification.not_rigid}"] if identification.not_rigid else []
+    if identification.platform.base.falls:
         lines.append("  J is about the centre of mass, about which a body turns that falls freely.")
-    lines += [f"  Cannot be told: {sentence}." for sentence in found.not_excited]
-    lines += [f"  Repaired on reading: {r}." for log in found.recordings for r in log.repairs]
+    lines += [f"  Cannot be told: {sentence}." for sentence in identification.not_excited]
+    lines += [
+        f"  Repaired on reading: {r}." for log in identification.recordings for r in log.repairs
+    ]
     return lines
 
 
-def _intervals(found: Identification) -> str:
-    if not found.doubt:
+def _intervals(identification: Identification) -> str:
+    if not identification.doubt:
         return "with 95 % intervals"
-    return f"not with 95 % intervals, for {found.doubt}; the +- know the scatter alone"
+    return f"not with 95 % intervals, for {identification.doubt}; the +- know the scatter alone"
 
 
-def _entries(found: Identification) -> list[str]:
-    base, platform = found.base, found.platform
-    values = base.entries(found.theta)
-    half = found.quantile * np.sqrt(np.diag(base.map @ found.covariance @ base.map.T))
+def _entries(identification: Identification) -> list[str]:
+    base, platform = identification.base, identification.platform
+    values = base.entries(identification.theta)
+    half = identification.quantile * np.sqrt(
+        np.diag(base.map @ identification.covariance @ base.map.T)
+    )
     seen = np.abs(base.map).sum(axis=1) > 0.0
     if platform.base.kind == "hinge":
         axis = hinge_axis(base.machine)
         if "J" in base.names:
-            size = pair(found.theta[0], found.half_widths[0])
+            size = pair(identification.theta[0], identification.half_widths[0])
         else:
             size = f"{axis @ platform.inertia @ axis:.6g} (as stated)"
         lines = [f"J     {size} kg m^2 about the axis"]
@@ -237,7 +252,7 @@ def _entries(found: Identification) -> list[str]:
             f"{name:<5} {pair(value, width)} kg m^2"
             for name, value, width in zip(NAMES[:6], values, half, strict=False)
         ]
-    moved = _carried(found.recordings[-1], found)
+    moved = _carried(identification.recordings[-1], identification)
     for place, extra in [("", np.zeros(3)), (" with the masses as the log left them", moved)]:
         if place and not extra.any():
             continue
@@ -254,20 +269,23 @@ def _entries(found: Identification) -> list[str]:
     return lines
 
 
-def _joints(found: Identification) -> list[str]:
-    first = len(found.theta) - len(found.base.joints)
+def _joints(identification: Identification) -> list[str]:
+    first = len(identification.theta) - len(identification.base.joints)
     return [
         f"{joint.name} {pair(value, width)} {joint.unit}"
         for joint, value, width in zip(
-            found.base.joints, found.theta[first:], found.half_widths[first:], strict=True
+            identification.base.joints,
+            identification.theta[first:],
+            identification.half_widths[first:],
+            strict=True,
         )
     ]
 
 
-def _scales(found: Identification) -> list[str]:
+def _scales(identification: Identification) -> list[str]:
     return [
         f"scale of {scale.stream} {pair(scale.value, 0.5 * (scale.high - scale.low))} {scale.unit}"
-        for scale in found.scales
+        for scale in identification.scales
         if scale.known
     ]
 
@@ -276,11 +294,11 @@ def _sentences(said: Sequence[str]) -> list[str]:
     return [f"{sentence}." for sentence in said]
 
 
-def _excitation(found: Identification) -> list[str]:
-    moved = found.excitation
+def _excitation(identification: Identification) -> list[str]:
+    moved = identification.excitation
     rates = ", ".join(three_digits(float(np.degrees(rate))) for rate in moved.rate)
     reach = f"{three_digits(float(np.degrees(moved.reach)))} deg"
-    if found.platform.base.kind == "hinge":
+    if identification.platform.base.kind == "hinge":
         return [f"Excitation: rate {rates} deg/s rms, angle up to {reach} from its mean"]
     weights = " ".join(
         f"{'+-'[weight < 0.0]} {abs(weight):.1f} {name}"
@@ -298,24 +316,25 @@ def _duration(recording: Recording) -> float:
     return float(max(stop for _, stop in ends) - min(start for start, _ in ends))
 
 
-def _trust(found: Identification) -> list[str]:
-    if not found.misfit:
+def _trust(identification: Identification) -> list[str]:
+    if not identification.misfit:
         return []
-    total, *streams = found.misfit
+    total, *streams = identification.misfit
     lines = [
         f"chi2 per sample {_chi2(total)}, a true model keeps {total.low:.3f} to {total.high:.3f}: "
         + ", ".join(f"{part.name} {_chi2(part)}" for part in streams)
     ]
-    if not total.is_noise and not found.disturbance:
+    if not total.is_noise and not identification.disturbance:
         lines.append("More is left than noise, but no torque explains it: look at the sensors.")
     elif not total.is_noise:
         lines.append(
             "The model misses more than noise. A white torque of "
-            f"{printed(found.disturbance, 'N m')} in a band of 1 Hz about each axis was fitted in "
+            f"{printed(identification.disturbance, 'N m')} in a band of 1 Hz about "
+            "each axis was fitted in "
             "place of what it lacks; the intervals know of that torque, not of its cause: see "
             "`twin compare`."
         )
-    if found.fit is not None and not found.fit.converged:
+    if identification.fit is not None and not identification.fit.converged:
         lines.append("The fit has not settled: take its numbers as a guess.")
     return lines
 
@@ -325,9 +344,9 @@ def _chi2(part: Misfit) -> str:
     return f"{value:.3f}" if value < 100.0 else three_digits(value)
 
 
-def _carried(recording: Recording, found: Identification) -> Array:
+def _carried(recording: Recording, identification: Identification) -> Array:
     """(3,) what the sliding masses add to m r at the end of a log [kg m]."""
-    stages = found.platform.stages
+    stages = identification.platform.stages
     if not stages or "stage_position" not in recording or not len(recording["stage_position"]):
         return np.zeros(3)
     last = recording["stage_position"].value[-1]

@@ -47,7 +47,7 @@ def comparison_page(comparisons: Sequence[Comparison], transfers: Sequence[Trans
     parts = [_section(comparison) for comparison in comparisons]
     parts += [_transfer(transfer, comparisons[0]) for transfer in transfers]
     title = "What the model gets wrong: " + ", ".join(map(name_of, comparisons))
-    parts.append(foot([one.recording for one in comparisons], comparisons[0].platform))
+    parts.append(foot([item.recording for item in comparisons], comparisons[0].platform))
     return page(title, "\n".join(parts))
 
 
@@ -190,23 +190,23 @@ def _accounts(comparison: Comparison) -> list[tuple[str, Account]]:
 GAP = "  "
 
 
-def compared(found: Mapping[str, Identification | TwinError]) -> list[str]:
+def compared(result: Mapping[str, Identification | TwinError]) -> list[str]:
     """A row a method, a column a parameter, values with half their 95 % intervals.
 
     Args:
-        found: by what each is called; the first one has found something.
+        result: by what each is called; the first one has found something.
     """
-    first = next(one for one in found.values() if isinstance(one, Identification))
+    first = next(item for item in result.values() if isinstance(item, Identification))
     count = len(first.base.names) - len(first.base.joints)
     names, units = first.base.names[:count], first.base.units[:count]
     heads = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
     rows = [
-        [name, *_cells(one, count)]
-        for name, one in found.items()
-        if isinstance(one, Identification)
+        [name, *_cells(item, count)]
+        for name, item in result.items()
+        if isinstance(item, Identification)
     ]
     stated = ["as stated", *(f"{value:.4g}" for value in first.base.as_stated[:count])]
-    doubt = next((one.doubt for one in found.values() if _doubted(one)), "")
+    doubt = next((item.doubt for item in result.values() if _doubted(item)), "")
     ours = "hold" if not doubt else f"are not 95 % intervals, for {doubt}"
     lines = [
         f"{first.platform.title} ({first.platform.name}): values +- half of "
@@ -216,25 +216,28 @@ def compared(found: Mapping[str, Identification | TwinError]) -> list[str]:
         "not what noise in rates and wheel speeds does to the values.",
     ]
     lines += taken_as_at_rest(first.recordings, first.platform)
-    lines += _failed(found)
+    lines += _failed(result)
     return lines + [f"Cannot be told: {sentence}." for sentence in first.not_excited]
 
 
-def _doubted(one: Identification | TwinError) -> TypeGuard[Identification]:
-    return isinstance(one, Identification) and bool(one.doubt)
+def _doubted(identification: Identification | TwinError) -> TypeGuard[Identification]:
+    return isinstance(identification, Identification) and bool(identification.doubt)
 
 
-def _failed(found: Mapping[str, Identification | TwinError]) -> list[str]:
+def _failed(result: Mapping[str, Identification | TwinError]) -> list[str]:
     """Each sentence once, after the names of all methods that it is of."""
     told: dict[str, list[str]] = {}
-    for name, problem in found.items():
+    for name, problem in result.items():
         if isinstance(problem, TwinError):
             told.setdefault(str(problem), []).append(name)
     return [f"{', '.join(names)}: {sentence}." for sentence, names in told.items()]
 
 
-def _cells(found: Identification, count: int) -> list[str]:
-    values, half = found.theta[:count].tolist(), found.half_widths[:count].tolist()
+def _cells(identification: Identification, count: int) -> list[str]:
+    values, half = (
+        identification.theta[:count].tolist(),
+        identification.half_widths[:count].tolist(),
+    )
     return [pair(v, h) for v, h in zip(values, half, strict=True)]
 
 

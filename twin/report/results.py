@@ -303,18 +303,20 @@ def _(result: Balanced) -> Mapping[str, Any]:
 @figure_of.register
 def _(result: Balanced) -> Figure:
     """Gravity's torque that is left of each run, with its interval, and the target."""
-    stated = [(run, one) for run, one in enumerate(result.statements) if one is not None]
+    stated = [
+        (run, statement) for run, statement in enumerate(result.statements) if statement is not None
+    ]
     if not stated:
         raise UsageError("nothing was stated of what is left, so there is nothing to draw")
-    left = [one.residual_torque for _, one in stated]
-    factor, unit = fitting(max(one.high for one in left), "N m")
+    left = [item.residual_torque for _, item in stated]
+    factor, unit = fitting(max(item.high for item in left), "N m")
     with mpl.rc_context(FIGURE):
         figure = Figure(figsize=(9.6, 1.2 + 0.35 * len(left)))
         panel = figure.subplots()
-        for (run, _), one in zip(stated, left, strict=True):
-            ends = [[(one.value - one.low) / factor], [(one.high - one.value) / factor]]
+        for (run, _), item in zip(stated, left, strict=True):
+            ends = [[(item.value - item.low) / factor], [(item.high - item.value) / factor]]
             panel.errorbar(
-                one.value / factor, -run, xerr=ends, fmt="o", color=PALETTE[0], capsize=4
+                item.value / factor, -run, xerr=ends, fmt="o", color=PALETTE[0], capsize=4
             )
         panel.axvline(result.target / factor, color=PALETTE[1], lw=1.4, label="target")
         panel.set_yticks([-run for run, _ in stated], [f"run {run}" for run, _ in stated])

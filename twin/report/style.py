@@ -156,7 +156,7 @@ def _hash_of_log(log: Recording) -> str:
     path = Path(log.source)
     if path.name == "log.toml":
         path = path.parent
-    files = sorted(one for one in path.iterdir() if one.is_file()) if path.is_dir() else [path]
+    files = sorted(item for item in path.iterdir() if item.is_file()) if path.is_dir() else [path]
     if not all(file.is_file() for file in files):
         return "from memory"
     size = sum(file.stat().st_size for file in files)

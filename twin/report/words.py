@@ -88,15 +88,15 @@ def transfer_sentences(transfer: Transfer, source: Comparison) -> list[str]:
         f"{_typical(own, short=True)}."
     ]
     ratios: list[tuple[float, float]] = []
-    for name, one, two, half_one, half_two, unit in _both(source, other):
-        if abs(two - one) <= np.hypot(half_one, half_two):
+    for name, item, two, half_one, half_two, unit in _both(source, other):
+        if abs(two - item) <= np.hypot(half_one, half_two):
             continue
-        ratio = two / one if min(abs(one), abs(two)) > np.hypot(half_one, half_two) else np.nan
-        if abs(one) > 5.0 * half_one and abs(two) > 5.0 * half_two:
-            ratios.append((ratio, abs(ratio) * np.hypot(half_one / one, half_two / two)))
+        ratio = two / item if min(abs(item), abs(two)) > np.hypot(half_one, half_two) else np.nan
+        if abs(item) > 5.0 * half_one and abs(two) > 5.0 * half_two:
+            ratios.append((ratio, abs(ratio) * np.hypot(half_one / item, half_two / two)))
         times = f", {ratio:.3g} times as much" if np.isfinite(ratio) else ""
         said.append(
-            f"{name} differs: {interval(one, half_one, unit)} on {name_of(source)}, "
+            f"{name} differs: {interval(item, half_one, unit)} on {name_of(source)}, "
             f"{interval(two, half_two, unit)} on {name_of(other)}{times}."
         )
     if len(ratios) > 1 and np.ptp([r for r, _ in ratios]) < max(half for _, half in ratios):
@@ -127,11 +127,11 @@ def half_widths(account: Account) -> Any:
 
 
 def _conventions(comparison: Comparison) -> list[str]:
-    found = comparison.conventions
-    if not found:
+    result = comparison.conventions
+    if not result:
         return []
-    said = [finding.sentence for finding in found]
-    if any(not finding.ambiguous and finding.kind != "no_fit" for finding in found):
+    said = [finding.sentence for finding in result]
+    if any(not finding.ambiguous and finding.kind != "no_fit" for finding in result):
         said.append("What follows is about the log as it should have been read.")
     return said
 
@@ -204,17 +204,17 @@ def _symptoms(comparison: Comparison) -> list[str]:
 
 
 def _colour(comparison: Comparison) -> list[str]:
-    found = coloured(comparison.best.explained.misfits)
-    if not found:
+    misfits = coloured(comparison.best.explained.misfits)
+    if not misfits:
         return []
-    columns = [f"{part.stream} {part.column}" for part in found]
+    columns = [f"{part.stream} {part.column}" for part in misfits]
     small = "something small" if comparison.best.explained.follows else "something"
     return [f"What is left of {_listed(columns)} is no white noise: {small} is still missing."]
 
 
-def quiet_sentences(found: Sequence[ColumnMisfit]) -> list[str]:
+def quiet_sentences(misfits: Sequence[ColumnMisfit]) -> list[str]:
     """Of noise that was stated too large, and what comes of that."""
-    parts = [f"{part.stream} {part.column} (chi-square {part.chi2:.2g})" for part in quiet(found)]
+    parts = [f"{part.stream} {part.column} (chi-square {part.chi2:.2g})" for part in quiet(misfits)]
     if not parts:
         return []
     return [
@@ -335,10 +335,10 @@ def _base(comparison: Comparison) -> str:
 
 
 def _disturbed(comparison: Comparison) -> list[str]:
-    found = disturbed(comparison.best.explained)
-    if not found:
+    result = disturbed(comparison.best.explained)
+    if not result:
         return []
-    spans = [f"{segment.start:.1f} to {segment.stop:.1f} s" for segment in found]
+    spans = [f"{segment.start:.1f} to {segment.stop:.1f} s" for segment in result]
     return [
         f"From {_listed(spans)} something acted that no law knows: was the machine touched? "
         "There the log hardly weighs in the fit."
@@ -362,12 +362,12 @@ def _both(
 ) -> Iterable[tuple[str, float, float, float, float, str]]:
     if source.refitted is None or other.refitted is None:
         return
-    one, two = source.refitted.explained, other.refitted.explained
-    half_one, half_two = half_widths(one), half_widths(two)
+    item, two = source.refitted.explained, other.refitted.explained
+    half_one, half_two = half_widths(item), half_widths(two)
     for i, (name, unit) in enumerate(zip(source.base.names, source.base.units, strict=True)):
         yield (
             name,
-            float(one.theta[i]),
+            float(item.theta[i]),
             float(two.theta[i]),
             float(half_one[i]),
             float(half_two[i]),

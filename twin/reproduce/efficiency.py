@@ -39,17 +39,17 @@ class Trial:
     """(9,) Cramer-Rao bound, 1 sigma."""
 
 
-def trial_of(found: Identification, truth: Platform, bound: Array) -> Trial:
+def trial_of(identification: Identification, truth: Platform, bound: Array) -> Trial:
     """Of an identification of a simulated machine.
 
     Args:
-        found: what the log said.
+        identification: what the log said.
         truth: the machine that was flown.
         bound: (9,) of that log.
     """
     entries = [truth.inertia[i, j] for i, j in ENTRIES]
     true = np.concatenate([entries, truth.center_of_mass_offset])
-    return Trial(found.theta[:9] - true, found.half_widths[:9], bound)
+    return Trial(identification.theta[:9] - true, identification.half_widths[:9], bound)
 
 
 def cramer_rao(
@@ -105,7 +105,7 @@ def judged(platform: Platform, trials: Sequence[Trial], note: str) -> tuple[Ours
     """
     seen, ratio = seen_of(platform, trials), ratios_of(trials)
     held = np.array([np.abs(trial.error) <= trial.half for trial in trials])
-    unseen = [name for name, one in zip(NAMES, seen, strict=True) if not one]
+    unseen = [name for name, item in zip(NAMES, seen, strict=True) if not item]
     worst = NAMES[int(np.argmax(np.where(seen, ratio, 0.0)))]
     shown = ", ".join(f"{name} {ratio[i]:.2f}" for i, name in enumerate(NAMES) if seen[i])
     hidden = f" Not seen: {', '.join(unseen)}." if unseen else " All nine can be seen."

@@ -11,10 +11,10 @@ Array = NDArray[np.float64]
 
 def tensor(entries: Array) -> Array:
     """(3, 3) of xx yy zz xy xz yz."""
-    found = np.empty((3, 3))
+    result = np.empty((3, 3))
     for value, (i, j) in zip(entries, ENTRIES, strict=True):
-        found[i, j] = found[j, i] = value
-    return found
+        result[i, j] = result[j, i] = value
+    return result
 
 
 def entries_of(platform: Platform) -> Array:

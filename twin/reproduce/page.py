@@ -30,22 +30,22 @@ _MARKDOWN = re.compile(r"^## (\w+):.*?(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 _HTML = re.compile(r"<section id='paper-(\w+)'>.*?</section>\n", re.DOTALL)
 
 
-def write_markdown(path: Path, found: Sequence[Reproduced], order: Sequence[str]) -> None:
+def write_markdown(path: Path, reproduceds: Sequence[Reproduced], order: Sequence[str]) -> None:
     """Write docs/reproduction.md, or replace sections of it.
 
     Args:
         path: of the page.
-        found: the papers that were computed.
+        reproduceds: the papers that were computed.
         order: numbers of all papers.
     """
-    sections = _kept(path, _MARKDOWN) | {one.paper.number: _markdown(one) for one in found}
+    sections = _kept(path, _MARKDOWN) | {item.paper.number: _markdown(item) for item in reproduceds}
     body = "\n".join(sections[number].strip() + "\n" for number in order if number in sections)
     _write(path, f"# {TITLE}\n\n{ABOUT}\n\n{body}")
 
 
-def write_html(path: Path, found: Sequence[Reproduced], order: Sequence[str]) -> None:
+def write_html(path: Path, reproduceds: Sequence[Reproduced], order: Sequence[str]) -> None:
     """Write the page with the figures, or replace sections of it; see `write_markdown`."""
-    sections = _kept(path, _HTML) | {one.paper.number: _html(one) for one in found}
+    sections = _kept(path, _HTML) | {item.paper.number: _html(item) for item in reproduceds}
     about = ABOUT.replace("`", "")
     body = "".join(sections[number] for number in order if number in sections)
     _write(path, page(TITLE, f"<h1>{TITLE}</h1>\n<p class='under'>{escape(about)}</p>\n{body}"))
@@ -78,26 +78,29 @@ def _ours(judged: Judged) -> str:
     return f"{ours.value:.4g} ({ours.low:.4g} to {ours.high:.4g})"
 
 
-def _heading(found: Reproduced) -> str:
-    return f"{found.paper.number}: {', '.join(found.paper.facts)}, on `{found.paper.platform}`"
+def _heading(reproduced: Reproduced) -> str:
+    return (
+        f"{reproduced.paper.number}: {', '.join(reproduced.paper.facts)}, on "
+        f"`{reproduced.paper.platform}`"
+    )
 
 
-def _markdown(found: Reproduced) -> str:
-    lines = [f"## {_heading(found)}", "", summary(found.rows), ""]
+def _markdown(reproduced: Reproduced) -> str:
+    lines = [f"## {_heading(reproduced)}", "", summary(reproduced.rows), ""]
     lines += ["| " + " | ".join(HEAD) + " |", "| " + " | ".join("---" for _ in HEAD) + " |"]
-    for judged in found.rows:
+    for judged in reproduced.rows:
         plain = (" ".join(cell.replace("|", "\\|").split()) for cell in cells(judged))
         lines.append("| " + " | ".join(plain) + " |")
     return "\n".join(lines) + "\n"
 
 
-def _html(found: Reproduced) -> str:
+def _html(reproduced: Reproduced) -> str:
     parts = [
-        f"<section id='paper-{found.paper.number}'>",
-        f"<h2>{escape(_heading(found).replace('`', ''))}</h2>",
-        bullets([summary(found.rows)]),
-        table(HEAD, [cells(judged) for judged in found.rows]),
-        *(framed(svg, caption) for caption, svg in found.figures.items()),
+        f"<section id='paper-{reproduced.paper.number}'>",
+        f"<h2>{escape(_heading(reproduced).replace('`', ''))}</h2>",
+        bullets([summary(reproduced.rows)]),
+        table(HEAD, [cells(judged) for judged in reproduced.rows]),
+        *(framed(svg, caption) for caption, svg in reproduced.figures.items()),
         "</section>\n",
     ]
     return "\n".join(parts)
@@ -107,7 +110,7 @@ def _kept(path: Path, section: re.Pattern[str]) -> dict[str, str]:
     """Number -> section of a page that exists."""
     if not path.exists():
         return {}
-    return {found[1]: found[0] for found in section.finditer(path.read_text(encoding="utf-8"))}
+    return {result[1]: result[0] for result in section.finditer(path.read_text(encoding="utf-8"))}
 
 
 def _write(path: Path, text: str) -> None:

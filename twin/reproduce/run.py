@@ -60,15 +60,15 @@ def reproduce(paper: Paper, parts: Sequence[PaperPart], *, jobs: int, say: Say) 
     figures: dict[PaperPart, Mapping[str, str]] = {}
     failures: list[str] = []
     by_id = {row.id: row for row in paper.rows}
-    for part, found in _computed(parts, jobs, say):
-        if isinstance(found, str):
-            failures.append(f"{', '.join(part.ids)}: {found}")
-            why, found = f"Could not be computed: {found}", Computed({})
+    for part, result in _computed(parts, jobs, say):
+        if isinstance(result, str):
+            failures.append(f"{', '.join(part.ids)}: {result}")
+            why, result = f"Could not be computed: {result}", Computed({})
         else:
             why = "Not computed: its part gave nothing for it."
-        figures[part] = found.figures
+        figures[part] = result.figures
         for name in part.ids:
-            ours[name] = _judged(by_id[name], found, why)
+            ours[name] = _judged(by_id[name], result, why)
     return Reproduced(
         paper,
         tuple(ours.get(row.id) or nothing(row, UNCOMPUTED) for row in paper.rows),
@@ -77,11 +77,11 @@ def reproduce(paper: Paper, parts: Sequence[PaperPart], *, jobs: int, say: Say) 
     )
 
 
-def _judged(row: Row, found: Computed, why: str) -> Judged:
-    if row.id not in found.rows:
+def _judged(row: Row, computed: Computed, why: str) -> Judged:
+    if row.id not in computed.rows:
         return nothing(row, why)
     try:
-        return judge(row, found.rows[row.id])
+        return judge(row, computed.rows[row.id])
     except ValueError as problem:
         return nothing(row, f"Cannot be judged: {problem}.")
 
@@ -135,9 +135,9 @@ def _work(part: PaperPart, pipe: "Connection") -> None:
     """In the part's process."""
     end_with_parent()
     try:
-        found = part.compute(lambda doing: pipe.send(("say", doing)))
+        computed = part.compute(lambda doing: pipe.send(("say", doing)))
     except Exception as problem:
         pipe.send(("failed", f"{type(problem).__name__}: {problem}"))
     else:
-        pipe.send(("done", found))
+        pipe.send(("done", computed))
     pipe.close()

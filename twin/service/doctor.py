@@ -91,15 +91,15 @@ def adapters_found(folder: Path) -> list[DoctorFinding]:
     Args:
         folder: of the kernel's USB serial devices.
     """
-    found: list[DoctorFinding] = []
+    findings: list[DoctorFinding] = []
     for timer in sorted(folder.glob("*/latency_timer")):
         name, wait = timer.parent.name, int(timer.read_text().split()[0])
         sentence = f"holds bytes back for up to {wait} ms"
         verdict = Verdict.good if wait <= 1 else Verdict.poor
         if verdict is Verdict.poor:
             sentence += f"; as root: echo 1 > {timer}"
-        found.append(DoctorFinding(f"adapter {name}", verdict, sentence))
-    return found
+        findings.append(DoctorFinding(f"adapter {name}", verdict, sentence))
+    return findings
 
 
 def permissions_found() -> list[DoctorFinding]:

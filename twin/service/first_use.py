@@ -200,8 +200,8 @@ def body_evidence(session: Session, pushed: Sequence[Actuator], begun: float) ->
     if last is None or not np.any(last):
         return None
     known = [each for each in predicted if each is not None and np.any(each)]
-    found = senses(platform, seen, known)
-    return None if found is None else Evidence(_peak(seen, last, begun), "the gyro", found[-1])
+    result = senses(platform, seen, known)
+    return None if result is None else Evidence(_peak(seen, last, begun), "the gyro", result[-1])
 
 
 def own_evidence(session: Session, stream: str, column: int) -> Evidence | None:
@@ -363,7 +363,7 @@ class _Trial:
             return f"first use of {name}: {self._untold} what it does; it was not pushed"
         size, seconds = self._size(stream, column)
         self._pushed.append((stream, column))
-        found: list[Evidence] = []
+        result: list[Evidence] = []
         for number in range(_ROUNDS):
             lasts = max(min(seconds * 2**number, _LONGEST), seconds)
             begun = self._session.now
@@ -371,13 +371,13 @@ class _Trial:
                 command = {key: value.copy() for key, value in self._rest.items()}
                 command[stream][0, column] += part * size
                 self._hold(command, lasts, (stream, column))
-            found = self._session.meanwhile(partial(self._found, begun), self._rest)
-            if all(each.share.seen or each.share.deviation > _HOPELESS for each in found):
+            result = self._session.meanwhile(partial(self._found, begun), self._rest)
+            if all(each.share.seen or each.share.deviation > _HOPELESS for each in result):
                 break
-        for each in found:
+        for each in result:
             if each.refused:
                 self._refuse(name, f"{each.words()}; {each.refused}")
-        lines = [each.words() for each in found]
+        lines = [each.words() for each in result]
         if not self._free:
             lines.append(f"{self._untold} whether it turns the body the right way")
         return f"first use of {name}: " + "; ".join(lines)
@@ -398,8 +398,8 @@ class _Trial:
     def _found(self, begun: float, session: Session) -> list[Evidence]:
         """All that tells of the last of those that have pushed."""
         body = body_evidence(session, self._pushed, begun) if self._free else None
-        own = own_evidence(session, *self._pushed[-1])
-        return [each for each in (body, own) if each is not None]
+        evidence = own_evidence(session, *self._pushed[-1])
+        return [each for each in (body, evidence) if each is not None]
 
     def _hold(self, command: Command, seconds: float, pushed: Actuator) -> None:
         """Go on under a command; a stage that runs the other way is stopped at once."""

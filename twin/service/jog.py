@@ -50,32 +50,32 @@ def jog(bench: Bench, name: str, distance: float) -> list[str]:
         first[stage] += np.clip(distance, -_FIRST, _FIRST)
         move(session, first)
     move(session, goal)
-    found = _watched(session, stage, goal[None]) if floating else None
+    result = _watched(session, stage, goal[None]) if floating else None
     end = session.places[stage]
     told = (
         f"{name} was sent from {in_mm(start[stage])} to {in_mm(goal[stage])} and reads {in_mm(end)}"
     )
     if not floating:
         return [told, "captured: whether it turns the table the right way was not to be seen"]
-    if found is not None and found.seen and found.share < 0.0:
+    if result is not None and result.seen and result.share < 0.0:
         raise SafetyError(
-            f"{told}, but the table turned the wrong way: {found.words()} of what the model "
+            f"{told}, but the table turned the wrong way: {result.words()} of what the model "
             "predicts",
             "correct the sign of the stage's scale, or of the sensors, in [hardware], before "
             "anything flies",
         )
-    return [told, _seen(found)]
+    return [told, _seen(result)]
 
 
 def _watched(session: Session, stage: int, goal: Array) -> ObservedShare | None:
     """What the table shows of the move, as soon as it is sure."""
-    found: ObservedShare | None = None
+    share: ObservedShare | None = None
     for _ in range(round(_LONGEST / _AFTER)):
         session.watch({MOVE: goal}, _AFTER)
-        found = sense(session.platform, session.readings, stage)
-        if found is None or found.seen:
+        share = sense(session.platform, session.readings, stage)
+        if share is None or share.seen:
             break
-    return found
+    return share
 
 
 def _allow(bench: Bench, stage: int, start: float, distance: float, *, floating: bool) -> None:
@@ -99,12 +99,12 @@ def _allow(bench: Bench, stage: int, start: float, distance: float, *, floating:
         )
 
 
-def _seen(found: ObservedShare | None) -> str:
-    if found is None:
+def _seen(share: ObservedShare | None) -> str:
+    if share is None:
         return "whether it turned the table the right way could not be seen: no gyro, or no tilt"
-    if not found.seen:
+    if not share.seen:
         return (
-            f"the table showed {found.words()} of the turn that the model predicts, which does not "
+            f"the table showed {share.words()} of the turn that the model predicts, which does not "
             "tell the sign: jog further, or a stage that lies across the vertical"
         )
-    return f"the table turned the right way: {found.words()} of what the model predicts"
+    return f"the table turned the right way: {share.words()} of what the model predicts"

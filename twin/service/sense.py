@@ -142,13 +142,13 @@ def shares(weighed: Array, right: Array, measured: int) -> list[ObservedShare]:
     """
     size = np.linalg.norm(weighed, axis=0)
     alike = weighed / size
-    found, *_ = np.linalg.lstsq(alike, right, rcond=None)
-    left = (right - alike @ found)[:measured]
+    result, *_ = np.linalg.lstsq(alike, right, rcond=None)
+    left = (right - alike @ result)[:measured]
     worse = max(float(left @ left) / measured, 1.0)
     deviation = np.sqrt(worse * np.diag(np.linalg.pinv(alike.T @ alike)))
     return [
         ObservedShare(*pair)
-        for pair in zip((found / size).tolist(), (deviation / size).tolist(), strict=True)
+        for pair in zip((result / size).tolist(), (deviation / size).tolist(), strict=True)
     ]
 
 
@@ -166,8 +166,8 @@ def sense(platform: Platform, readings: Sequence[Reading], stage: int) -> Observ
     seen = motion(platform, readings)
     if seen is None or not seen.places.size:
         return None
-    found = senses(platform, seen, [slid(platform, seen, stage)])
-    return None if found is None else found[0]
+    result = senses(platform, seen, [slid(platform, seen, stage)])
+    return None if result is None else result[0]
 
 
 def rows(readings: Sequence[Reading], stream: str) -> tuple[Array, Array] | None:

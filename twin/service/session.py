@@ -75,10 +75,10 @@ class Session:
         so_far = copy.copy(self)
         so_far.readings, so_far.applied = self.readings.copy(), self.applied.copy()
         with ThreadPoolExecutor(1) as thread:
-            found = thread.submit(work, so_far)
-            while not found.done():
+            result = thread.submit(work, so_far)
+            while not result.done():
                 self.step(command)
-        return found.result()
+        return result.result()
 
     @property
     def places(self) -> Array:

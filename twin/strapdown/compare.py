@@ -309,21 +309,21 @@ def compare_gyro(recording: Recording) -> GyroComparison:
     gyro_noise, attitude_noise = (
         float(np.sqrt(np.mean(np.square(noise_of(recording[name]))))) for name in _STREAMS
     )
-    found: _Found | None = None
+    result: _Found | None = None
     for spacing in SPACINGS:
         turns = turns_of(recording, gyro_noise, spacing)
         if len(turns.time) <= FEWEST:
             break
-        found = _found(turns, attitude_noise)
-        if found.unit < EXPECTED**2:
+        result = _found(turns, attitude_noise)
+        if result.unit < EXPECTED**2:
             break
-    if found is None:
+    if result is None:
         raise UsageError(f"gyro and attitude share fewer than {FEWEST} attitudes; log longer")
-    fit, unit = found.fit, found.unit
+    fit, unit = result.fit, result.unit
     unit_noise = fit.attitude_noise * float(np.sqrt(unit))
-    drift = tuple(_drift(found.turns, found.theta))
+    drift = tuple(_drift(result.turns, result.theta))
     for horizon, raw, mended in drift[:1]:
-        turned = _turned(found.turns, horizon)
+        turned = _turned(result.turns, horizon)
         moves = turned > MOVES * attitude_noise
         if moves and mended > min(UNLIKE * turned, WORSE * max(raw, attitude_noise)):
             raise UsageError(
@@ -333,10 +333,10 @@ def compare_gyro(recording: Recording) -> GyroComparison:
                 f"{np.degrees(raw):.3g} deg as it was read; `twin show` says how each stream "
                 "reads: look at their columns, units and clocks in log.toml"
             )
-    before = _filtered(found.turns, found.raw.errors[:, :, None], fit.attitude_noise)[0]
+    before = _filtered(result.turns, result.raw.errors[:, :, None], fit.attitude_noise)[0]
     return GyroComparison(
-        value=found.theta,
-        half_width=_half_width(found.turns, fit),
+        value=result.theta,
+        half_width=_half_width(result.turns, fit),
         gyro_noise=gyro_noise * float(np.sqrt(unit)),
         attitude_noise=unit_noise,
         chi2_before=float(np.mean(np.square(before))) / unit,
@@ -377,7 +377,7 @@ def _likeliest(
     errors, columns = turns.errors(theta), turns.columns(theta)
     shown = turns.shown(theta)
     tried = [_Fit.of(turns, errors, columns, shown, factor * attitude_noise) for factor in rougher]
-    return max(tried, key=lambda one: one.likelihood)
+    return max(tried, key=lambda item: item.likelihood)
 
 
 @dataclass(frozen=True)

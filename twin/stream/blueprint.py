@@ -88,8 +88,8 @@ class Plots:
             (JOINT_RATE, ("joint_rate", "truth_joint_rate"), np.degrees(1.0)),
             (JOINT_TORQUE, ("command_joint_torque",), 1.0),
         ):
-            if (found := _first_of(rows, *streams)) is not None:
-                yield path, (found[0], factor * found[1])
+            if (result := _first_of(rows, *streams)) is not None:
+                yield path, (result[0], factor * result[1])
 
     def _of_ball(self, rows: Rows) -> Iterator[tuple[str, tuple[Array, Array]]]:
         attitude = _first_of(rows, "estimate_attitude", "attitude", "truth_attitude")

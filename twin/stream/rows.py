@@ -131,10 +131,10 @@ def _by_name(
     mappings: Iterable[Mapping[str, Item]],
 ) -> dict[str, tuple[list[int], list[Item]]]:
     """For each name, in which of the mappings it is, and what it is there."""
-    found: dict[str, tuple[list[int], list[Item]]] = {}
+    result: dict[str, tuple[list[int], list[Item]]] = {}
     for number, mapping in enumerate(mappings):
         for name, item in mapping.items():
-            which, items = found.get(name) or found.setdefault(name, ([], []))
+            which, items = result.get(name) or result.setdefault(name, ([], []))
             which.append(number)
             items.append(item)
-    return found
+    return result

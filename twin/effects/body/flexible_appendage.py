@@ -80,7 +80,7 @@ class FlexibleAppendage(BodyEffect):
     def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
         """About each body axis, a little slower too: with the bus held fast it is."""
         held = [share * hertz for share in _CLAMPED]
-        return tuple(replace(self, frequency=one, axis=axis) for one in held for axis in _AXES)
+        return tuple(replace(self, frequency=item, axis=axis) for item in held for axis in _AXES)
 
     def resonating(self, hertz: float, gravity: float) -> tuple[Self, ...]:
         """About each body axis."""

@@ -35,7 +35,9 @@ class ThrusterMisalignment(BodyEffect):
     )
 
     def least(self, platform: Platform) -> Self:
-        axes = [one.direction for one in platform.thrusters if one.name == self.target]
+        axes = [
+            thruster.direction for thruster in platform.thrusters if thruster.name == self.target
+        ]
         if not axes:  # of all, which have no axis in common
             return self
         return self.if_possible(least_turn(np.array(self.rotation), axes[0]))

@@ -35,7 +35,7 @@ class WheelMisalignment(BodyEffect):
     )
 
     def least(self, platform: Platform) -> Self:
-        axes = [one.axis for one in platform.wheels if one.name == self.target]
+        axes = [wheel.axis for wheel in platform.wheels if wheel.name == self.target]
         if not axes:  # of all, which have no axis in common
             return self
         return self.if_possible(least_turn(np.array(self.rotation), axes[0]))

@@ -51,7 +51,7 @@ def _required(entry: Field[Any]) -> bool:
 def _value(table: Table, entry: Field[Any], hint: Any) -> Any:
     name, origin = entry.name, get_origin(hint)
     if origin in (Union, types.UnionType):
-        hint = next(one for one in get_args(hint) if one is not type(None))
+        hint = next(arg for arg in get_args(hint) if arg is not type(None))
         origin = get_origin(hint)
     if origin is Literal:
         return table.text(name, among=get_args(hint))
@@ -68,7 +68,7 @@ def _value(table: Table, entry: Field[Any], hint: Any) -> Any:
 
 def _mapping(table: Table, key_type: type, value_type: Any) -> dict[Any, Any]:
     """`1 = [2, 0]` where the values are pairs, `gyro = 100` where they are numbers."""
-    found: dict[Any, Any] = {}
+    result: dict[Any, Any] = {}
     for key in table.keys:
         try:
             name = key_type(key)
@@ -76,10 +76,10 @@ def _mapping(table: Table, key_type: type, value_type: Any) -> dict[Any, Any]:
             raise table.fail(key, "is no number", "number its keys") from None
         if get_origin(value_type) is tuple:
             pair = table.numbers(key, len(get_args(value_type)))
-            found[name] = tuple(round(one) for one in pair.tolist())
+            result[name] = tuple(round(item) for item in pair.tolist())
         else:
-            found[name] = table.whole(key) if value_type is int else table.number(key)
-    return found
+            result[name] = table.whole(key) if value_type is int else table.number(key)
+    return result
 
 
 def _flag(table: Table, key: str) -> bool:

@@ -75,7 +75,7 @@ def set_up(
     _expect(who, line, drive.address, mode, {"EM": wanted.echo, "CK": int(wanted.checked)})
     wait_for_rest(who, line, drive, mode)
     _expect(who, line, drive.address, mode, {"MS": drive.microsteps})
-    found = _ask(who, line, drive.address, mode, [mark])[0]
+    result = _ask(who, line, drive.address, mode, [mark])[0]
     # now: a write that fails puts its own code in the place of a stall's
     before = pending_error(who, line, drive.address, mark, mode)
     for _ in range(2):
@@ -93,7 +93,7 @@ def set_up(
     after = pending_error(who, line, drive.address, mark, mode)
     # two of the writes may have failed on purpose
     errors = tuple(code for code in (before, after) if code not in (0, 22, 23, 35))
-    homed = found == HOMED
+    homed = result == HOMED
     line.tell(drive.address, f"{mark}={HOMED if homed else CONFIGURED}", mode)
     _expect(who, line, drive.address, mode, {mark: HOMED if homed else CONFIGURED})
     position = _ask(who, line, drive.address, mode, ["P"])[0]
@@ -194,8 +194,8 @@ def _expect(who: str, line: Line, address: str, mode: Mode, wanted: dict[str, in
                 raise _otherwise(who, register, value, wanted[register])
 
 
-def _otherwise(who: str, register: str, found: object, wanted: object) -> DeviceError:
-    problem = f"{register} is {found}, not {wanted} as written"
+def _otherwise(who: str, register: str, result: object, wanted: object) -> DeviceError:
+    problem = f"{register} is {result}, not {wanted} as written"
     return DeviceError(who, problem, "set it in the drive, or correct the settings")
 
 

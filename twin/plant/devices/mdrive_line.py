@@ -169,14 +169,14 @@ class Answer:
         if self.state is not ExchangeState.waiting:
             return self.state
         self._buffer = (self._buffer + data)[-_KEPT:]
-        found = self._pattern.search(self._buffer)
-        if found is None:
+        result = self._pattern.search(self._buffer)
+        if result is None:
             if bytes([REFUSE]) in self._buffer:
                 self.state = ExchangeState.refused
-        elif self._checked and checksum(self._tag + found[1]) != (found[2] or found[3])[0]:
+        elif self._checked and checksum(self._tag + result[1]) != (result[2] or result[3])[0]:
             self.state = ExchangeState.corrupt
         else:
-            self.values = tuple(map(int, _BETWEEN.split(found[1].decode("ascii"))))
+            self.values = tuple(map(int, _BETWEEN.split(result[1].decode("ascii"))))
             self.state = ExchangeState.done
         return self.state
 

@@ -169,11 +169,11 @@ class Mti(SensorSession):
             )
 
     def _set_up(self, port: Port) -> None:
-        asked = self._settings.outputs()
+        settings = self._settings.outputs()
         self._request(port, MessageId.GO_TO_CONFIG, tries=_TRIES)
-        answer = self._request(port, MessageId.SET_OUTPUT_CONFIGURATION, encode_outputs(asked))
+        answer = self._request(port, MessageId.SET_OUTPUT_CONFIGURATION, encode_outputs(settings))
         effective = {each.identifier: each.rate for each in decode_outputs(answer) or ()}
-        for each in asked:
+        for each in settings:
             name = self._streams.get(each.identifier & ~0xF, f"item {each.identifier:04X}")
             if each.identifier not in effective:
                 raise DeviceError(

@@ -100,8 +100,8 @@ class Seen:
     @property
     def stage_position(self) -> Array | None:
         """(stages,) [m]; None where it was never measured."""
-        found = self.newest.get("stage_position")
-        return None if found is None else found[1]
+        result = self.newest.get("stage_position")
+        return None if result is None else result[1]
 
     @property
     def wheel_momentum(self) -> Array:

@@ -298,10 +298,10 @@ def _refusal(name: str | None, variables: Variables) -> tuple[str, str]:
         listed = ", ".join(f"{key} is {kind}" for key, kind in list(others.items())[:LISTED])
         objects = [key for key, kind in others.items() if kind.endswith("of MATLAB")]
         if objects:
-            one = objects[0]
+            item = objects[0]
             remedy = (
-                f"save its parts in MATLAB: s.time = {one}.Time (of a timetable seconds of it), "
-                f"s.data = {one}.Data (of a timetable {one}.Variables), "
+                f"save its parts in MATLAB: s.time = {item}.Time (of a timetable seconds of it), "
+                f"s.data = {item}.Data (of a timetable {item}.Variables), "
                 "save('log.mat', '-struct', 's')"
             )
         return f"holds no numeric variable{f' ({listed})' if listed else ''}", remedy

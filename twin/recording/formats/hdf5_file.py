@@ -99,7 +99,7 @@ def _frame(path: Path, group: Any, arrays: dict[str, Numbers]) -> None:
     for key in group:
         if key.endswith("_values") and key.replace("_values", "_items") in group:
             block = group[key]
-            names = [_decoded(one) for one in group[key.replace("_values", "_items")][()]]
+            names = [_decoded(item) for item in group[key.replace("_values", "_items")][()]]
             if block.dtype.kind not in "biuf" or block.shape != (index.shape[0], len(names)):
                 continue
             check_unpacked(path, block.nbytes)

@@ -47,12 +47,12 @@ def read_variables(path: Path) -> Variables:
     with library_errors(path, *_AS):
         _check_codes(path)
         content = loadmat(path)
-    found = _Content()
+    result = _Content()
     for name, value in content.items():
         if not name.startswith("__"):
-            _sort(name, value, found)
+            _sort(name, value, result)
     turn = "turn it in MATLAB: NAME = NAME.'"
-    return Variables(found.arrays, found.others, units=found.units, save=turn)
+    return Variables(result.arrays, result.others, units=result.units, save=turn)
 
 
 @dataclass
@@ -71,19 +71,19 @@ _SAMPLES = ("values", "Data", "data", "Values")
 MOST_ELEMENTS = 1000
 
 
-def _sort_elements(name: str, value: Any, found: _Content) -> None:
+def _sort_elements(name: str, value: Any, result: _Content) -> None:
     """The fields of a struct, or of the elements of an array of structs, by their own titles."""
     titles = _titles(value)
     for index, element in enumerate(value.flat):
         if titles is None:
             for key in value.dtype.names:
-                _sort(f"{name}.{key}", element[key], found)
+                _sort(f"{name}.{key}", element[key], result)
             continue
         inside = f"{name}.{titles[index]}"
         for key in value.dtype.names:
-            _sort(inside if key in _SAMPLES else f"{inside}.{key}", element[key], found)
+            _sort(inside if key in _SAMPLES else f"{inside}.{key}", element[key], result)
         if "Unit" in value.dtype.names and (unit := _text_of(element["Unit"], path=False)):
-            found.units[inside] = unit
+            result.units[inside] = unit
 
 
 def _titles(value: Any) -> list[str] | None:
@@ -175,8 +175,8 @@ def _check_elements(data: bytes | memoryview, order: str, depth: int) -> None:
         place = body + size + -size % 8
 
 
-def _sort(name: str, value: Any, found: _Content) -> None:
-    arrays, others = found.arrays, found.others
+def _sort(name: str, value: Any, result: _Content) -> None:
+    arrays, others = result.arrays, result.others
     if type(value).__name__ == "MatlabOpaque":
         own_name, kind = _opaque_kind(value)
         others[own_name or name] = f"a {kind} of MATLAB" if kind else "an object"
@@ -188,7 +188,7 @@ def _sort(name: str, value: Any, found: _Content) -> None:
         elif value.size != 1 and _titles(value) is None:
             others[name] = f"a struct array of {value.size}"
         else:
-            _sort_elements(name, value, found)
+            _sort_elements(name, value, result)
     elif value.dtype.kind in "biuf" and value.ndim == 2:
         if value.size:
             arrays[name] = value

@@ -407,7 +407,7 @@ class _Text:
             title = line.strip(" ,;\t")
             if title == variable:
                 table = list(islice(lines, HEAD_LINES))
-                stop = next((i for i, one in enumerate(table) if not one.strip(" ,;\t")), None)
+                stop = next((i for i, item in enumerate(table) if not item.strip(" ,;\t")), None)
                 return table[:stop], number
             if title and not re.search(r"[,;\t\d]", title):
                 titles.append(title)
@@ -578,7 +578,7 @@ _WINDOWS = set("°µ²³·±×äöüÄÖÜßéèàçñ".encode("cp1252"))
 def _without_lines(block: bytes, line: bytes) -> tuple[bytes, int]:
     """A block of whole lines without those that are one line again, and how many were."""
     lines = block.splitlines(keepends=True)
-    kept = [one for one in lines if one.rstrip(b"\r\n") != line]
+    kept = [item for item in lines if item.rstrip(b"\r\n") != line]
     return b"".join(kept), len(lines) - len(kept)
 
 

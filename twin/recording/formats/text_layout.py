@@ -53,8 +53,8 @@ def seconds_of(texts: Sequence[str | None]) -> Array:
     for i, text in enumerate(texts):
         if text is None:
             continue
-        if (found := _DATE.match(text.strip())) is not None:
-            *day, clock, sign, hours, minutes = found.groups(default="")
+        if (result := _DATE.match(text.strip())) is not None:
+            *day, clock, sign, hours, minutes = result.groups(default="")
             days.setdefault(tuple(day), []).append(i)
             seconds[i] = _of_day(clock or "00:00")
             if sign:
@@ -77,7 +77,7 @@ def _starts(days: Sequence[tuple[str, ...]]) -> list[float]:
             continue
     if not readings:
         return [float("nan")] * len(days)
-    return min(readings, key=lambda one: max(one, default=0.0) - min(one, default=0.0))
+    return min(readings, key=lambda reading: max(reading, default=0.0) - min(reading, default=0.0))
 
 
 def _start(day: tuple[str, ...], *, month_first: bool) -> float:
@@ -263,7 +263,7 @@ def _width(rows: Sequence[Sequence[str]], separator: str) -> tuple[int, tuple[bo
             widths[len(row)] += sum(_is_value(cell, separator) for cell in row)
     if not widths:
         return 0, ()
-    width = max(widths, key=lambda one: widths[one])
+    width = max(widths, key=lambda item: widths[item])
     usual = [row for row in rows if len(row) == width]
     counts = [
         sum(is_number(row[i], separator) or is_date(row[i]) for row in usual) for i in range(width)
@@ -333,8 +333,8 @@ def _joined(heading: Sequence[Sequence[str]]) -> tuple[str, ...]:
 
 def _listed(preamble: Sequence[str], width: int) -> tuple[str, ...]:
     """The names that lines of comment give to the columns, one a line; empty without them."""
-    found = (_NUMBERED_NAME.match(line) for line in preamble if line.startswith(COMMENTS))
-    named = {int(one[1]): one[2] for one in found if one}
+    result = (_NUMBERED_NAME.match(line) for line in preamble if line.startswith(COMMENTS))
+    named = {int(item[1]): item[2] for item in result if item}
     if sorted(named) != list(range(1, width + 1)):
         return ()
     return tuple(named[place] for place in sorted(named))
@@ -360,8 +360,8 @@ def _numbered(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     unique: list[str] = []
     for place, name in enumerate(names, 1):
         seen[name] += 1
-        one = f"{name}.{seen[name]}" if counts[name] > 1 and name else name
-        unique.append(one if name or counts[name] == 1 else f"column {place}")
+        item = f"{name}.{seen[name]}" if counts[name] > 1 and name else name
+        unique.append(item if name or counts[name] == 1 else f"column {place}")
     return tuple(unique), tuple(name for name, count in counts.items() if count > 1 and name)
 
 
@@ -391,7 +391,7 @@ def captured(path: Path) -> bytes | None:
         with path.open("rb") as file:
             head = file.read(HEAD)
             lines = _decoded(head).splitlines()[: None if len(head) < HEAD else -1]
-            stamp = next((one for one in _STAMPS if _most(lines, one)), None)
+            stamp = next((item for item in _STAMPS if _most(lines, item)), None)
             bodies = [_parted(line, stamp)[1] for line in lines]
             pairs = _most(bodies, _PAIRS) and len(_keys(bodies)) > 1
             if stamp is None and not pairs:
@@ -420,10 +420,10 @@ def _most(lines: Sequence[str], pattern: re.Pattern[str]) -> bool:
 
 def _parted(line: str, stamp: re.Pattern[str] | None) -> tuple[str, str]:
     """The stamp of a line, and what the device sent."""
-    found = None if stamp is None else stamp.match(line)
-    if found is None:
+    result = None if stamp is None else stamp.match(line)
+    if result is None:
         return "", line
-    return found[1].strip().replace(" ", "T"), found[2]
+    return result[1].strip().replace(" ", "T"), result[2]
 
 
 def _keys(bodies: Sequence[str]) -> tuple[str, ...]:

@@ -134,21 +134,21 @@ class Messages(ABC):
 
     def look(self, topics: Collection[str]) -> None:
         """Read the beginnings of these topics in one pass, which ends when each has enough."""
-        found: dict[str, list[TopicMessage]] = {name: [] for name in topics}
+        result: dict[str, list[TopicMessage]] = {name: [] for name in topics}
         room = dict.fromkeys(topics, FIRST_BYTES)
         waiting = set(topics)
         for message in self.messages(topics) if topics else ():
             name = message.topic
             if name not in waiting:
                 continue
-            found[name].append(message)
+            result[name].append(message)
             room[name] -= len(message.data)
-            if len(found[name]) == FIRST or room[name] < 0:
+            if len(result[name]) == FIRST or room[name] < 0:
                 waiting.remove(name)
             if not waiting:
                 break
-        self._beginnings |= found
-        self._first |= {name: messages[0] for name, messages in found.items() if messages}
+        self._beginnings |= result
+        self._first |= {name: messages[0] for name, messages in result.items() if messages}
 
     def beginning(self, topic: Topic) -> "Messages":
         """The first messages on a topic."""
@@ -198,8 +198,8 @@ class BagMessages(Messages):
         super().__init__(path, say)
         with _opened(path) as reader:
             self._kinds: dict[str, set[str]] = {}
-            for one in reader.connections:
-                self._kinds.setdefault(one.topic, set()).add(one.msgtype)
+            for connection in reader.connections:
+                self._kinds.setdefault(connection.topic, set()).add(connection.msgtype)
             self._types_known, self._is2 = reader.typestore, reader.is2
 
     def types(self) -> Mapping[str, str]:
@@ -238,9 +238,9 @@ class BagMessages(Messages):
     ) -> Generator[TopicMessage]:
         progress = ReadProgress(say, self.path)
         with _opened(self.path) as reader:
-            asked = [one for one in reader.connections if topics is None or one.topic in topics]
+            asked = [item for item in reader.connections if topics is None or item.topic in topics]
             if self._is2 and asked:
-                count = sum(one.msgcount for one in asked)
+                count = sum(item.msgcount for item in asked)
                 passed = enumerate(reader.messages(connections=asked))
                 for number, (connection, time, message) in passed:
                     if number % CHECKED == 0:
@@ -248,13 +248,13 @@ class BagMessages(Messages):
                         progress.at(number, count)
                     yield TopicMessage(connection.topic, bytes(message), time, time)
             elif asked:
-                names = {one.id: one.topic for one in asked}
+                names = {item.id: item.topic for item in asked}
                 (bag,) = reader.readers
-                chunks = sorted(bag.chunk_infos, key=lambda one: (one.start_time, one.pos))
-                for number, one in enumerate(chunks):
+                chunks = sorted(bag.chunk_infos, key=lambda info: (info.start_time, info.pos))
+                for number, chunk in enumerate(chunks):
                     check()
                     progress.at(number, len(chunks))
-                    yield from _in_chunk(self.path, bag, bag.chunks[one.pos], names)
+                    yield from _in_chunk(self.path, bag, bag.chunks[chunk.pos], names)
 
 
 def _in_chunk(path: Path, bag: Any, chunk: Any, names: Mapping[int, str]) -> Iterator[TopicMessage]:
@@ -268,7 +268,7 @@ def _in_chunk(path: Path, bag: Any, chunk: Any, names: Mapping[int, str]) -> Ite
     """
     bag.bio.seek(chunk.datapos)
     data = _bag_chunk(path, bag.bio.read(chunk.datasize), chunk.decompressor)
-    found: list[tuple[int, int, int, int]] = []
+    result: list[tuple[int, int, int, int]] = []
     place = 0
     while place < len(data):
         (size,) = _WORD.unpack_from(data, place)
@@ -284,8 +284,8 @@ def _in_chunk(path: Path, bag: Any, chunk: Any, names: Mapping[int, str]) -> Ite
         (connection,) = _WORD.unpack(fields[b"conn"])
         if connection in names:
             seconds, nanoseconds = _TIME.unpack(fields[b"time"])
-            found.append((10**9 * seconds + nanoseconds, start, place, connection))
-    for time, start, stop, connection in sorted(found):
+            result.append((10**9 * seconds + nanoseconds, start, place, connection))
+    for time, start, stop, connection in sorted(result):
         yield TopicMessage(names[connection], data[start:stop], time, time)
 
 
@@ -436,9 +436,9 @@ class McapMessages(Messages):
                     if isinstance(record, Schema):
                         schemas.setdefault(record.id, record)
                     elif isinstance(record, Channel):
-                        one = record, schemas.get(record.schema_id)
-                        channels.setdefault(record.id, one)
-                        self._channels.setdefault(record.id, one)
+                        item = record, schemas.get(record.schema_id)
+                        channels.setdefault(record.id, item)
+                        self._channels.setdefault(record.id, item)
                     elif isinstance(record, Record):
                         topic = channels[record.channel_id][0].topic
                         if topics is None or topic in topics:

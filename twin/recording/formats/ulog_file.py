@@ -35,6 +35,6 @@ def read_ulog(path: Path) -> Variables:
         arrays[clocks[-1]] = np.asarray(topic.data["timestamp"], dtype=np.float64) * 1e-6
         for key, values in topic.data.items():
             if key != "timestamp":
-                part = re.sub(r"\[(\d+)\]", lambda found: f".{int(found[1]) + 1}", key)
+                part = re.sub(r"\[(\d+)\]", lambda result: f".{int(result[1]) + 1}", key)
                 arrays[f"{name}.{part}"] = values
     return Variables(arrays, {}, clocks, repairs=damage(path) if log.file_corruption else ())

@@ -54,9 +54,9 @@ def products_back(say: Say) -> Computed:
     half = np.zeros(len(ENTRIES))
     for number, log in enumerate(run.recordings):
         say(f"log {number + 1} of {len(RUNS)}")
-        found = identify([log], stated)
-        held.append(np.abs(found.theta[:9] - truth) <= found.half_widths[:9])
-        half = found.half_widths[:9] if number == 0 else half
+        identification = identify([log], stated)
+        held.append(np.abs(identification.theta[:9] - truth) <= identification.half_widths[:9])
+        half = identification.half_widths[:9] if number == 0 else half
     widths = ", ".join(f"{n} {w:.2g}" for n, w in zip(ENTRIES, half, strict=True))
     missed = [name for name, inside in zip(ENTRIES, held[0], strict=True) if not inside]
     note = (
@@ -103,8 +103,8 @@ def at_motor(log: Recording, machine: Platform) -> Recording:
 
 
 def _worst(logs: Sequence[Recording], stated: Platform, truth: float) -> float:
-    found: list[Identification] = [identify(logs, stated, method) for method in METHODS]
-    return max((float(one.theta[2]) - truth for one in found), key=abs)
+    identifications: list[Identification] = [identify(logs, stated, method) for method in METHODS]
+    return max((float(item.theta[2]) - truth for item in identifications), key=abs)
 
 
 PARTS = (

@@ -94,8 +94,8 @@ def sphere(axes: Array) -> float:
     sizes = np.linalg.norm(momenta(axes, _directions(grid)), axis=2).min(axis=1)
     starts = grid[np.argsort(sizes)[:5]]
     options = {"xatol": 1e-9, "fatol": 1e-12, "maxiter": 400}
-    found = [minimize(size, start, method="Nelder-Mead", options=options).fun for start in starts]
-    return float(min(*found, sizes.min()))
+    result = [minimize(size, start, method="Nelder-Mead", options=options).fun for start in starts]
+    return float(min(*result, sizes.min()))
 
 
 def _directions(angles: Array) -> Array:
@@ -108,13 +108,13 @@ def _directions(angles: Array) -> Array:
 def _surface(axes: Array) -> str:
     polar, around = np.meshgrid(np.linspace(0.01, np.pi - 0.01, 24), np.linspace(0, 2 * np.pi, 48))
     along = _directions(np.stack([polar.ravel(), around.ravel()], axis=1))
-    found = momenta(axes, along)
-    inner = int(np.argmin(np.linalg.norm(found, axis=2).min(axis=0)))
+    result = momenta(axes, along)
+    inner = int(np.argmin(np.linalg.norm(result, axis=2).min(axis=0)))
     with mpl.rc_context(FIGURE):
         figure = Figure(figsize=(9.6, 4.6))
         for place, sign in enumerate((0, inner)):
             panel = figure.add_subplot(1, 2, place + 1, projection="3d")
-            x, y, z = found[:, sign].T.reshape(3, *polar.shape)
+            x, y, z = result[:, sign].T.reshape(3, *polar.shape)
             panel.plot_wireframe(x, y, z, color=PALETTE[place], lw=0.4)
             for name in "xyz":
                 getattr(panel, f"set_{name}label")(f"h_{name}")

@@ -51,8 +51,8 @@ def compute(say: Say) -> Computed:
     alone, sound = list[str](), 0.0
     for name in ("", *FAULTS):
         say(f"adaptive balancing with {name or 'no fault'} alone")
-        one = parse_effects(name) if name else ()
-        last, moment = _end(_adapting(with_effects(shipped, one), (0,)))
+        item = parse_effects(name) if name else ()
+        last, moment = _end(_adapting(with_effects(shipped, item), (0,)))
         torque = 1e3 * machine.gravity * moment.mean()
         alone.append(f"{torque:.3g} with {name.replace('_', ' ') or 'none of them'}")
         if not name:
@@ -100,9 +100,9 @@ def _end(run: Flown) -> tuple[Flown, Array]:
 def _directly(stated: Platform, log: Recording, true: Array) -> float:
     """abs(m r) that is left of the true one (3,) when the masses undo what the batch method says
     [kg m]."""
-    found = identify([log], stated, METHOD)
+    identification = identify([log], stated, METHOD)
     slides = np.array([stage.mass * stage.axis for stage in stated.stages])
-    moved = -np.linalg.solve(slides.T, found.theta[6:9])
+    moved = -np.linalg.solve(slides.T, identification.theta[6:9])
     travel = np.array([stage.travel for stage in stated.stages])
     moved = np.clip(moved, travel[:, 0], travel[:, 1])
     return float(np.linalg.norm(true + moved @ slides))

@@ -73,15 +73,15 @@ def as_printed(say: Say) -> Computed:
     run = swing(machine(0.0, 0.0), VerticalOffsetFilter())
     say(f"the same with a gyro at {FAST:g} Hz")
     quick = rate_error(swing(_faster(machine(0.0, 0.0)), VerticalOffsetFilter(), 60.0, 1))
-    found, error = averaged(run), rate_error(run)
-    one = float(np.abs(error[:, 0]).max())
+    result, error = averaged(run), rate_error(run)
+    item = float(np.abs(error[:, 0]).max())
     gyro = astros().sensors["gyro"]
     rows = {
         "001.fig10.offset_as_printed": replace(
-            found, note=found.note + f"The truth is {BELOW * 1e6:.2f} um."
+            result, note=result.note + f"The truth is {BELOW * 1e6:.2f} um."
         ),
         "001.fig9.rate_error": Ours(
-            one,
+            item,
             note=f"One run of {DURATION:g} s; rms {np.sqrt(np.mean(error**2)):.2g}. At the "
             f"{gyro.rate:g} Hz that are ASSUMED of the IMU, {gyro.noise[0]:.2g} rad/s of white "
             "noise a sample leave no less under the printed Q and R. The paper does not print the "
@@ -95,14 +95,14 @@ def as_printed(say: Say) -> Computed:
 def with_imbalance(say: Say) -> Computed:
     """The filter does not know of what is left in the plane."""
     say(f"{DURATION:g} s of free swing, {SEEDS} seeds, {IN_PLANE * 1e6:g} um in plane")
-    found = averaged(swing(machine(-IN_PLANE, IN_PLANE), VerticalOffsetFilter()))
+    result = averaged(swing(machine(-IN_PLANE, IN_PLANE), VerticalOffsetFilter()))
     say("and 5 um")
     five = averaged(swing(machine(-5e-6, 5e-6), VerticalOffsetFilter(), seeds=2))
     note = (
         f"In plane (-{IN_PLANE * 1e6:g}, {IN_PLANE * 1e6:g}) um, signs as in eq. 38; "
         f"(-5, 5) um, which eq. 38 has before balancing, make it {five.value * 1e6:.1f} um."
     )
-    return Computed({"001.fig10.offset_with_imbalance": replace(found, note=found.note + note)})
+    return Computed({"001.fig10.offset_with_imbalance": replace(result, note=result.note + note)})
 
 
 def _faster(platform: Platform) -> Platform:

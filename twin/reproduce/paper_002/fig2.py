@@ -108,12 +108,12 @@ def borne(errors: Array) -> float:
 def _median_error(log: Recording, platform: Platform, noise: float, form: Form) -> float:
     truth = entries_of(platform)
     sigma = noise * float(np.abs(log["gyro"].value).max())
-    found: list[float] = []
+    result: list[float] = []
     for seed in SEEDS:
         noisy = measured(log, sigma, np.random.default_rng(seed))
         theta = identify([noisy], platform, "torque", Settings(form=form)).theta[:9]
-        found.append(float(np.median(np.abs(100.0 * (theta - truth) / truth))))
-    return float(np.median(found))
+        result.append(float(np.median(np.abs(100.0 * (theta - truth) / truth))))
+    return float(np.median(result))
 
 
 def _figure(error: dict[Form, Array]) -> str:

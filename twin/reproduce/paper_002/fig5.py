@@ -109,11 +109,11 @@ def _estimates(
     method, settings = METHODS["momentum_1"]
     platform = machine()
     logs = (changed(log, float(value)) for value in values)
-    return np.array([identify([one], platform, method, settings).theta[:9] for one in logs])
+    return np.array([identify([item], platform, method, settings).theta[:9] for item in logs])
 
 
 def _those(plain: NDArray[np.bool_]) -> str:
-    return ", ".join(name for name, one in zip(NAMES, plain, strict=True) if one)
+    return ", ".join(name for name, item in zip(NAMES, plain, strict=True) if item)
 
 
 def _figure(x: Array, estimates: Array, label: str) -> str:

@@ -41,20 +41,20 @@ def diagnosed(effects: list[Effect], say: Say) -> Diagnosis:
     return diagnose([log.without_truth()], stated, say=say)
 
 
-def _lag(found: Diagnosis) -> Ours:
-    named = _named(found)
-    for cause in found.causes:
+def _lag(diagnosis: Diagnosis) -> Ours:
+    named = _named(diagnosis)
+    for cause in diagnosis.causes:
         if cause.effect.label == "clock_lag:wheel_speed":
             value, half = float(cause.effect.values[0]), float(cause.half_widths[0])
             return Ours(value, value - half, value + half, f"Found: {named}.")
     return Ours(np.nan, note=f"Found instead: {named}.")
 
 
-def _turn(found: Diagnosis) -> Ours:
-    named = _named(found)
+def _turn(diagnosis: Diagnosis) -> Ours:
+    named = _named(diagnosis)
     turns = [
         (cause.effect.target, np.degrees(cause.effect.values[2]), np.degrees(cause.half_widths[2]))
-        for cause in found.causes
+        for cause in diagnosis.causes
         if cause.effect.name == "wheel_misalignment"
     ]
     told = [half for *_, half in turns if np.isfinite(half)]
@@ -68,8 +68,11 @@ def _turn(found: Diagnosis) -> Ours:
     )
 
 
-def _named(found: Diagnosis) -> str:
-    return ", ".join(cause.effect.label for cause in found.causes) or f"nothing ({found.verdict})"
+def _named(diagnosis: Diagnosis) -> str:
+    return (
+        ", ".join(cause.effect.label for cause in diagnosis.causes)
+        or f"nothing ({diagnosis.verdict})"
+    )
 
 
 PART = PaperPart(("002.fig5.lag_found", "002.fig7.seen"), compute)

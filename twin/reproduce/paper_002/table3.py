@@ -20,16 +20,16 @@ LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 def compute(say: Say) -> Computed:
     """Four methods, 20 seeds; the in-plane moments also with an attitude that starts level."""
     platform, log = machine(), ideal().without_truth()
-    found: dict[str, list[Array]] = {method: [] for method in METHODS}
+    result: dict[str, list[Array]] = {method: [] for method in METHODS}
     level: list[Array] = []
     for seed in SEEDS:
         say(f"Table 3: seed {seed}")
         noisy = measured(log, NOISE, np.random.default_rng(seed))
         for method in METHODS:
-            found[method].append(errors(noisy, platform, method))
+            result[method].append(errors(noisy, platform, method))
         level.append(errors(as_if_level(noisy), platform, "torque"))
     if_level = float(np.median([largest(e) for e in level]))
-    largest_of = {m: float(np.median([largest(e) for e in es])) for m, es in found.items()}
+    largest_of = {m: float(np.median([largest(e) for e in es])) for m, es in result.items()}
     differences = (
         "Differences of neighbours are noise: what the columns hold of it takes all estimates to "
         f"zero, so all are off by about 100 % ({_listed(largest_of)}), whatever the shift; "
@@ -50,16 +50,16 @@ def compute(say: Say) -> Computed:
                 float(
                     np.median(
                         [
-                            largest(one) / largest(three)
-                            for one, three in zip(
-                                found["momentum_1"], found["momentum_3"], strict=True
+                            largest(item) / largest(three)
+                            for item, three in zip(
+                                result["momentum_1"], result["momentum_3"], strict=True
                             )
                         ]
                     )
                 ),
                 note=differences,
             ),
-            "002.table3.in_plane_moment_lost": _lost(found["torque"], level),
+            "002.table3.in_plane_moment_lost": _lost(result["torque"], level),
         }
     )
 
@@ -72,9 +72,9 @@ def as_if_level(log: Recording) -> Recording:
     return replace(log, streams={**log.streams, "attitude": integrated})
 
 
-def _lost(found: list[Array], level: list[Array]) -> Ours:
+def _lost(result: list[Array], level: list[Array]) -> Ours:
     """The component that is lost less."""
-    value = float(np.median([e[6:8] for e in found], axis=0).max())
+    value = float(np.median([e[6:8] for e in result], axis=0).max())
     x, y = np.median([e[6:8] for e in level], axis=0)
     return Ours(
         value,

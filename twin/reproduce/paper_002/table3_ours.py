@@ -30,8 +30,8 @@ def compute(say: Say) -> Computed:
     trials = list[Trial]()
     for seed in SEEDS:
         say(f"Table 3 by prediction error: seed {seed}")
-        found = identify([as_handed_in(flight, seed).without_truth()], guess)
-        trials.append(trial_of(found, platform, bound))
+        identification = identify([as_handed_in(flight, seed).without_truth()], guess)
+        trials.append(trial_of(identification, platform, bound))
     ratio, covered = judged(
         platform,
         trials,

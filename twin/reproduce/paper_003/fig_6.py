@@ -49,8 +49,8 @@ def compute(say: Say) -> Computed:
             machine, mixed(), IN_PLANE, start=stand, estimator="passthrough", seed=SEED + number
         )
         position = run.applied["command_stage_position"][-1, 0]
-        found = _identified(machine, position, SEED + 10 * number)
-        below, unsure = _below(machine, found, position)
+        identification = _identified(machine, position, SEED + 10 * number)
+        below, unsure = _below(machine, identification, position)
         said.append(f"{-1e6 * below:.2f} +- {1e6 * unsure:.2f}")
         # half of what surely lies between CM and CR; the counters are set to zero there
         up = 0.5 * max(-(below + 1.5 * unsure), 0.0) / machine.stages[2].mass
@@ -98,10 +98,12 @@ def _identified(machine: Platform, position: Array, seed: int) -> Identification
     return identify(logs, load_platform("cubesat"))
 
 
-def _below(machine: Platform, found: Identification, position: Array) -> tuple[float, float]:
+def _below(
+    machine: Platform, identification: Identification, position: Array
+) -> tuple[float, float]:
     """m r_z with the masses at some position, and half its 95 % interval [kg m]."""
     moved = sum(s.mass * s.axis[2] * d for s, d in zip(machine.stages, position, strict=True))
-    return float(found.theta[8] + moved), float(found.half_widths[8])
+    return float(identification.theta[8] + moved), float(identification.half_widths[8])
 
 
 def _moment(machine: Platform, position: Array) -> Array:

@@ -101,10 +101,10 @@ def flown(
 def resimulated(platform: Platform, theta: Array, log: Recording) -> Series:
     """Rates of a machine with such J and m r (9,) under a log's wheel torques, from rest where it
     hangs (Fig. 9)."""
-    found = replace(platform, inertia=tensor(theta[:6]), center_of_mass_offset=theta[6:9])
-    start = InitialState(attitude=hanging(found.center_of_mass_offset))
-    plant = SimulatedPlant(found, initial=start)
-    recorder = MemoryRecorder(plant.platform, {"platform": found.name, "source": "paper 004"})
+    result = replace(platform, inertia=tensor(theta[:6]), center_of_mass_offset=theta[6:9])
+    start = InitialState(attitude=hanging(result.center_of_mass_offset))
+    plant = SimulatedPlant(result, initial=start)
+    recorder = MemoryRecorder(plant.platform, {"platform": result.name, "source": "paper 004"})
     fly(
         plant,
         Passthrough(),

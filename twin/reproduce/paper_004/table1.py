@@ -29,14 +29,14 @@ def compute(say: Say) -> Computed:
     say("Table 1: flights")
     platform = machine("sads:table1_noise")
     logs = flown(platform, MOTION, duration=DURATION, runs=SEEDS, seed=SEED, torque=TORQUE)
-    found: dict[str, list[Array]] = {RECURSIVE: [], TRAJECTORY: []}
+    result: dict[str, list[Array]] = {RECURSIVE: [], TRAJECTORY: []}
     for run, log in enumerate(logs):
         say(f"Table 1: run {run}")
-        for method, thetas in found.items():
-            one = identify([log.without_truth()], as_guessed(platform), method)
-            thetas.append(one.theta[:9])
+        for method, thetas in result.items():
+            identification = identify([log.without_truth()], as_guessed(platform), method)
+            thetas.append(identification.theta[:9])
     truth, mean_moment = entries_of(platform), float(np.trace(platform.inertia)) / 3.0
-    worst = {m: np.abs(np.array(thetas) - truth) for m, thetas in found.items()}
+    worst = {m: np.abs(np.array(thetas) - truth) for m, thetas in result.items()}
     inertia = {m: float(np.median(e[:, :6].max(axis=1))) / mean_moment for m, e in worst.items()}
     offset = float(np.median(worst[TRAJECTORY][:, 6:].max(axis=1))) / platform.mass
     note = f"About the hanging attitude, {DURATION:g} s, median of {SEEDS} runs."
@@ -51,19 +51,19 @@ def compute(say: Say) -> Computed:
         },
         {
             "Fig. 5: rates, true and simulated with what was found, where that is a body": _figure(
-                platform, logs[0], {m: thetas[0] for m, thetas in found.items()}
+                platform, logs[0], {m: thetas[0] for m, thetas in result.items()}
             )
         },
     )
 
 
-def _figure(platform: Platform, log: Recording, found: dict[str, Array]) -> str:
+def _figure(platform: Platform, log: Recording, result: dict[str, Array]) -> str:
     with mpl.rc_context(FIGURE):
         figure = Figure(figsize=(9.6, 6.0))
         panels = figure.subplots(3, 1, sharex=True)
         true = log["truth_rate"]
         paths: dict[str, Series] = {}
-        for method, theta in found.items():
+        for method, theta in result.items():
             # recursion may end at a J that no body has
             with suppress(PlatformError):
                 paths[method] = resimulated(platform, theta, log)

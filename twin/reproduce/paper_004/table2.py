@@ -78,8 +78,8 @@ def _ratio(logs: list[Recording], platform: Platform) -> Array:
 
 def _spread(logs: list[Recording], platform: Platform, method: str) -> Array:
     """(9,) standard deviation of what a method finds in each log."""
-    found = [identify([log.without_truth()], platform, method).theta[:9] for log in logs]
-    return np.std(found, axis=0, ddof=1)
+    result = [identify([log.without_truth()], platform, method).theta[:9] for log in logs]
+    return np.std(result, axis=0, ddof=1)
 
 
 def _attitude(log: Recording) -> str:
