@@ -8,7 +8,7 @@ export UV_PROJECT_ENVIRONMENT := .venv
 export UV_PYTHON_DOWNLOADS := never
 export UV_SYSTEM_CERTS := 1
 
-.PHONY: demo test test-slow lint bench panel clean
+.PHONY: demo test test-slow lint docs bench panel clean
 
 demo: $(READY)
 	$(BIN)/twin balance cubesat --rrd runs/demo/cubesat.rrd
@@ -44,6 +44,11 @@ lint: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/pyright
+
+# The site lies in runs/site; mkdocs and its plugins are of a group of their own.
+docs: $(READY)
+	$(BIN)/uv sync --quiet --frozen --group docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --config-file .ci/mkdocs.yml
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks
