@@ -204,6 +204,7 @@ class Engine:
         self._named: SearchState | None = None
         self._baseline: Explanation | None = None
         self._inflation = np.inf
+        self._laws_asked = False
         self._likeliest: dict[tuple[frozenset[str], tuple[bool, bool]], SearchState] = {}
 
     def explained(self, baseline: Explanation) -> SearchState:
@@ -248,6 +249,7 @@ class Engine:
         self._seen.clear()
         self._likeliest.clear()
         self._named, self._baseline, self._inflation = None, baseline, np.inf
+        self._laws_asked = False
 
     def _single_causes(self, state: SearchState) -> list[SearchState]:
         """Of independent segments: the best candidates fitted one at a time, until one leaves noise
@@ -462,7 +464,7 @@ class Engine:
         """Compare a state with unnamed laws alone, with refits without each cause, and with rivals
         of its only cause; the best of these."""
         while True:
-            fewer = self._nameless(state) or self.without_one(state)
+            fewer = self._nameless(state) or self._laws_alone(state) or self.without_one(state)
             if fewer is None:
                 fewer = self.against_rivals(state)
                 if fewer.explanation is state.explanation:
@@ -486,6 +488,27 @@ class Engine:
         there = self._moved(_Move(state, chosen), state) if chosen else None
         spare = TIED + unlikely(state.laws) * len(state.explanation.effects)
         if there is None or self._score(there) > self._score(state) + spare:
+            return None
+        return there
+
+    def _laws_alone(self, state: SearchState) -> SearchState | None:
+        """Unnamed laws in place of several causes; None where these are likelier.
+
+        A cause that the catalogue lacks may be reproduced by several of it, each of which the logs
+        then seem to show; one law costs less than they do.
+        """
+        explanation, baseline = state.explanation, self._baseline
+        if self._laws_asked or explanation.laws or len(explanation.effects) < 2:
+            return None
+        if baseline is None or not baseline.follows or not baseline.converged:
+            return None
+        self._laws_asked = True
+        bare = self._state_of(baseline, state.candidates, laws_of(baseline.bodies))
+        first = len(bare.candidates)
+        laws = range(first, first + len(bare.laws))
+        chosen = Search(bare.search.screen, laws, bare.search.limit).best()
+        there = self._moved(_Move(bare, chosen), state) if chosen else None
+        if there is None or not self._score(there) < self._score(state):
             return None
         return there
 

@@ -24,7 +24,7 @@ from twin.diagnosis.baseline import read_rightly
 from twin.diagnosis.cause import Equation
 from twin.diagnosis.diagnosis import Diagnosis
 from twin.diagnosis.explanation import Explanation
-from twin.diagnosis.laws import TORQUE, Law
+from twin.diagnosis.laws import ALL, TORQUE, Law
 from twin.effects import Effect, file_of, with_effects
 from twin.errors import UsageError
 from twin.identification.prediction_error import NORMAL, fit
@@ -149,7 +149,7 @@ def _torque(terms: Sequence[Term], platform: Platform, path: Path) -> str:
         streams='("joint_angle",)' if hinge else '("gyro", "attitude")',
     )
     pushes = [
-        f"            torque[:, {0 if hinge else 'xyz'.index(law.column)}] += "
+        f"            torque{_place(law, hinge=hinge)} += "
         + " * ".join([f"self.size_{number}", *map(_variable, law.factors)])
         for number, (law, _, _) in zip(count(1), terms, strict=False)
     ]
@@ -157,6 +157,13 @@ def _torque(terms: Sequence[Term], platform: Platform, path: Path) -> str:
         quantities="\n".join(_quantities(sorted(needed), platform)), terms="\n".join(pushes)
     )
     return head + _sizes(terms) + body
+
+
+def _place(law: Law, *, hinge: bool) -> str:
+    """Which column of a torque a law adds to; none of them for all."""
+    if law.column == ALL:
+        return ""
+    return f"[:, {0 if hinge else ALL.index(law.column)}]"
 
 
 def _sensor(terms: Sequence[Term], platform: Platform, path: Path) -> str:
@@ -192,11 +199,14 @@ def _leans(needed: set[str]) -> bool:
 def _quantities(needed: Sequence[str], platform: Platform) -> list[str]:
     """Lines that take them from a state."""
     wheels = [wheel.name for wheel in platform.wheels]
+    hinge = platform.base.kind == "hinge"
     result: list[str] = []
     for name in needed:
         kind, _, part = name.partition("_")
         if name == "time":
             value = "state.time"
+        elif not part and not hinge:
+            value = "state.rate" if kind == "rate" else "vertical_body(state.position)"
         elif kind == "speed":
             value = f"state.wheel_speed[:, {wheels.index(part)}]"
         elif kind == "up":

@@ -26,6 +26,11 @@ TORQUE = "torque"
 """`Law.what` of a torque."""
 Array = NDArray[np.float64]
 _XYZ = ("x", "y", "z")
+ALL = "xyz"
+"""`Law.column` of a torque along a vector."""
+VECTORS = {"rate": "rad/s", "up": ""}
+"""Vectors along which a torque is asked for, with their units: what brakes alike about every axis,
+and what turns about the vertical."""
 RARE = 6.0
 """-2 log of the prior probability of unnamed laws relative to the catalogue."""
 
@@ -33,12 +38,12 @@ RARE = 6.0
 @dataclass(frozen=True)
 class Law:
     """A torque about one axis of the base, or an error of one column of a sensor, in proportion to
-    a product."""
+    a product; or a torque along a vector."""
 
     what: str
     """`torque`, or the sensor's stream."""
     column: str
-    """Axis of the torque, or column of the stream."""
+    """Axis of the torque, or column of the stream; `xyz` of a torque along a vector."""
     factors: tuple[str, ...]
     unit: str
     """Of its coefficient."""
@@ -84,6 +89,23 @@ def torque_laws(bodies: Sequence[Body]) -> Iterator[Law]:
     products = [item for item in products if item != ("up_z", "up_z")]
     for index, axis in enumerate(axes):
         yield from (_torque_law(axis, index, product, shown.units) for product in products)
+    if not hinge:
+        yield from (_along(vector, unit) for vector, unit in VECTORS.items())
+
+
+def _along(vector: str, unit: str) -> Law:
+    """A torque along a vector: one number, where three axes of their own would be three."""
+    whole = f"N m ({unit})^-1" if unit else "N m"
+
+    def force(body: Body) -> Array:
+        shown = _quantities(body).values
+        torque = np.stack([shown[f"{vector}_{axis}"] for axis in _XYZ], axis=1)
+        full = np.zeros((len(torque), body.machine.model.nv))
+        full[:, body.machine.base_dof] = torque
+        return on_grid(full, body)
+
+    name = f"{TORQUE}_{ALL} ~ {vector}"
+    return Law(TORQUE, ALL, (vector,), whole, Perturbation(name, whole, force=force))
 
 
 def _torque_law(axis: str, index: int, factors: tuple[str, ...], units: dict[str, str]) -> Law:
