@@ -10,6 +10,7 @@ from twin.contrast import moved
 from twin.diagnosis import diagnose
 from twin.diagnosis.baseline import baseline_of
 from twin.diagnosis.candidates import candidates_of, resonators
+from twin.diagnosis.residual_test import residual_test
 from twin.effects import Effect, able, effect_named
 from twin.platform import Platform, load_platform
 
@@ -50,6 +51,16 @@ def test_a_panel_is_named_alone_at_whatever_frequency(hanging, drawn_seed):
     found = diagnose([log], hanging)
     (cause,) = found.causes
     assert hidden.label in (cause.effect.label, *(tie.label for tie in cause.ties))
+
+
+def test_a_panel_that_hardly_changes_the_mean_squares_is_named_by_its_line(hanging):
+    hidden = a_panel(np.random.default_rng(1357113302))
+    log = moved(able(hanging, hidden), (hidden,), LENGTH, seed=1357113302, law=Kicks())
+    found = diagnose([log], hanging)
+    before = residual_test(found.baseline)
+    assert before.chance > 0.01, "else it is no case of this law"
+    assert before.lines
+    assert [cause.effect.label for cause in found.causes] == [hidden.label]
 
 
 def test_what_may_ring_is_asked_for_all_over_the_spectrum_and_nothing_else_is(hanging):

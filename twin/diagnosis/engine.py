@@ -31,7 +31,7 @@ from twin.diagnosis.explanation import (
     guesses,
 )
 from twin.diagnosis.laws import Law, laws_of, unlikely
-from twin.diagnosis.residual_test import ResidualTest, lines_of, residual_test, slow_line_of
+from twin.diagnosis.residual_test import ResidualTest, residual_test, slow_line_of
 from twin.diagnosis.screen import TIED, Search, without
 from twin.effects import Effect, able, with_effects
 from twin.errors import TwinError
@@ -298,7 +298,7 @@ class Engine:
         anywhere = self._ringing_anywhere(baseline)
         wide: list[SearchState] = []
         for state in starts:
-            hertz = lines_of(state.explanation) or slow_line_of(state.explanation)
+            hertz = state.residual_test.lines or slow_line_of(state.explanation)
             lines = ringing(self.candidates, hertz, baseline.bodies)
             candidates = (*self.candidates, *lines, *anywhere, *self._winding(state.explanation))
             laws = tuple(laws_of(baseline.bodies)) if state.explanation.follows else ()

@@ -55,6 +55,9 @@ class ResidualTest:
     """Stream and column of the largest residual."""
     chi2: float
     """Mean squared residual of all columns, in units of the noise."""
+    lines: tuple[float, ...]
+    """Significant spectral lines of the residual [Hz]. What rings in a few bins hardly changes the
+    mean squares."""
 
     @property
     def chance(self) -> float:
@@ -63,8 +66,8 @@ class ResidualTest:
 
     @property
     def doubtful(self) -> bool:
-        """Whether the residual is more than noise."""
-        return self.chance < DOUBTFUL
+        """Whether the residual may be more than noise, so that a search goes on."""
+        return self.chance < DOUBTFUL or bool(self.lines)
 
 
 def residual_test(explanation: Explanation) -> ResidualTest:
@@ -83,6 +86,7 @@ def residual_test(explanation: Explanation) -> ResidualTest:
         float(-np.expm1(len(parts) * np.log1p(-min(single, 1.0 - 1e-16)))),
         f"{worst.stream} {worst.column}",
         float(np.average([part.chi2 for part in parts], weights=[part.samples for part in parts])),
+        lines_of(explanation),
     )
 
 
