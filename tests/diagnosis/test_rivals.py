@@ -7,8 +7,7 @@ from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.diagnosis.baseline import baseline_of
 from twin.diagnosis.candidates import candidates_of
-from twin.diagnosis.engine import Engine, SearchState
-from twin.diagnosis.explanation import guesses
+from twin.diagnosis.engine import Engine, SearchState, guesses
 from twin.effects import effect_named, with_effects
 from twin.estimators import load_estimator
 from twin.loop import fly

@@ -28,16 +28,15 @@ from twin.diagnosis.explanation import (
     explain,
     fitted,
     followed,
-    guesses,
 )
 from twin.diagnosis.laws import Law, laws_of, unlikely
 from twin.diagnosis.residual_test import ResidualTest, residual_test, slow_line_of
-from twin.diagnosis.screen import TIED, Search, without
+from twin.diagnosis.screen import TIED, LinearScreen, Search, without
 from twin.effects import Effect, able, with_effects
 from twin.errors import TwinError
 from twin.identification.prediction_error import NORMAL, WORTHWHILE
 from twin.model import compile_model
-from twin.predict.columns import amplitudes
+from twin.predict.columns import amplitudes, strengths_of, with_strengths
 from twin.predict.independent_segments import independent_segments
 
 Say = Callable[[str], None]
@@ -709,3 +708,22 @@ def _possible(explanation: Explanation, effect: Effect) -> bool:
     except TwinError:
         return False
     return True
+
+
+def guesses(
+    explanation: Explanation,
+    candidates: Sequence[Candidate],
+    screen: LinearScreen,
+    chosen: tuple[int, ...],
+) -> list[Effect]:
+    """The chosen effects, new ones at their linear estimates; without laws."""
+    effects: list[Effect] = []
+    for index, strength in zip(chosen, screen.weigh(chosen).strengths, strict=True):
+        if index < len(explanation.effects):
+            effects.append(explanation.effects[index])
+        elif len(explanation.own) <= index < len(explanation.own) + len(candidates):
+            effect = candidates[index - len(explanation.own)].effect
+            strengths = strengths_of(effect)
+            strengths[amplitudes(effect)] = strength
+            effects.append(with_strengths(effect, strengths))
+    return effects

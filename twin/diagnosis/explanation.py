@@ -754,25 +754,6 @@ def _turn_of(effect: Effect) -> NDArray[np.bool_]:
     )
 
 
-def guesses(
-    explanation: Explanation,
-    candidates: Sequence[Candidate],
-    screen: LinearScreen,
-    chosen: tuple[int, ...],
-) -> list[Effect]:
-    """The chosen effects, new ones at their linear estimates; without laws."""
-    effects: list[Effect] = []
-    for index, strength in zip(chosen, screen.weigh(chosen).strengths, strict=True):
-        if index < len(explanation.effects):
-            effects.append(explanation.effects[index])
-        elif len(explanation.own) <= index < len(explanation.own) + len(candidates):
-            effect = candidates[index - len(explanation.own)].effect
-            strengths = strengths_of(effect)
-            strengths[amplitudes(effect)] = strength
-            effects.append(with_strengths(effect, strengths))
-    return effects
-
-
 def fitted(
     explanation: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
 ) -> Explanation | None:
