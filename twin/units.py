@@ -271,7 +271,12 @@ def _unprefixed(text: str) -> _Product | None:
     return None
 
 
+SPIN = "rad/s about its own axis"
+"""Unit of the speed of a wheel: as rad/s, but printed in rpm, as its maker states it."""
+SPINNING = ("wheel_speed", "command_wheel_speed")
+"""Streams of such speeds."""
 _PRINTED = {
+    SPIN: (("rpm", 0.0),),
     "rad": (("deg", 0.0),),
     "rad/s": (("deg/s", 0.0),),
     "N m": (("N m", 0.1), ("mN m", 1e-4), ("uN m", 0.0)),
@@ -282,6 +287,11 @@ _PRINTED = {
     "m": (("m", 0.1), ("mm", 1e-4), ("um", 0.0)),
 }
 """SI unit -> units to print in, each from a size [SI] upwards."""
+
+
+def unit_of(stream: str, si: str) -> str:
+    """Key for `fitting` and `printed` of a stream in this SI unit."""
+    return SPIN if stream in SPINNING and si == "rad/s" else si
 
 
 def fitting(size: float, si: str) -> tuple[float, str]:

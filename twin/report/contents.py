@@ -28,7 +28,7 @@ from twin.predict.logs import (
 from twin.recording import Recording, Series
 from twin.shown import Shown
 from twin.signals import DERIVED, LOGGED, PREDICTED, RESIDUAL, STREAMS, stream_named
-from twin.units import fitting, printed, three_digits
+from twin.units import fitting, printed, three_digits, unit_of
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,8 @@ class StreamContents:
         if self.series.columns == ("w", "x", "y", "z"):
             angles = np.unwrap(rotation.to_euler_zyx(self.series.value), axis=0)
             return ("yaw", "pitch", "roll"), angles, "rad"
-        return self.series.columns, self.series.value, self.unscaled or self.series.unit
+        unit = unit_of(self.name, self.series.unit)
+        return self.series.columns, self.series.value, self.unscaled or unit
 
     @property
     def held(self) -> bool:

@@ -18,7 +18,7 @@ from twin.predict.body import Body
 from twin.predict.innovations import Unexplained
 from twin.predict.logs import Motion
 from twin.report.style import FIGURE, INK, PALETTE, SOFT
-from twin.units import fitting
+from twin.units import fitting, unit_of
 
 Array = NDArray[np.float64]
 
@@ -111,7 +111,7 @@ def drawn_residuals(body: Body, accounts: Sequence[tuple[Account, str, str]]) ->
         figure = Figure(figsize=(9.6, 1.0 + 2.0 * len(outputs)))
         panels = figure.subplots(len(outputs), 1, sharex=True, squeeze=False)[:, 0]
         for index, (panel, output) in enumerate(zip(panels, outputs, strict=True)):
-            factor, name = fitting(float(output.noise.max()), output.unit)
+            factor, name = fitting(float(output.noise.max()), unit_of(output.stream, output.unit))
             heights: list[float] = []
             for account, color, label in accounts:
                 error = account.left[0][index] * output.noise

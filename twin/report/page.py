@@ -31,7 +31,7 @@ from twin.report.words import (
     strength_words,
     transfer_sentences,
 )
-from twin.units import printed
+from twin.units import printed, unit_of
 
 
 def write_page(
@@ -123,16 +123,17 @@ def _streams_table(comparison: Comparison) -> str:
     rows: list[list[str]] = []
     for label, account in _accounts(comparison):
         for error in stream_errors(account):
+            unit = unit_of(error.stream, error.unit)
             rows.append(
                 [
                     label,
                     error.stream,
-                    printed(error.rms, error.unit),
-                    printed(error.typical, error.unit),
-                    f"{printed(error.noise, error.unit)}"
+                    printed(error.rms, unit),
+                    printed(error.typical, unit),
+                    f"{printed(error.noise, unit)}"
                     + ("" if error.noise_stated else " (from the data)"),
                     f"{error.typical / error.noise:.2g}",
-                    f"{printed(error.worst, error.unit)} at {error.worst_time:.2f} s",
+                    f"{printed(error.worst, unit)} at {error.worst_time:.2f} s",
                 ]
             )
     head = ["model", "stream", "rms", "typical", "noise", "typical / noise", "worst"]

@@ -20,7 +20,7 @@ from twin.comparison.explanation import FALSE_ALARM, Side, Strength
 from twin.comparison.symptoms import SymptomDomain
 from twin.platform import beyond_stated, taken_as_at_rest
 from twin.predict.body import Body
-from twin.units import fitting, printed, three_digits
+from twin.units import fitting, printed, three_digits, unit_of
 
 ALIKE = 0.9
 """Share of a law's effect that the base could imitate, above which that is said."""
@@ -287,7 +287,7 @@ def _misses(account: Account) -> str:
     first, *others = stream_errors(account)
     parts = [f"{first.stream} by {_error(first)}"]
     parts += [
-        f"{error.stream} by {printed(error.rms, error.unit)} rms, "
+        f"{error.stream} by {printed(error.rms, unit_of(error.stream, error.unit))} rms, "
         f"{error.rms / error.noise:.2g} times its noise"
         for error in others
     ]
@@ -295,8 +295,9 @@ def _misses(account: Account) -> str:
 
 
 def _error(error: StreamError) -> str:
+    unit = unit_of(error.stream, error.unit)
     rms, noise, typical, worst = (
-        printed(size, error.unit) for size in (error.rms, error.noise, error.typical, error.worst)
+        printed(size, unit) for size in (error.rms, error.noise, error.typical, error.worst)
     )
     return (
         f"{rms} rms, {error.rms / error.noise:.2g} times its noise of {noise} "
