@@ -185,6 +185,31 @@ def test_a_worker_ends_with_a_parent_that_is_killed(tmp_path):
     assert_gone(worker)
 
 
+OWN_WORK = """
+from twin.processes import Pool
+
+def doubled(number):
+    return 2 * number
+
+if __name__ == "__main__":
+    with Pool(1) as pool:
+        print(pool.submit(doubled, 21).result())
+"""
+
+
+def test_a_pool_does_work_that_a_script_defines(tmp_path):
+    program = tmp_path / "own_work.py"
+    program.write_text(OWN_WORK, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(program)],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])},
+        timeout=60.0,
+    )
+    assert (done.returncode, done.stdout) == (0, "42\n"), done.stderr
+
+
 TRACKED = """
 import os, signal, time
 from twin import stop

@@ -57,7 +57,8 @@ class Pool:
         Raises:
             BrokenProcessPool: one of them has died.
         """
-        with beginning():
+        # work of the caller's script needs that script, which then asks whether it is `__main__`
+        with stop.blocked() if work.__module__ == "__main__" else beginning():
             return self._pool.submit(work, *args, **kwargs)
 
     def end(self) -> None:
