@@ -143,9 +143,19 @@ def contents(recording: Recording) -> Contents:
     return contents_of(recording.source, recording, *_named_by(recording))
 
 
-@sentences_of.register
-def _(result: Diagnosis) -> Sequence[str]:
-    return diagnosed(result)
+sentences_of.register(Diagnosis, diagnosed)
+figure_of.register(Diagnosis, prediction_figure)
+page_of.register(Diagnosis, diagnosis_page)
+sentences_of.register(Comparison, sentences)
+figure_of.register(Comparison, motion_figure)
+sentences_of.register(Identification, identified)
+document_of.register(Contents, contents_document)
+figure_of.register(Contents, contents_figure)
+page_of.register(Contents, contents_page)
+document_of.register(Answers, campaign_document)
+figure_of.register(Answers, spread_figure)
+page_of.register(Answers, campaign_page)
+sentences_of.register(GyroComparison, gyro_sentences)
 
 
 @document_of.register
@@ -153,39 +163,14 @@ def _(result: Diagnosis) -> Mapping[str, Any]:
     return diagnosis_document(result, None)
 
 
-@figure_of.register
-def _(result: Diagnosis) -> Figure:
-    return prediction_figure(result)
-
-
-@page_of.register
-def _(result: Diagnosis) -> str:
-    return diagnosis_page(result)
-
-
-@sentences_of.register
-def _(result: Comparison) -> Sequence[str]:
-    return sentences(result)
-
-
 @document_of.register
 def _(result: Comparison) -> Mapping[str, Any]:
     return document([result], [])
 
 
-@figure_of.register
-def _(result: Comparison) -> Figure:
-    return motion_figure(result)
-
-
 @page_of.register
 def _(result: Comparison) -> str:
     return comparison_page([result])
-
-
-@sentences_of.register
-def _(result: Identification) -> Sequence[str]:
-    return identified(result)
 
 
 @document_of.register
@@ -215,21 +200,6 @@ def _(result: Identification) -> Figure:
 @sentences_of.register
 def _(result: Contents) -> Sequence[str]:
     return contents_words(result).splitlines()
-
-
-@document_of.register
-def _(result: Contents) -> Mapping[str, Any]:
-    return contents_document(result)
-
-
-@figure_of.register
-def _(result: Contents) -> Figure:
-    return contents_figure(result)
-
-
-@page_of.register
-def _(result: Contents) -> str:
-    return contents_page(result)
 
 
 @sentences_of.register
@@ -332,21 +302,6 @@ def _(result: Answers) -> Sequence[str]:
     return [*summary(result), *verdicts(result)]
 
 
-@document_of.register
-def _(result: Answers) -> Mapping[str, Any]:
-    return campaign_document(result)
-
-
-@figure_of.register
-def _(result: Answers) -> Figure:
-    return spread_figure(result)
-
-
-@page_of.register
-def _(result: Answers) -> str:
-    return campaign_page(result)
-
-
 @sentences_of.register
 def _(result: Replayed) -> Sequence[str]:
     came = result.came
@@ -378,11 +333,6 @@ def _(result: Replayed) -> Mapping[str, Any]:
         "metrics": result.came.metrics,
         "same_bits": None if result.differs is None else not result.differs,
     }
-
-
-@sentences_of.register
-def _(result: GyroComparison) -> Sequence[str]:
-    return gyro_sentences(result)
 
 
 @document_of.register
