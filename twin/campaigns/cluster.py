@@ -35,8 +35,7 @@ from uuid import uuid4
 import pyarrow as pa
 
 import twin
-from twin.campaigns.arithmetic import arithmetic
-from twin.campaigns.folder import Folder, hash_of, versions
+from twin.campaigns.folder import Folder, arithmetic, hash_of, versions
 from twin.campaigns.results import write_rows
 from twin.campaigns.spec import Arm, Spec
 from twin.campaigns.worker import Done, rows_of_shard
@@ -245,7 +244,7 @@ class Cluster:
         """See `connected`."""
         self.address = address
         self.arithmetics: set[str] = set()
-        """Marks of those who flew; see `twin.campaigns.arithmetic`."""
+        """Marks of those who flew; see `twin.campaigns.folder.arithmetic`."""
         self._client = client
 
     def fly(

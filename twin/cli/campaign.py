@@ -106,8 +106,8 @@ class Campaign:
 
         if not self.cluster:
             return execute(spec, folder, workers=workers, tell=say, resume=self.resume)
-        from twin.campaigns.arithmetic import arithmetic
         from twin.campaigns.cluster import connected
+        from twin.campaigns.folder import arithmetic
         from twin.cli.output import tell
 
         with connected(self.cluster) as cluster:
