@@ -50,7 +50,7 @@ class Diagnose:
             own_causes,
             validate,
         )
-        from twin.effects import effect_named, file_of
+        from twin.effects import effect_named
         from twin.errors import TwinError, UsageError
         from twin.platform import common_platform, in_gravity_of, load_platform
         from twin.report import (
@@ -108,8 +108,8 @@ class Diagnose:
             laws = ",".join(map(str, laws_in(self.extend)))
             print(f"wrote {laws}: twin run {self.extend} --effects {laws} has it too", file=to)
         if self.extend is not None:
-            for effect in own_causes(result):
-                file = self.extend / (file_of(type(effect)) or Path()).name
+            for effect, brought in own_causes(result):
+                file = self.extend / brought.name
                 sizes = "/".join(f"{value:.6g}" for value in effect.values)
                 option = f"{file}:{effect.target}" if effect.target else f"{file}"
                 print(f"wrote {file}: twin run {self.extend} --effects {option}={sizes}", file=to)

@@ -358,11 +358,10 @@ def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
     if diagnosis.causes:
         effects = document.setdefault("effects", tomlkit.table())
         for cause in diagnosis.causes:
-            file = file_of(type(cause.effect))
-            if file is None:
+            if file_of(type(cause.effect)) is None:
                 state_effect(effects, cause.effect, cause.half_widths, logs)
-            else:
-                shutil.copy(file, folder / file.name)
+    for _, file in own_causes(diagnosis):
+        shutil.copy(file, folder / file.name)
     path.write_text(tomlkit.dumps(document), encoding="utf-8")
     _introduce(folder / "README.md", diagnosis, logs)
     if diagnosis.equation is not None:
@@ -370,13 +369,13 @@ def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
     extended = load_platform(str(folder))
     give_inertial(extended.model_path, extended.base.body, compile_model(extended).model)
     give_joints(extended.model_path, result.base, result.at.theta)
-    return with_effects(extended, own_causes(diagnosis))
+    return with_effects(extended, [effect for effect, _ in own_causes(diagnosis)])
 
 
-def own_causes(diagnosis: Diagnosis) -> tuple[Effect, ...]:
-    """Causes that are no effects of the catalogue, but of files that a lab brought."""
-    effects = (cause.effect for cause in diagnosis.causes)
-    return tuple(effect for effect in effects if file_of(type(effect)) is not None)
+def own_causes(diagnosis: Diagnosis) -> list[tuple[Effect, Path]]:
+    """Causes that are no effects of the catalogue, with the files that a lab brought."""
+    effects = [cause.effect for cause in diagnosis.causes]
+    return [(effect, file) for effect in effects if (file := file_of(type(effect))) is not None]
 
 
 def _about_origin(entries: Array, platform: Platform) -> Array:
