@@ -263,3 +263,14 @@ def test_a_wheel_beyond_its_stated_speed_is_said(times: float):
     else:
         (one,) = said
         assert one.startswith(f"{names[fastest]} reaches ")
+
+
+def test_wheel_speeds_are_printed_in_rpm_and_written_in_rad_per_second():
+    speed = np.linspace(0.0, 2.0 * np.pi * 50.0, 500)[:, None]
+    log = Recording(
+        {"wheel_speed": Series(0.01 * np.arange(500.0), speed, ("w1",), "rad/s")}, {"kind": "log"}
+    )
+    contents = contents_of("", log, None)
+    assert "w1 0 to 3000 rpm" in contents_words(contents)
+    (stream,) = contents_document(contents)["streams"]
+    assert stream["unit"] == "rad/s"
