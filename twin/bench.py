@@ -1,5 +1,8 @@
 """A machine on its bench, or its emulation: opened, watched, armed if somebody says so, closed.
 
+The loop is that of every plant. What differs is told here: time is the wall's, nothing leaves
+until it is armed, and in the end the machine is left in its safe state.
+
 Host and emulation in step: time stands until both have nothing left to do, then goes on.
 How it is kept honest: every byte still goes through the pseudo-terminal and its session, at the
 line's rate in emulated time. The host counts the bytes that it has written and lets time go on; the
@@ -8,9 +11,6 @@ said something or the time is over, and tells its time and how many bytes it has
 host waits until its reader has dealt with that many. So nothing is lost or comes late because a
 computer is slow, and time-to-live, ages and clock fits are those of emulated time. What it does
 not show is what a slow computer does: the loop's own work takes no time here.
-
-The loop is that of every plant. What differs is told here: time is the wall's, nothing leaves
-until it is armed, and in the end the machine is left in its safe state.
 """
 
 import time

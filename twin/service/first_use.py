@@ -8,7 +8,6 @@ Each is linear in the command u(t) that was applied, so it is predicted from the
 
 on the body [N m], and on its own reading  u / I  a wheel's speed,  u  a gimbal's angle.
 
-Before a law may command them: each actuator moved a little, and held against what it should do.
 The turn of the floating body and the actuator's own reading are predicted from the platform. One
 that does the opposite, or nothing where something would be seen, refuses the session; what cannot
 be told (a captured table shows no turn, a mass that runs up and down hardly one) is said.
