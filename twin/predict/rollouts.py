@@ -1,6 +1,5 @@
 """Rollouts of a log's machine under its inputs: segments side by side, from given states."""
 
-from collections.abc import Iterator
 from copy import copy
 from dataclasses import replace
 from typing import Protocol
@@ -18,7 +17,7 @@ from twin.predict.logs import Motion
 from twin.predict.response import Passage, Response, Segment, is_gyrostat, transitions
 from twin.predict.sensors import StepGrid
 from twin.predict.states import STEP, PathForces, States, carried_states, reached, torque_of
-from twin.predict.swing import Swing, Swinging
+from twin.predict.swing import Answer, Swing, Swinging
 from twin.stop import check
 
 Array = NDArray[np.float64]
@@ -155,7 +154,7 @@ class Rollouts:
         force, turning = self._driven(push.force)
         velocity += np.tile(turning, (variants, 1))
         driven = np.tile(np.concatenate([self._control, force], axis=-1), (variants, 1, 1))
-        carrier = _carrier(model, position, velocity)
+        carrier = _carrier(machine, model, position, velocity)
         positions, velocities = self._carried(carrier, driven, push, np.tile(grid.starts, variants))
         if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
             raise BeyondBounds("a machine with such parameters moves beyond all bounds")
@@ -205,7 +204,7 @@ class Rollouts:
         driven = driven.reshape(-1, model.nu + model.nv)
         place = segments[:, None] * grid.steps + np.arange(steps)
         driven = driven[np.minimum(place, len(driven) - 1)]
-        carrier = _carrier(model, position, velocity)
+        carrier = _carrier(machine, model, position, velocity)
         positions, _ = self._carried(carrier, driven, push, grid.starts[segments])
         return positions[..., machine.base_qpos]
 
@@ -215,35 +214,30 @@ class Rollouts:
         """Positions (r, steps + 1, nq) and velocities (r, steps + 1, nv) of machines, first as they
         stand at some times (r,), under controls and forces (r, steps, .) and what answers."""
         position, velocity = carrier.position[:, None].copy(), carrier.velocity[:, None].copy()
-        if push.laws:
-            pieces = list(self._answering(carrier, driven, push, start))
-        else:
-            pieces = [carrier.carry(driven)]
+        answer = self._answer(push, start) if push.laws else None
+        positions, velocities = carrier.carry(driven, answer)
         return (
-            np.concatenate([position, *(item for item, _ in pieces)], axis=1),
-            np.concatenate([velocity, *(item for _, item in pieces)], axis=1),
+            np.concatenate([position, positions], axis=1),
+            np.concatenate([velocity, velocities], axis=1),
         )
 
-    def _answering(
-        self, carrier: "Carrier", driven: Array, push: PathForces, start: Array
-    ) -> Iterator[tuple[Array, Array]]:
-        """Step by step; a torque is held at its mean over a step, as that would go on."""
-        machine = self.machine
-        base = driven.shape[2] - machine.model.nv + np.arange(machine.model.nv)[machine.base_dof]
+    def _answer(self, push: PathForces, start: Array) -> Answer:
+        """The torque of laws on the base over each step, held at its mean, as it would go on."""
+        machine, step = self.machine, self.grid.step
+        base_qpos, base_dof, wheels = machine.base_qpos, machine.base_dof, machine.wheel_dof
         last: Array | None = None
-        for k in range(driven.shape[1]):
-            velocity = carrier.velocity
+
+        def answer(k: int, position: Array, velocity: Array) -> Array:
+            nonlocal last
             state = State(
-                carrier.position[:, machine.base_qpos],
-                velocity[:, machine.base_dof],
-                velocity[:, machine.wheel_dof],
-                start + k * self.grid.step,
+                position[:, base_qpos], velocity[:, base_dof], velocity[:, wheels], start + k * step
             )
-            now = torque_of(push.laws, state)
-            held = driven[:, k : k + 1].copy()
-            held[:, 0, base] += now if last is None else 1.5 * now - 0.5 * last
-            last = now
-            yield carrier.carry(held)
+            torque = torque_of(push.laws, state)
+            mean = torque if last is None else 1.5 * torque - 0.5 * last
+            last = torque
+            return mean
+
+        return answer
 
     @property
     def unexplained(self) -> Array:
@@ -337,29 +331,47 @@ class Carrier(Protocol):
     velocity: Array
     """(r, nv)."""
 
-    def carry(self, driven: Array) -> tuple[Array, Array]:
-        """Positions (r, steps, nq) and velocities (r, steps, nv) after each step, under controls
-        and forces (r, steps, .)."""
+    def carry(self, driven: Array, answer: Answer | None = None) -> tuple[Array, Array]:
+        """Positions (r, steps, nq) and velocities (r, steps, nv) after each step.
+
+        Args:
+            driven: (r, steps, .) controls and forces, constant over a step.
+            answer: a torque on the base beside them, which depends on the state.
+        """
         ...
 
 
 class _Simulated:
     """By MuJoCo."""
 
-    def __init__(self, model: mujoco.MjModel, position: Array, velocity: Array) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, base: slice, position: Array, velocity: Array
+    ) -> None:
+        self._base = model.nu + np.arange(model.nv)[base]
         self._batch = Batch(model, len(position))
         self.position, self.velocity = self._batch.bind("qpos"), self._batch.bind("qvel")
         self.position[:], self.velocity[:] = position, velocity
 
-    def carry(self, driven: Array) -> tuple[Array, Array]:
+    def carry(self, driven: Array, answer: Answer | None = None) -> tuple[Array, Array]:
+        if answer is None:
+            return self._rollout(driven)
+        pieces: list[tuple[Array, Array]] = []
+        for k in range(driven.shape[1]):
+            held = driven[:, k : k + 1].copy()
+            held[:, 0, self._base] += answer(k, self.position, self.velocity)
+            pieces.append(self._rollout(held))
+        positions, velocities = zip(*pieces, strict=True)
+        return np.concatenate(positions, axis=1), np.concatenate(velocities, axis=1)
+
+    def _rollout(self, driven: Array) -> tuple[Array, Array]:
         run = self._batch.rollout(
             driven.shape[1], driven, control_spec=_CONTROL | _FORCE, record=("qpos", "qvel")
         )
         return run["qpos"], run["qvel"]
 
 
-def _carrier(model: mujoco.MjModel, position: Array, velocity: Array) -> Carrier:
+def _carrier(machine: Machine, model: mujoco.MjModel, position: Array, velocity: Array) -> Carrier:
     swing = Swing.of(model)
     if swing is None:
-        return _Simulated(model, position, velocity)
+        return _Simulated(model, machine.base_dof, position, velocity)
     return Swinging(swing, position, velocity)

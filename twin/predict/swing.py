@@ -6,6 +6,7 @@ Classical Runge-Kutta as in MuJoCo, many paths side by side: the same path to ro
 of the time.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -13,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Answer = Callable[[int, Array, Array], Array]
+"""A torque on the base, by the number of a step, and positions and velocities where it begins."""
 ALIKE = 1e-9
 """Share of the acceleration to which the equation must agree with MuJoCo to stand in for it."""
 PROBES = ((0.3, -0.7), (2.9, 1.9), (-4.1, 0.2))
@@ -109,31 +112,51 @@ class Swinging:
         self.position, self.velocity = position, velocity
         self._swing = swing
 
-    def carry(self, driven: Array) -> tuple[Array, Array]:
+    def carry(self, driven: Array, answer: Answer | None = None) -> tuple[Array, Array]:
         """Positions (r, steps, 1) and velocities (r, steps, 1) after each step.
 
         Args:
             driven: (r, steps, nu + 1) controls and the force applied, constant over a step.
+            answer: a torque (r, 1) on the hinge over step k, by its position and velocity (r, 1)
+                where the step begins.
         """
         swing, h = self._swing, self._swing.step
         control = np.clip(driven[..., :-1], swing.low, swing.high)
-        torque = driven[..., -1] + control @ swing.gear
-        positions, velocities = np.empty((2, *torque.shape, 1))
-        q, w = self.position[:, 0], self.velocity[:, 0]
-        for k in range(torque.shape[1]):
-            pull = torque[:, k]
-            a1 = swing.acceleration(q, w, pull)
+        # s sin q + c cos q = gravity sin(q + phase): one sine, and all by the inertia, for
+        # the time of a step of a few paths is that of its calls
+        phase = np.arctan2(swing.cosine, swing.sine)
+        gravity = np.hypot(swing.sine, swing.cosine) / swing.inertia
+        spring, damping = swing.stiffness / swing.inertia, swing.damping / swing.inertia
+        rest = swing.spring_reference + phase
+        driving = np.ascontiguousarray((driven[..., -1] + control @ swing.gear).T) / swing.inertia
+
+        def acceleration(turned: Array, rate: Array, pull: Array) -> Array:
+            result = gravity * np.sin(turned) + pull
+            if spring:
+                result -= spring * (turned - rest)
+            if damping:
+                result -= damping * rate
+            return result
+
+        positions, velocities = np.empty((2, *driving.shape))
+        q, w = self.position[:, 0] + phase, self.velocity[:, 0]
+        for k, pull in enumerate(driving):
+            if answer is not None:
+                given = answer(k, (q - phase)[:, None], w[:, None])
+                pull = pull + given[:, 0] / swing.inertia
+            a1 = acceleration(q, w, pull)
             w2 = w + 0.5 * h * a1
-            a2 = swing.acceleration(q + 0.5 * h * w, w2, pull)
+            a2 = acceleration(q + 0.5 * h * w, w2, pull)
             w3 = w + 0.5 * h * a2
-            a3 = swing.acceleration(q + 0.5 * h * w2, w3, pull)
+            a3 = acceleration(q + 0.5 * h * w2, w3, pull)
             w4 = w + h * a3
-            a4 = swing.acceleration(q + h * w3, w4, pull)
+            a4 = acceleration(q + h * w3, w4, pull)
             q = q + h / 6.0 * (w + 2.0 * (w2 + w3) + w4)
             w = w + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
-            positions[:, k, 0], velocities[:, k, 0] = q, w
-        self.position, self.velocity = q[:, None], w[:, None]
-        return positions, velocities
+            positions[k], velocities[k] = q, w
+        positions -= phase
+        self.position, self.velocity = (q - phase)[:, None], w[:, None]
+        return positions.T[..., None], velocities.T[..., None]
 
 
 def _torque(model: mujoco.MjModel, data: mujoco.MjData, q: float, w: float, a: float) -> float:
