@@ -85,6 +85,14 @@ THREE = np.array([0.1, -0.2, 0.3])
 FORMULAS = {
     "gyro_bias=0.1/-0.2/0.3": ("gyro", lambda x, t, _: x + THREE),
     "gyro_drift=0.1/-0.2/0.3": ("gyro", lambda x, t, _: x + t[:, None] * THREE),
+    "gyro_vibration=0.1/-0.2/0.3/0.3/0.1/-0.2/3.7": (
+        "gyro",
+        lambda x, t, _: (
+            x
+            + np.outer(np.sin(2.0 * np.pi * 3.7 * t), THREE)
+            + np.outer(np.cos(2.0 * np.pi * 3.7 * t), [0.3, 0.1, -0.2])
+        ),
+    ),
     "gyro_scale_factor=0.1/-0.2/0.3": ("gyro", lambda x, t, _: x * (1.0 + THREE)),
     "gyro_misalignment=0.1/-0.2/0.15": (
         "gyro",

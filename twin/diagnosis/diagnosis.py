@@ -75,20 +75,31 @@ def ordinary(noise: NoiseProcess) -> bool:
 def carried(baseline: Explanation, explanation: Explanation) -> float:
     """Share of the baseline's misfit that the causes explain.
 
-    Of a continuous motion, the misfit is the excess of the squared residual, of which noise
-    processes take the rest. Of independent segments it is the error of a free run: their residuals
-    are those of a few disturbed segments.
+    The misfit is the excess of the squared residual over noise. In a continuous motion, noise
+    processes take the rest of it. Of independent segments the error of a typical free run counts
+    too, and the larger share is taken: hands that push in a few segments dominate the squares, and
+    a controller that holds a machine upright hides from free runs what it works against.
     """
     if not (baseline.follows and explanation.follows):
         run = free_run(HORIZONS[0], baseline.account, explanation.account)
-        if run is None:
-            return 0.0
-        before, after, perfect = run.errors
-        return float(np.clip(1.0 - (after - perfect) / max(before - perfect, 1e-9), 0.0, 1.0))
+        in_runs = 0.0 if run is None else _share(*run.along)
+        return max(in_runs, _share(_excess(baseline), _excess(explanation)))
     with_causes = explanation.problem.whiten(explanation.at, explanation.prediction.exact, EXACT)
     left = with_causes.residual + with_causes.columns @ with_causes.step()
     excess = baseline.prediction.residual @ baseline.prediction.residual - baseline.samples
-    return float(np.clip(1.0 - (left @ left - explanation.samples) / max(excess, 1.0), 0.0, 1.0))
+    return _share(max(excess, 1.0), left @ left - explanation.samples)
+
+
+def _share(before: float, after: float) -> float:
+    """Share of a misfit that is gone."""
+    return float(np.clip(1.0 - after / max(before, 1e-9), 0.0, 1.0))
+
+
+def _excess(explanation: Explanation) -> float:
+    """Squared residual of its samples beyond that of noise, in units of the noise."""
+    of_samples = explanation.prediction.cluster >= 0
+    squares = float(np.sum(np.square(explanation.prediction.residual[of_samples])))
+    return squares - explanation.samples
 
 
 @dataclass(frozen=True)

@@ -30,9 +30,14 @@ from twin.diagnosis.explanation import (
     followed,
 )
 from twin.diagnosis.laws import Law, laws_of, unlikely
-from twin.diagnosis.residual_test import ResidualTest, residual_test, slow_line_of
+from twin.diagnosis.residual_test import (
+    ResidualTest,
+    lines_of,
+    residual_test,
+    slow_line_of,
+)
 from twin.diagnosis.screen import TIED, LinearScreen, Search, without
-from twin.effects import Effect, able, with_effects
+from twin.effects import Effect, VibrationEffect, able, with_effects
 from twin.errors import TwinError
 from twin.identification.prediction_error import NORMAL, WORTHWHILE
 from twin.model import compile_model
@@ -195,6 +200,9 @@ class Engine:
             say: receives the name of each step.
         """
         self.candidates = tuple(candidate for candidate in candidates if not candidate.effect.winds)
+        self.shaken: tuple[Candidate, ...] = ()
+        """Vibrations of sensors at the lines of the baseline's residual: candidates from the start,
+        since other faults of that sensor would reproduce part of a line."""
         self.winding = tuple(candidate for candidate in candidates if candidate.effect.winds)
         """Candidates without a usual number of waves a turn: screened in the last stage only."""
         self.say = say
@@ -249,6 +257,8 @@ class Engine:
         self._likeliest.clear()
         self._named, self._baseline, self._inflation = None, baseline, np.inf
         self._laws_asked = False
+        shaken = [item for item in self.candidates if isinstance(item.effect, VibrationEffect)]
+        self.shaken = ringing(shaken, lines_of(baseline) if shaken else (), baseline.bodies)
 
     def _single_causes(self, state: SearchState) -> list[SearchState]:
         """Of independent segments: the best candidates fitted one at a time, until one leaves noise
@@ -297,9 +307,14 @@ class Engine:
         anywhere = self._ringing_anywhere(baseline)
         wide: list[SearchState] = []
         for state in starts:
-            hertz = state.residual_test.lines or slow_line_of(state.explanation)
-            lines = ringing(self.candidates, hertz, baseline.bodies)
-            candidates = (*self.candidates, *lines, *anywhere, *self._winding(state.explanation))
+            lines = ringing(self.candidates, _lines_of(state), baseline.bodies)
+            candidates = (
+                *self.candidates,
+                *self.shaken,
+                *lines,
+                *anywhere,
+                *self._winding(state.explanation),
+            )
             laws = tuple(laws_of(baseline.bodies)) if state.explanation.follows else ()
             wide.append(self._state_of(state.explanation, candidates, laws))
         return self._grown([*wide, *self._stepped(wide)])
@@ -432,7 +447,7 @@ class Engine:
     ) -> SearchState:
         candidates = tuple(
             candidate
-            for candidate in candidates or self.candidates
+            for candidate in candidates or (*self.candidates, *self.shaken)
             if candidate.label not in self._barred
         )
         state = SearchState(explanation, candidates, tuple(laws))
@@ -630,6 +645,15 @@ def _starts(baseline: Explanation) -> list[Explanation]:
     ]
 
 
+def _lines_of(state: SearchState) -> tuple[float, ...]:
+    """Frequencies that stand out of a residual [Hz]; of independent segments, those of which a
+    segment holds a period: what is slower goes into the state at its start."""
+    if state.explanation.follows:
+        return state.residual_test.lines or slow_line_of(state.explanation)
+    longest = max(body.grid.length for body in state.explanation.bodies)
+    return tuple(hertz for hertz in state.residual_test.lines if hertz * longest > 1.0)
+
+
 def _labels(explanation: Explanation) -> frozenset[str]:
     return frozenset(part.label for part in (*explanation.effects, *explanation.laws))
 
@@ -701,8 +725,13 @@ def _may_be_none(explanation: Explanation, index: int) -> bool:
 
 
 def _possible(explanation: Explanation, effect: Effect) -> bool:
-    """Whether the machine can have the effect in that size."""
+    """Whether the machine can have the effect in that size: not where a fit ends at a bound of
+    what such an effect can be."""
     platform = explanation.bodies[0].machine.platform
+    sizes, bounds = effect.values[amplitudes(effect)], effect.bounds()
+    low, high = (bound[amplitudes(effect)] for bound in bounds)
+    if np.any((sizes != 0.0) & ((sizes <= low) | (sizes >= high))):
+        return False
     try:
         compile_model(with_effects(able(platform, effect), (effect,)))
     except TwinError:

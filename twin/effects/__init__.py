@@ -20,6 +20,7 @@ from twin.effects.on_series import Order as Order
 from twin.effects.on_series import ReadingEffect as ReadingEffect
 from twin.effects.on_series import ScatterEffect as ScatterEffect
 from twin.effects.on_series import SeriesEffect as SeriesEffect
+from twin.effects.on_series import VibrationEffect as VibrationEffect
 from twin.effects.on_series import series_effects as series_effects
 from twin.effects.stated import able as able
 from twin.effects.stated import effects_of as effects_of

@@ -14,11 +14,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.effects.effect import Effect
+from twin.effects.effect import Domain, Effect
 from twin.platform import Platform
 from twin.signals import Samples
 
 Array = NDArray[np.float64]
+RESOLVED = 0.01
+"""Scale of a vibration's frequency [Hz]."""
 Live = Callable[[Samples], Samples]
 """Takes the next samples of a stream; remembers what it must."""
 
@@ -102,6 +104,40 @@ class BiasEffect(SeriesEffect, abc.ABC):
 
     def undo(self, samples: Samples, platform: Platform) -> Samples:
         return with_value(samples, samples.value - self.error())
+
+
+@dataclass(frozen=True)
+class VibrationEffect(SeriesEffect, abc.ABC):
+    """Adds a sinusoid s sin(2 pi f t) + c cos(2 pi f t) to each column of a sensor; f is its last
+    parameter.
+
+    What shakes the sensor in its mount, and the machine only so little that no other stream shows
+    it: a pump, a fan, the frame that the machine stands on.
+    """
+
+    domain = Domain.sensor
+    order = Order.bias
+
+    @classmethod
+    def scale(cls) -> Array:
+        """(p,) likewise; of the frequency what a log of a minute or two tells apart, as a step of
+        a share of the frequency itself would be whole turns at its end."""
+        return np.append(super().scale()[:-1], RESOLVED)
+
+    @abc.abstractmethod
+    def sinusoid(self) -> tuple[Array, Array, float]:
+        """s and c (k,) in the stream's unit, and f [Hz]."""
+
+    def apply(self, samples: Samples, platform: Platform) -> Samples:
+        return with_value(samples, samples.value + self._error(samples))
+
+    def undo(self, samples: Samples, platform: Platform) -> Samples:
+        return with_value(samples, samples.value - self._error(samples))
+
+    def _error(self, samples: Samples) -> Array:
+        sine, cosine, frequency = self.sinusoid()
+        turns = 2.0 * np.pi * frequency * samples.time[..., None]
+        return sine * np.sin(turns) + cosine * np.cos(turns)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.comparison.explanation import HORIZONS, FreeRun
+from twin.comparison.explanation import FreeRun
 from twin.diagnosis import Diagnosis
 from twin.diagnosis.cause import Cause, Equation
 from twin.diagnosis.diagnosis import crowded, foretells_nothing, ordinary, strays
@@ -222,7 +222,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         if not diagnosis.intervals_hold:
             left = f"still miss by {size:.2g} times the noise"
         return (
-            f"Explained in part: {carry} {share} of the error of a free run of {HORIZONS[0]:g} s; "
+            f"Explained in part: {carry} {share} of what the model misses; "
             "no cause makes the motion follow the model for longer, and segments of "
             f"{length:.2g} s {left}."
         )

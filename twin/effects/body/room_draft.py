@@ -40,17 +40,17 @@ class RoomDraft(CoupleEffect):
         "amplitude, room axes",
         "N",
         (6e-4, 2e-4, 0.0),
-        source="1/2 rho v^2 A of 0.1 m/s on 0.1 m^2",
-        low=-100.0,
-        high=100.0,
+        source="1/2 rho v^2 A of 0.1 m/s on 0.1 m^2; at most 0.5 m/s on 0.7 m^2",
+        low=-0.1,
+        high=0.1,
     )
     frequency: float = parameter(
         "of the sinusoid",
         "Hz",
         0.05,
-        source="ASSUMED: a fan that swings in 20 s",
+        source="ASSUMED: a fan that swings in 20 s; air does not push to and fro twice a second",
         low=1e-4,
-        high=10.0,
+        high=2.0,
         amplitude=False,
     )
     phase: float = parameter(
