@@ -9,19 +9,25 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from twin.api import balance as balance
     from twin.api import campaign as campaign
+    from twin.api import check_log as check_log
     from twin.api import compare as compare
     from twin.api import compare_sensors as compare_sensors
     from twin.api import diagnose as diagnose
     from twin.api import extend as extend
     from twin.api import fly as fly
+    from twin.api import fly_campaign as fly_campaign
+    from twin.api import forecast as forecast
     from twin.api import identify as identify
+    from twin.api import identify_by_all as identify_by_all
     from twin.api import import_log as import_log
     from twin.api import load as load
+    from twin.api import machine_of as machine_of
     from twin.api import new as new
     from twin.api import read as read
     from twin.api import replay as replay
     from twin.api import results as results
     from twin.api import show as show
+    from twin.api import transfer as transfer
     from twin.api import validate as validate
     from twin.controller import Controller as Controller
     from twin.effects import Effect as Effect
@@ -49,19 +55,25 @@ __all__ = [
     "TwinError",
     "balance",
     "campaign",
+    "check_log",
     "compare",
     "compare_sensors",
     "diagnose",
     "extend",
     "fly",
+    "fly_campaign",
+    "forecast",
     "identify",
+    "identify_by_all",
     "import_log",
     "load",
+    "machine_of",
     "new",
     "read",
     "replay",
     "results",
     "show",
+    "transfer",
     "validate",
 ]
 

@@ -1,70 +1,66 @@
-"""The Python interface, flat in `twin`: what the verbs of the command line do, as functions.
+"""The Python interface, flat in `twin`: what the verbs of the command line call.
 
     import twin
 
     run = twin.fly("sads", "quaternion_pd", duration=60.0)
     print(run)
-    found = twin.diagnose(run.recording)
-    found.save("why.html")
+    diagnosis = twin.diagnose(run.recording)
+    diagnosis.save("why.html")
 
-Numbers are SI throughout; angles are in radians. A machine, a log or a law is given by its name or
-path, or as the object. What comes back is printed by `print`, drawn by `.plot()`, written by
-`.save(path)` (`twin.shown.Shown`), and holds NumPy arrays. Every mistake of a user is a `TwinError`
-with a sentence. `say` takes the name of each step of what takes long.
+Quantities are in SI units, angles in radians. A machine, a log or a law is given by its name or
+path, or as the object. A result is printed by `print`, drawn by `.plot()` and written by
+`.save(path)` (`twin.shown.Shown`), and holds NumPy arrays. Every user's mistake raises a
+`TwinError` whose text is one sentence. `say` takes a line of progress at each step of what takes
+long.
+
+Each function imports what it needs when it is called, so that a verb loads no more than its job.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
+if TYPE_CHECKING:
+    from twin.bench import Bench
+    from twin.campaigns.answers import Answers
+    from twin.campaigns.execute import CampaignRuns, Forecast
+    from twin.campaigns.replay import Replayed
+    from twin.comparison import Comparison, Transfer
+    from twin.controller import AnyController
+    from twin.diagnosis import Diagnosis, Validation
+    from twin.effects import Effect
+    from twin.errors import TwinError
+    from twin.flight import Flight, Run
+    from twin.identification import Identification
+    from twin.identification import Settings as IdentificationSettings
+    from twin.intake.importing import Imported
+    from twin.loop import Observer
+    from twin.plant.guard.guarded import Held
+    from twin.platform import Platform
+    from twin.procedures.session import Balanced
+    from twin.recording import Recording
+    from twin.reference import Reference
+    from twin.report.contents import Contents
+    from twin.strapdown import GyroComparison
 
-from twin.campaigns.answers import Answers, answers
-from twin.campaigns.execute import execute
-from twin.campaigns.folder import Folder
-from twin.campaigns.read import read_spec
-from twin.campaigns.replay import Replayed, record_kept
-from twin.campaigns.replay import replay as replay_run
-from twin.campaigns.results import read_results
-from twin.clock import SimulatedClock, WallClock
-from twin.comparison import Comparison
-from twin.comparison import compare as compare_log
-from twin.controller import AnyController
-from twin.diagnosis import Diagnosis, Validation
-from twin.diagnosis import diagnose as diagnose_logs
-from twin.diagnosis import extend as extend_platform
-from twin.diagnosis import validate as validate_diagnosis
-from twin.effects import Effect, effect_named, parse_effects, with_effects
-from twin.errors import UnknownName, UsageError
-from twin.flight import Run, prepare
-from twin.identification import Identification, calibrated
-from twin.identification import Settings as IdentificationSettings
-from twin.identification import identify as identify_logs
-from twin.intake import import_files
-from twin.loop import Observer
-from twin.metrics import Metrics, settled
-from twin.plant.guard.guarded import Held
-from twin.plant.initial import InitialState
-from twin.platform import Platform, common_platform, in_gravity_of, load_platform, platform_of
-from twin.procedures.session import CAP, Balanced, BalancingSession
-from twin.recording import Recording, open_log, restricted
-from twin.reference import Reference
-from twin.report.contents import Contents
-from twin.report.results import contents
-from twin.rotation import from_euler_zyx
-from twin.scaffold import new_platform
-from twin.strapdown import GyroComparison, compare_gyro
-from twin.stream.provenance import provenance
-from twin.stream.recorder import FileRecorder, MemoryRecorder
+    Machine = str | Path | Platform
+    Log = str | Path | Recording
+    Effects = str | Sequence[Effect]
+    Watch = Callable[[Bench, float], AbstractContextManager[Observer]]
 
 Triple = tuple[float, float, float]
-Machine = str | Path | Platform
-Log = str | Path | Recording
-Effects = str | Sequence[Effect]
 Say = Callable[[str], None]
+BENCHES = ("pty", "serial")
+"""Kinds of plants that are a machine on its bench, or the emulation of one."""
+BALANCING_DURATION = 7200.0
+"""After which a balancing is given up unless told otherwise [s]."""
 
 
 def _silent(_: str) -> None:
-    """Say nothing."""
+    """Print nothing."""
 
 
 def load(platform: Machine, effects: Effects = ()) -> Platform:
@@ -80,6 +76,9 @@ def load(platform: Machine, effects: Effects = ()) -> Platform:
         PlatformError: a file that contradicts itself or physics.
         EffectError: an effect that the machine cannot have.
     """
+    from twin.effects import with_effects
+    from twin.platform import Platform, load_platform
+
     stated = platform if isinstance(platform, Platform) else load_platform(str(platform))
     return with_effects(stated, _effects(effects))
 
@@ -95,6 +94,9 @@ def new(folder: str | Path, kind: str = "table", log: Log | None = None) -> Plat
     Raises:
         UsageError: the folder exists, or a name that is none.
     """
+    from twin.platform import load_platform
+    from twin.scaffold import new_platform
+
     begun = new_platform(Path(folder), kind, None if log is None else read(log))
     return load_platform(str(begun))
 
@@ -120,6 +122,8 @@ def read(
         RecordingError: no such thing, or an `.rrd` that cannot be read.
         LogError: a folder that cannot be read, or nothing between `start` and `stop`.
     """
+    from twin.recording import Recording, open_log, restricted
+
     recording = log if isinstance(log, Recording) else open_log(log, say)
     return restricted(recording, start=start, stop=stop, rate=rate)
 
@@ -143,19 +147,54 @@ def import_log(
     Raises:
         LogError: a file that cannot be read.
     """
+    imported(files, folder, platform=platform, rate=rate)
+    return read(folder)
+
+
+def imported(
+    files: str | Path | Sequence[str | Path],
+    folder: str | Path,
+    *,
+    platform: Machine | None = None,
+    rate: float | None = None,
+) -> Imported:
+    """As `import_log`; returns what was proposed for each stream, and what is unsure of it."""
+    from twin.intake import import_files
+
     paths = [files] if isinstance(files, str | Path) else list(files)
     machine = None if platform is None else load(platform)
     name = None
     if machine is not None:
-        name = platform if isinstance(platform, str) else str(machine.folder)
+        name = str(platform) if isinstance(platform, str | Path) else str(machine.folder)
         name = str(Path(name).resolve()) if Path(name).exists() else name
-    import_files([Path(path) for path in paths], Path(folder), machine, name, rate)
-    return read(folder)
+    return import_files([Path(path) for path in paths], Path(folder), machine, name, rate)
 
 
 def show(log: Log) -> Contents:
     """What is in a log: streams with rates, gaps, ranges and noise, what looks misread, repairs."""
+    from twin.report.results import contents
+
     return contents(read(log))
+
+
+def check_log(log: Log, platform: Machine | None = None) -> None:
+    """Check that `identify` and `diagnose` can use a log.
+
+    Args:
+        log: measured, or a run.
+        platform: the machine; None: the one that the log names.
+
+    Raises:
+        TwinError: as these would raise it.
+    """
+    from twin.conventions.time_base import check_times
+    from twin.diagnosis import check_logs
+    from twin.platform import platform_of
+
+    recording = read(log)
+    machine = platform_of(recording) if platform is None else load(platform)
+    check_times(recording, machine)
+    check_logs([recording], machine)
 
 
 def fly(
@@ -172,11 +211,15 @@ def fly(
     estimator: str | None = None,
     plant: str = "sim",
     arm: str | None = None,
+    identified: str | Path | None = None,
     lockstep: bool = False,
     realtime: bool = False,
     seed: int = 0,
     rrd: str | Path | None = None,
+    viewer: bool = False,
+    keep: bool = True,
     observers: Sequence[Observer] = (),
+    watch: Watch | None = None,
     say: Say = _silent,
 ) -> Run:
     """Fly a machine under a control law: simulated, emulated, real, or as a log has it.
@@ -196,56 +239,104 @@ def fly(
         estimator: a name; None: the machine's usual one.
         plant: `sim`, `pty[:FILE.toml]`, `serial[:URL]` or `replay:LOG`.
         arm: `floating` or `captured`: let commands of a machine on its bench leave.
+        identified: file of an identification (`Identification.save("FILE.json")`): a machine on its
+            bench flies only if its simulation, at all corners of the 95 % set, keeps off the guard.
         lockstep: of plant pty, wait for the emulation in place of keeping to the wall's clock.
         realtime: keep to the wall's clock.
         seed: of all random numbers.
-        rrd: record into this file, too, while it flies.
+        rrd: record into this file, too, while it flies; one that exists is written anew, but never
+            on pty or serial.
+        viewer: show it live in the Rerun viewer.
+        keep: hold all streams in memory for `Run.recording`; else it is read from `rrd`.
         observers: see every tick.
-        say: takes sentences of a machine on its bench.
+        watch: makes one more observer, of a machine on its bench, given the time that it flies [s].
+        say: takes what is flown, warnings, and sentences of a machine on its bench.
 
     Raises:
-        TwinError: a name that is not known, parts that do not fit together, a file that is wrong,
-            a law that fails.
+        TwinError: a name that is not known, parts that do not fit together, a file that is wrong
+            or may not be written, a law that fails.
     """
+    import numpy as np
+
+    from twin.clock import SimulatedClock, WallClock
+    from twin.files import check_writable
+    from twin.flight import Run, prepare
+    from twin.metrics import Metrics, settled
+    from twin.plant.initial import InitialState
+    from twin.rehearsal import check_lean, identified_box
+    from twin.rotation import from_euler_zyx
+    from twin.stream.provenance import provenance
+    from twin.stream.recorder import FileRecorder, FlightRecorder, MemoryRecorder
+
+    added = _effects(effects)
+    kind, _, log = plant.partition(":")
+    _check_start(plant, identified, (*attitude, *rate, *velocity))
+    path = None if rrd is None else Path(rrd)
+    if path is not None:
+        replayed = (Path(log),) if kind == "replay" else ()
+        check_writable(path, ".rrd", anew=kind not in BENCHES, read=replayed)
     roll, pitch, yaw = attitude
     initial = InitialState(
         attitude=from_euler_zyx(np.array(yaw), np.array(pitch), np.array(roll)),
         rate_body=np.array(rate),
         velocity=np.array(velocity),
-        joint_angle=roll,
-        joint_rate=rate[0],
+        joint_angle=float(roll),
+        joint_rate=float(rate[0]),
     )
-    flight = prepare(
-        load(platform),
-        controller=str(controller) if isinstance(controller, str | Path) else controller,
-        estimator=estimator,
-        plant=plant,
-        reference=reference,
-        duration=duration,
-        seed=seed,
-        initial=initial,
-        gains=gains,
-        effects=_effects(effects),
-        held=_held(arm),
-        lockstep=lockstep,
-        tell=say,
-    )
-    warnings = tuple(flight.warnings())
-    metrics = Metrics(flight.platform, settle=settled(flight.duration))
-    facts = provenance(flight.platform, seed=seed)
-    memory = MemoryRecorder(flight.platform, facts)
-    clock = WallClock() if realtime else SimulatedClock()
-    every: list[Observer] = [metrics, memory, *observers]
-    with flight.plant:
-        if rrd is None:
-            outcome = flight.fly(clock, every, say)
-        else:
-            Path(rrd).parent.mkdir(parents=True, exist_ok=True)
-            with FileRecorder(rrd) as recorder:
-                recorder.start(flight.platform, facts)
-                outcome = flight.fly(clock, [*every, recorder], say)
+    with ExitStack() as stack:
+        recorder = None
+        if path is not None or viewer:
+            # early, so that its process comes up while the machine is compiled
+            recorder = stack.enter_context(FileRecorder(path, viewer=viewer))
+        flight = prepare(
+            load(platform),
+            controller=str(controller) if isinstance(controller, Path) else controller,
+            estimator=estimator,
+            plant=plant,
+            reference=reference,
+            duration=duration,
+            seed=seed,
+            initial=initial,
+            gains=gains,
+            effects=added,
+            held=_held(arm),
+            lockstep=lockstep,
+            tell=say,
+        )
+        warnings = tuple(flight.warnings())
+        armed = f", armed as {arm}" if arm else ", not armed: nothing leaves"
+        with_seed = "" if kind == "serial" else f"seed {seed}"
+        how = (with_seed + (armed if kind in BENCHES else "")).removeprefix(", ")
+        what = _flown(flight, controller, estimator, reference)
+        say("\n".join([f"{what}, plant {plant}, {how}", *_beside(flight, warnings)]))
+        if identified is not None:
+            say(check_lean(flight, identified_box(Path(identified))))
+        metrics = Metrics(flight.platform, settle=settled(flight.duration))
+        last = FlightRecorder(flight.plant)
+        every: list[Observer] = [metrics, last, *observers]
+        facts = provenance(flight.platform, seed=seed)
+        memory = MemoryRecorder(flight.platform, facts) if keep else None
+        if memory is not None:
+            every.append(memory)
+        if recorder is not None:
+            recorder.start(flight.platform, facts)
+            every.append(recorder)
+        # last, for a machine on its bench moves from here on
+        stack.enter_context(flight.plant)
+        if flight.bench is not None and watch is not None:
+            every.append(stack.enter_context(watch(flight.bench, flight.duration)))
+        outcome = flight.fly(WallClock() if realtime else SimulatedClock(), every, say)
     row = {name: value[0] for name, value in metrics.rows().items()}
-    return Run(flight.platform, memory.recording(), outcome, row, metrics.settle, warnings)
+    return Run(
+        flight.platform,
+        path if memory is None else memory.recording(),
+        outcome,
+        row,
+        metrics.settle,
+        warnings,
+        () if flight.bench is None else tuple(flight.bench.told()),
+        last.records,
+    )
 
 
 def identify(
@@ -255,6 +346,7 @@ def identify(
     method: str = "prediction-error",
     settings: IdentificationSettings | None = None,
     physical: bool = False,
+    say: Say = _silent,
 ) -> Identification:
     """Inertia and mass moment from logs of one machine, all together, with 95 % intervals.
 
@@ -264,14 +356,39 @@ def identify(
         method: `prediction-error`, or one of the papers' (`twin identify --help`).
         settings: of the papers' methods.
         physical: give the nearest rigid body; prediction-error always does.
+        say: takes a sentence of each log that looks misread.
 
     Raises:
         UsageError: a log without the streams that are needed.
         UnknownName: no such method.
     """
+    from twin.identification import identify as identify_logs
+
     recordings = _logs(logs)
-    machine = _machine(platform, recordings)
+    machine = _machine(recordings, platform)
+    _say_misread(recordings, machine, say)
     return identify_logs(recordings, machine, method, settings, physical=physical)
+
+
+def identify_by_all(
+    logs: Log | Sequence[Log],
+    platform: Machine | None = None,
+    *,
+    settings: IdentificationSettings | None = None,
+    physical: bool = False,
+    say: Say = _silent,
+) -> Mapping[str, Identification | TwinError]:
+    """As `identify`, by each method in each of its forms; for one that fails, why.
+
+    Raises:
+        TwinError: `prediction-error` fails.
+    """
+    from twin.identification import identify_by_all as identify_logs
+
+    recordings = _logs(logs)
+    machine = _machine(recordings, platform)
+    _say_misread(recordings, machine, say)
+    return identify_logs(recordings, machine, settings, physical=physical)
 
 
 def compare(
@@ -288,9 +405,25 @@ def compare(
     Raises:
         UsageError: the log lacks the streams that the prediction needs, or leans beyond the stop.
     """
+    from twin.comparison import compare as compare_log
+    from twin.identification import calibrated
+    from twin.platform import platform_of
+
     recording = read(log)
     machine = platform_of(recording) if platform is None else load(platform)
     return compare_log(calibrated(recording, machine), machine, as_built=as_built, say=say)
+
+
+def transfer(comparison: Comparison, other: Comparison) -> Transfer:
+    """How well another log is predicted with the base and the laws that were fitted to the first.
+
+    Args:
+        comparison: of the log that was fitted.
+        other: of the other log, on the same machine.
+    """
+    from twin.comparison import transfer as transfer_fit
+
+    return transfer_fit(comparison, other)
 
 
 def compare_sensors(log: Log) -> GyroComparison:
@@ -299,6 +432,8 @@ def compare_sensors(log: Log) -> GyroComparison:
     Raises:
         UsageError: the log lacks one of them, or they share no motion.
     """
+    from twin.strapdown import compare_gyro
+
     return compare_gyro(read(log))
 
 
@@ -320,9 +455,12 @@ def diagnose(
     Raises:
         UsageError: a log without the streams that the prediction needs, or too little in it.
     """
+    from twin.diagnosis import diagnose as diagnose_logs
+    from twin.effects import effect_named
+
     recordings = _logs(logs)
     own = [effect if isinstance(effect, type) else effect_named(str(effect)) for effect in effects]
-    return diagnose_logs(recordings, _machine(platform, recordings), own=own, say=say)
+    return diagnose_logs(recordings, machine_of(recordings, platform), own=own, say=say)
 
 
 def extend(diagnosis: Diagnosis, folder: str | Path) -> Platform:
@@ -332,6 +470,8 @@ def extend(diagnosis: Diagnosis, folder: str | Path) -> Platform:
         UsageError: the folder exists and is not empty.
         PlatformError: the fitted base is no rigid body.
     """
+    from twin.diagnosis import extend as extend_platform
+
     return extend_platform(diagnosis, Path(folder))
 
 
@@ -341,7 +481,25 @@ def validate(diagnosis: Diagnosis, log: Log) -> Validation:
     Raises:
         UsageError: the log lacks the streams that the prediction needs.
     """
+    from twin.diagnosis import validate as validate_diagnosis
+
     return validate_diagnosis(diagnosis, read(log))
+
+
+def machine_of(logs: Log | Sequence[Log], platform: Machine | None = None) -> Platform:
+    """The machine that logs are of, under the gravity that they state.
+
+    Args:
+        logs: at least one.
+        platform: the machine; None: the one that they name.
+
+    Raises:
+        UsageError: they name none, or several, or state several gravities.
+    """
+    from twin.platform import in_gravity_of
+
+    recordings = _logs(logs)
+    return in_gravity_of(recordings, _machine(recordings, platform))
 
 
 def balance(
@@ -354,19 +512,20 @@ def balance(
     random_offset: bool = False,
     stages: Triple = (0.0, 0.0, 0.0),
     runs: int = 1,
-    duration: float = CAP,
+    duration: float = BALANCING_DURATION,
     plant: str = "sim",
     arm: str | None = None,
     lockstep: bool = False,
     seed: int = 0,
     rrd: str | Path | None = None,
+    watch: Watch | None = None,
     say: Say = _silent,
 ) -> Balanced:
     """Balance a machine by its sliding masses, to a stated residual torque.
 
     Args:
         platform: the machine.
-        procedure: direct, masses, masses-and-coils or adaptive.
+        procedure: direct, masses, masses-and-coils or adaptive, or one of an installed package.
         target: gravity torque that may be left at the worst attitude [N m]; None: that of the
             machine's paper, else that of 5 um.
         effects: what the simulated machine has beyond its platform; see `load`.
@@ -379,13 +538,18 @@ def balance(
         arm: `floating`: let commands of a machine on its bench leave.
         lockstep: as of `fly`.
         seed: of all random numbers.
-        rrd: record into this file; of several runs the first.
+        rrd: record into this file; of several runs the first. One that exists is written anew, but
+            never on pty or serial.
+        watch: as of `fly`.
         say: takes each remark.
 
     Raises:
         TwinError: options that do not go together, a machine that lacks a part, or an offset
             beyond the masses' reach.
     """
+    from twin.files import check_writable
+    from twin.procedures.session import BalancingSession
+
     session = BalancingSession(
         procedure=procedure,
         target=target,
@@ -400,7 +564,12 @@ def balance(
         duration=duration,
         seed=seed,
     )
-    return session.run(load(platform), rrd=None if rrd is None else Path(rrd), tell=say)
+    session.check()
+    machine = load(platform)
+    path = None if rrd is None else Path(rrd)
+    if path is not None:
+        check_writable(path, ".rrd", anew=plant == "sim")
+    return session.run(machine, rrd=path, tell=say, watch=watch)
 
 
 def campaign(
@@ -408,6 +577,7 @@ def campaign(
     folder: str | Path,
     *,
     workers: int = 1,
+    cluster: str = "",
     resume: bool = False,
     say: Say = _silent,
 ) -> Answers:
@@ -419,6 +589,7 @@ def campaign(
         spec: the file (docs/campaigns.md).
         folder: where the results go.
         workers: processes; the results do not depend on it.
+        cluster: address of a Dask scheduler, `tcp://HOST:PORT`, whose workers fly instead.
         resume: go on with what the folder holds.
         say: takes the progress.
 
@@ -428,37 +599,126 @@ def campaign(
     Raises:
         CampaignError: a specification or a folder that cannot be used.
     """
-    what, where = read_spec(Path(spec)), Folder(Path(folder))
-    if workers < 1:
-        raise UsageError(f"workers is {workers}; give 1 or more")
-    execute(what, where, workers=workers, tell=say, resume=resume)
-    record_kept(what, where, say)
-    return answers(read_results(Path(folder)))
+    fly_campaign(spec, folder, workers=workers, cluster=cluster, resume=resume, say=say)
+    return results(folder)
 
 
-def results(folder: str | Path, against: str | Path | None = None) -> Answers:
+def fly_campaign(
+    spec: str | Path,
+    folder: str | Path,
+    *,
+    workers: int = 1,
+    cluster: str = "",
+    resume: bool = False,
+    say: Say = _silent,
+) -> CampaignRuns:
+    """As `campaign`, without its answers: how many runs were flown, and how they ended."""
+    from twin.campaigns.execute import fly_spec
+    from twin.campaigns.folder import Folder
+    from twin.campaigns.read import read_spec
+
+    _check_workers(workers)
+    stated = read_spec(Path(spec))
+    return fly_spec(
+        stated, Folder(Path(folder)), workers=workers, cluster=cluster, resume=resume, tell=say
+    )
+
+
+def forecast(spec: str | Path, *, workers: int = 1) -> Forecast:
+    """What a campaign will take: runs, time and disk, measured on a short probe in this process.
+
+    Args:
+        spec: the file (docs/campaigns.md).
+        workers: processes that will fly it.
+
+    Raises:
+        CampaignError: a specification that cannot be used.
+    """
+    from twin.campaigns.execute import forecast as forecast_spec
+    from twin.campaigns.read import read_spec
+
+    _check_workers(workers)
+    return forecast_spec(read_spec(Path(spec)), workers)
+
+
+def results(
+    folder: str | Path, against: str | Path | None = None, *, say: Say = _silent
+) -> Answers:
     """What came of a campaign so far, beside another one.
 
     Raises:
         CampaignError: no campaign, or nothing of it yet.
     """
+    from twin.campaigns.answers import answers
+    from twin.campaigns.results import read_results
+
+    flown = read_results(Path(folder))
     other = None if against is None else read_results(Path(against))
-    return answers(read_results(Path(folder)), other)
+    say("computing")
+    return answers(flown, other)
 
 
 def replay(folder: str | Path, run: int, *, rrd: str | Path | None = None) -> Replayed:
     """One run of a campaign again, to the same bits.
 
     Raises:
-        UsageError: the campaign has no such run.
+        UsageError: the campaign has no such run, or `rrd` cannot be written.
     """
-    where = Folder(Path(folder))
+    from twin.campaigns.folder import Folder
+    from twin.campaigns.read import read_spec
+    from twin.campaigns.replay import replay as replay_run
+    from twin.files import check_writable
+
+    where, path = Folder(Path(folder)), None if rrd is None else Path(rrd)
+    if path is not None:
+        check_writable(path, ".rrd")
     spec = read_spec(where.spec)
     where.check_spec()
-    return replay_run(spec, where, run, None if rrd is None else Path(rrd))
+    return replay_run(spec, where, run, path)
+
+
+def _check_start(plant: str, identified: str | Path | None, motion: Sequence[float]) -> None:
+    """Refuse options of a flight that its plant cannot have."""
+    from twin.errors import UsageError
+
+    kind = plant.partition(":")[0]
+    if identified is not None and kind not in BENCHES:
+        raise UsageError(f"--identified is for a machine on its bench; plant {plant} has no guard")
+    if kind == "serial" and any(motion):
+        raise UsageError(
+            "--attitude, --rate and --velocity are of a simulated machine; a real one starts "
+            "as it stands: leave them out"
+        )
+
+
+def _flown(
+    flight: Flight,
+    controller: str | Path | AnyController,
+    estimator: str | None,
+    reference: str | Reference | None,
+) -> str:
+    """What is flown, by names."""
+    from twin.estimators import usual_estimator
+
+    law = str(controller) if isinstance(controller, str | Path) else type(controller).__name__
+    motion = reference or flight.controller.reference
+    return (
+        f"{flight.platform.name}: {law} with estimator "
+        f"{estimator or usual_estimator(flight.platform)}, reference "
+        f"{motion if isinstance(motion, str) else type(motion).__name__}, "
+        f"{flight.duration:g} s at {flight.platform.control_rate:g} Hz"
+    )
+
+
+def _beside(flight: Flight, warnings: Sequence[str]) -> list[str]:
+    effects = [f"with {effect.words()}" for effect in flight.effects]
+    return [*effects, *(f"warning: {warning}" for warning in warnings)]
 
 
 def _held(arm: str | None) -> Held | None:
+    from twin.errors import UnknownName
+    from twin.plant.guard.guarded import Held
+
     known = {item.value: item for item in Held}
     if arm is not None and arm not in known:
         raise UnknownName("state of a table", arm, known)
@@ -466,12 +726,17 @@ def _held(arm: str | None) -> Held | None:
 
 
 def _effects(effects: Effects) -> Sequence[Effect]:
+    from twin.effects import parse_effects
+
     if isinstance(effects, str):
         return parse_effects(effects) if effects else ()
     return effects
 
 
 def _logs(logs: Log | Sequence[Log]) -> list[Recording]:
+    from twin.errors import UsageError
+    from twin.recording import Recording
+
     # a recording is a mapping and no sequence
     several = [logs] if isinstance(logs, str | Path | Recording) else list(logs)
     if not several:
@@ -479,6 +744,25 @@ def _logs(logs: Log | Sequence[Log]) -> list[Recording]:
     return [read(log) for log in several]
 
 
-def _machine(platform: Machine | None, logs: Sequence[Recording]) -> Platform:
-    machine = common_platform(logs) if platform is None else load(platform)
-    return in_gravity_of(logs, machine)
+def _machine(logs: Sequence[Recording], platform: Machine | None) -> Platform:
+    from twin.platform import common_platform
+
+    return common_platform(logs) if platform is None else load(platform)
+
+
+def _say_misread(logs: Sequence[Recording], machine: Platform, say: Say) -> None:
+    """A sentence of each log that looks as if it had been read in a wrong convention."""
+    from twin.conventions import convention_advice
+    from twin.platform import in_order_of
+
+    for log in logs:
+        warning = convention_advice(in_order_of(machine, log), machine).warning
+        if warning:
+            say(f"{log.source}: {warning}")
+
+
+def _check_workers(workers: int) -> None:
+    from twin.errors import UsageError
+
+    if workers < 1:
+        raise UsageError(f"workers is {workers}; give 1 or more")

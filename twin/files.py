@@ -18,6 +18,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import BinaryIO
 
+from twin.errors import UsageError
 from twin.stop import at_last
 
 
@@ -69,6 +70,46 @@ def write_whole(path: Path, text: str) -> None:
     """Write text as UTF-8."""
     with whole(path) as file:
         file.write(text.encode("utf-8"))
+
+
+def check_writable(
+    path: Path, ending: str, *, anew: bool = True, read: Sequence[Path] = ()
+) -> None:
+    """Check that a file can be written, before the work of which it is the result.
+
+    Args:
+        path: of the file.
+        ending: which its name must have.
+        anew: whether one that exists may be written over; a session cannot be flown again.
+        read: files that the work reads, which are not written over either.
+
+    Raises:
+        UsageError: it cannot be written; the text says why.
+    """
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; name a file in it, as in {path / f'out{ending}'}")
+    if path.suffix.lower() != ending:
+        raise UsageError(
+            f"{path} does not end in {ending}, as what is written there does; "
+            f"say {path.with_suffix(ending)}"
+        )
+    above = next(part for part in path.absolute().parents if part.exists())
+    if not above.is_dir():
+        raise UsageError(f"{path} cannot be written: {above} is a file")
+    if path.exists():
+        if not anew:
+            raise UsageError(
+                f"{path} exists, and may be a session that cannot be flown again; "
+                "name another file, or move that one away"
+            )
+        if path.resolve() in [item.resolve() for item in read]:
+            raise UsageError(f"{path} is the log that is read; name another file")
+        if not os.access(path, os.W_OK):
+            raise UsageError(f"{path} exists, and you may not write to it; name another file")
+    elif not os.access(above, os.W_OK | os.X_OK):
+        raise UsageError(
+            f"{path} cannot be written: you may not write into {above}; name another place"
+        )
 
 
 __path__: list[str] = []

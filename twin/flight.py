@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -183,8 +184,8 @@ class Run(Shown):
     """A flight that is over."""
 
     platform: Platform
-    recording: Recording
-    """All streams, a simulation's true states too."""
+    recorded: Recording | Path | None = field(repr=False)
+    """All streams, in memory or in a file; None where they were not kept."""
     outcome: Outcome
     metrics: Mapping[str, Any]
     """By name with its unit: of tracking, tilt, wheels (`twin.metrics`)."""
@@ -192,11 +193,39 @@ class Run(Shown):
     """From which on tracking counts [s]."""
     warnings: tuple[str, ...] = ()
     """What was foretold to go wrong, a sentence each."""
+    notes: tuple[str, ...] = ()
+    """Of a machine on its bench: what its devices, line and guard reported, a sentence each."""
+    last_seconds: Mapping[int, Recording] = field(default_factory=dict[int, Recording], repr=False)
+    """Of each run that was stopped: what came just before; the reason is in the provenance."""
+
+    @cached_property
+    def recording(self) -> Recording:
+        """All streams, a simulation's true states too.
+
+        Raises:
+            UsageError: the run was neither kept in memory nor recorded into a file.
+        """
+        if self.recorded is None:
+            raise UsageError("the run was not kept: fly it with keep=True, or with a file in rrd")
+        return self.recorded if isinstance(self.recorded, Recording) else open_log(self.recorded)
 
     @property
     def ended(self) -> str:
         """done, degraded, safe_stop or failed."""
         return self.outcome.ended.value
+
+    def document(self) -> Mapping[str, Any]:
+        """What `twin run --json` prints; SI."""
+        outcome = self.outcome
+        return {
+            "ended": outcome.ended.value,
+            "reason": outcome.reason or None,
+            "duration": outcome.duration,
+            "overruns": outcome.timing.overruns,
+            "warnings": list(self.warnings),
+            "metrics": self.metrics,
+            "seconds": outcome.timing.seconds,
+        }
 
 
 def prepare(

@@ -1,18 +1,71 @@
-"""Where machines and control laws lie: beside the package, in it in a wheel, or in other packages.
+"""Where machines and control laws are, and what installed packages add to the library by name.
 
-An installed package may bring control laws: each an entry point of the group `twin.controllers`
-that names the law's class, the only law in its file.
+An installed package adds to the library by entry points, all in the same way; `twin` finds each by
+the entry point's name:
+
+- `twin.controllers`: the class of a control law, the only law in its file;
+- `twin.effects`: the class of an effect;
+- `twin.devices`: the class of a device's settings, a name for `kind` in `[hardware.devices]`;
+- `twin.procedures`: a `twin.procedures.Way`, a name for `twin balance --procedure`;
+- `twin.readers`: a function that reads a file, under the ending of its name without the dot.
 """
 
 import inspect
+from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from twin.errors import UnknownName, UsageError
 
 _PACKAGE = Path(__file__).parent
-_GROUP = "twin.controllers"
+_LAWS = "twin.controllers"
+
+Entry = TypeVar("Entry")
+
+
+class Registry(Mapping[str, Entry]):
+    """Entries by name: those built in, then those of installed packages, which are imported when
+    they are asked for."""
+
+    def __init__(
+        self, group: str, built_in: Mapping[str, Entry], entry_of: Callable[[Any], Entry | None]
+    ) -> None:
+        """Nothing is imported yet.
+
+        Args:
+            group: of the entry points.
+            built_in: entries by name; an entry point of such a name is ignored.
+            entry_of: the entry that an imported object makes; None of an object that makes none.
+        """
+        self._group, self._built_in, self._entry_of = group, built_in, entry_of
+
+    def __getitem__(self, name: str) -> Entry:
+        """The entry of that name.
+
+        Raises:
+            KeyError: there is none.
+            UsageError: a package's entry point fails.
+        """
+        if name in self._built_in:
+            return self._built_in[name]
+        for point in entry_points(group=self._group, name=name):
+            entry = self._entry_of(_loaded(point))
+            if entry is None:
+                raise UsageError(f"{_described(point)} names no object that this group takes")
+            return entry
+        raise KeyError(name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in set(self)
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self._built_in
+        names = {point.name for point in entry_points(group=self._group)}
+        yield from sorted(names - self._built_in.keys())
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
 
 
 def library(kind: str) -> Path:
@@ -35,7 +88,7 @@ def model_names() -> list[str]:
 def controller_names() -> list[str]:
     """Names of the shipped control laws, then of those of installed packages."""
     shipped = sorted(path.stem for path in library("controllers").glob("*.py"))
-    return [*shipped, *sorted(point.name for point in entry_points(group=_GROUP))]
+    return [*shipped, *sorted(point.name for point in entry_points(group=_LAWS))]
 
 
 def find_model(name: str) -> tuple[Path, str]:
@@ -80,21 +133,32 @@ def find_controller(name: str) -> Path:
     shipped = library("controllers") / f"{name}.py"
     if name == shipped.stem and shipped.is_file():
         return shipped
-    for point in entry_points(group=_GROUP, name=name):
+    for point in entry_points(group=_LAWS, name=name):
         return _file_of(point)
     raise UnknownName("controller", name, controller_names())
 
 
 def _file_of(point: EntryPoint) -> Path:
     """The file of the class that an entry point names."""
+    law = _loaded(point)
     try:
-        law: Any = point.load()
         return Path(inspect.getfile(law)).resolve()
+    except (TypeError, OSError) as problem:
+        raise UsageError(f"{_described(point)} names no class of a file: {problem}") from None
+
+
+def _loaded(point: EntryPoint) -> Any:
+    try:
+        return point.load()
     except Exception as problem:
         raise UsageError(
-            f"entry point {point.name!r} of {_GROUP!r} ({point.value}) names no class of a file: "
-            f"{type(problem).__name__}: {problem}"
+            f"{_described(point)} cannot be imported: {type(problem).__name__}: {problem}; correct "
+            "the package that brings it, or remove it"
         ) from problem
+
+
+def _described(point: EntryPoint) -> str:
+    return f"entry point {point.name!r} of {point.group!r} ({point.value})"
 
 
 def _split(name: str) -> tuple[str, str]:

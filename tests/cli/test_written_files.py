@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from twin.cli.main import main
-from twin.cli.output import check_writable
 from twin.errors import UsageError
+from twin.files import check_writable
 
 LOST = '''
 """A law whose commands are soon not finite."""

@@ -1,17 +1,20 @@
 """A campaign flown shard by shard in worker processes, and its forecast from a short probe."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from twin.campaigns.distribution import Fixed
 from twin.campaigns.draw import draw
 from twin.campaigns.flight import flown
-from twin.campaigns.folder import Folder
-from twin.campaigns.results import size_of, table_of
+from twin.campaigns.folder import Folder, arithmetic
+from twin.campaigns.replay import record_kept
+from twin.campaigns.results import read_rows, size_of, table_of
 from twin.campaigns.spec import Spec
 from twin.campaigns.worker import Done, begin, fly, fly_shard, written_shard
 from twin.errors import TwinError
@@ -24,6 +27,12 @@ if TYPE_CHECKING:
 
 ATTEMPTS = 3
 """Times that processes may die before one shard is done."""
+
+
+OTHER_PROCESSORS = (
+    "processors of another kind than this machine's flew some of it: their last bits "
+    "are their own, so these are not this machine's bytes, and `twin replay` says so"
+)
 
 
 class LostWorkers(TwinError):
@@ -95,6 +104,63 @@ def execute(
             tell(progress.words(time.monotonic()))
             check()
     return progress
+
+
+@dataclass(frozen=True)
+class CampaignRuns:
+    """What became of a campaign's runs."""
+
+    runs: int
+    """Of the campaign."""
+    flown: int
+    """Of these, by the call that returned this."""
+    ended: Mapping[str, int]
+    """How they ended -> how many of all."""
+    folder: Path
+    recordings: tuple[Path, ...]
+    """Of the runs that `[keep]` names."""
+    notes: tuple[str, ...] = ()
+    """What its user should know of the results, a sentence each."""
+
+
+def fly_spec(
+    spec: Spec,
+    folder: Folder,
+    *,
+    workers: int,
+    cluster: str = "",
+    resume: bool = False,
+    tell: Callable[[str], None],
+) -> CampaignRuns:
+    """Fly what is missing of a campaign, and record the runs that it keeps.
+
+    Args:
+        spec: the campaign.
+        folder: of its results.
+        workers: processes of this machine.
+        cluster: address of a Dask scheduler, whose workers fly instead.
+        resume: whether the folder may hold part of it, or all.
+        tell: takes each state of progress.
+
+    Raises:
+        TwinError: as `execute`, or a cluster that cannot be reached.
+    """
+    if cluster:
+        from twin.campaigns.cluster import connected  # Dask is an extra
+
+        with connected(cluster) as workplace:
+            done = execute(spec, folder, workers=0, tell=tell, resume=resume, cluster=workplace)
+        notes = (OTHER_PROCESSORS,) if workplace.arithmetics - {arithmetic()} else ()
+    else:
+        done = execute(spec, folder, workers=workers, tell=tell, resume=resume)
+        notes = ()
+    recorded = record_kept(spec, folder, tell)
+    ended: Counter[str] = Counter()
+    for shard in range(spec.shards):
+        ended.update(read_rows(folder.shard(shard), ["ended"])["ended"].to_pylist())
+    return CampaignRuns(
+        spec.runs, done.flown, dict(sorted(ended.items())), folder.path, tuple(recorded), notes
+    )
 
 
 def _by_processes(folder: Folder, shards: Iterable[int], workers: int) -> Iterable[Done]:
@@ -169,6 +235,40 @@ class Forecast:
     bytes: int
     """Of the metrics. Recordings come on top."""
 
+    spec: Spec = field(repr=False)
+    workers: int
+
+    def document(self) -> dict[str, Any]:
+        """What `twin campaign --dry-run --json` prints."""
+        hidden = ("spec", "workers")
+        return {
+            item.name: getattr(self, item.name) for item in fields(self) if item.name not in hidden
+        }
+
+    def __str__(self) -> str:
+        """What `twin campaign --dry-run` prints."""
+        spec = self.spec
+        arms = ", ".join(arm.name for arm in spec.arms)
+        most = "at most " if self.at_most else "about "
+        ways = f"{self.points} combination{'s' * (self.points > 1)} ({arms})"
+        lines = [
+            f"{self.runs} runs of {spec.duration:g} s in {self.shards} shards: {self.samples} "
+            f"samples of {ways}, {spec.sampling}, seed {spec.seed}",
+            *(f"  {factor}" for factor in self.factors),
+            *(f"  {item} (the same in all runs)" for item in self.fixed),
+            f"{most}{self.seconds:.3g} s on {self.workers} processes of this machine; "
+            "processes take a few seconds to come up",
+            f"about {self.bytes / 1e6:.3g} MB of metrics",
+        ]
+        if self.at_most:
+            lines.append(
+                "and what its identifications take, which no short probe shows: some ten a run, "
+                "each of seconds"
+            )
+        if spec.keep.runs or spec.keep.worst:
+            lines.append(f"and up to {len(spec.keep.runs) + spec.keep.worst} recordings")
+        return "\n".join(lines)
+
 
 def forecast(spec: Spec, workers: int) -> Forecast:
     """Measure on this machine, in this process."""
@@ -196,6 +296,8 @@ def forecast(spec: Spec, workers: int) -> Forecast:
         seconds=each * spec.runs / min(workers, spec.shards),
         at_most=spec.procedure == "balance",
         bytes=round(size * spec.runs / len(drawn.runs)) + empty * spec.shards,
+        spec=spec,
+        workers=workers,
     )
 
 

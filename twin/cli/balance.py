@@ -6,10 +6,9 @@ from typing import Annotated, Literal, cast
 
 import tyro
 
-Triple = tuple[float, float, float]
+from twin.api import BALANCING_DURATION
 
-CAP = 7200.0
-"""In which a balancing must be over unless told otherwise [s]."""
+Triple = tuple[float, float, float]
 
 
 def _arg(metavar: str) -> object:
@@ -57,7 +56,7 @@ class BalanceVerb:
     """Where the masses stand at the start, in mm; the offset is meant there."""
     runs: int = 1
     """So many machines at once, each with its own random offset and noise."""
-    duration: Annotated[float, _arg("SECONDS")] = CAP
+    duration: Annotated[float, _arg("SECONDS")] = BALANCING_DURATION
     """After which it is given up."""
     seed: int = 0
     """Of all random numbers."""
@@ -69,32 +68,30 @@ class BalanceVerb:
 
     def run(self) -> int:
         """Balance; the exit code."""
+        from twin.api import balance
         from twin.cli.live import LiveView
-        from twin.cli.output import check_writable, print_json, tell
+        from twin.cli.output import print_json, tell
         from twin.effects import parse_effects
-        from twin.platform import load_platform
-        from twin.procedures.session import BalancingSession
         from twin.stop import Stopped
 
-        session = BalancingSession(
+        result = balance(
+            self.platform,
             procedure=self.procedure,
             target=self.target,
-            plant=self.plant,
-            arm=self.arm,
-            lockstep=self.lockstep,
             effects=() if self.effects is None else parse_effects(self.effects),
             offset=None if self.offset is None else _times(1e-6, self.offset),
             random_offset=self.random_offset,
             stages=_times(1e-3, self.stages),
             runs=self.runs,
             duration=self.duration,
+            plant=self.plant,
+            arm=self.arm,
+            lockstep=self.lockstep,
             seed=self.seed,
+            rrd=self.rrd,
+            watch=LiveView,
+            say=tell,
         )
-        session.check()
-        machine = load_platform(self.platform)
-        if self.rrd is not None:
-            check_writable(self.rrd, ".rrd", anew=self.plant == "sim")
-        result = session.run(machine, rrd=self.rrd, tell=tell, watch=LiveView)
         if self.json:
             print_json(result.document())
         else:

@@ -3,14 +3,9 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import tyro
-
-if TYPE_CHECKING:
-    from twin.campaigns.execute import Forecast, Progress
-    from twin.campaigns.folder import Folder
-    from twin.campaigns.spec import Spec
 
 
 @dataclass(frozen=True)
@@ -39,11 +34,8 @@ class Campaign:
 
     def run(self) -> int:
         """Fly; 1 where no run came to its end."""
-        from twin.campaigns.execute import forecast
-        from twin.campaigns.folder import Folder
-        from twin.campaigns.read import read_spec
-        from twin.campaigns.replay import record_kept
-        from twin.cli.output import print_json, progress
+        from twin.api import fly_campaign, forecast
+        from twin.cli.output import print_json, progress, tell
         from twin.errors import UsageError
 
         if self.workers is not None and self.workers < 1:
@@ -57,37 +49,39 @@ class Campaign:
         if self.folder is None and not self.dry_run:
             raise UsageError("no folder for the results is given: twin campaign SPEC.toml DIR")
         workers = self.workers or _cores()
-        spec = read_spec(self.spec)
         if self.dry_run:
-            told = forecast(spec, workers)
-            if self.json:
-                print_json(_document(told))
-            else:
-                print("\n".join(_foretold(told, spec, workers)))
+            expected = forecast(self.spec, workers=workers)
+            print_json(expected.document()) if self.json else print(expected)
             return 0
         assert self.folder is not None
-        folder = Folder(self.folder)
         with progress() as say:
-            done = self._flown(spec, folder, workers, say)
-            recorded = record_kept(spec, folder, say)
-        ends = _ends(folder, spec)
+            runs = fly_campaign(
+                self.spec,
+                self.folder,
+                workers=workers,
+                cluster=self.cluster,
+                resume=self.resume,
+                say=say,
+            )
+        for note in runs.notes:
+            tell(note)
         if self.json:
             print_json(
                 {
-                    "runs": spec.runs,
-                    "flown": done.flown,
-                    "ended": ends,
+                    "runs": runs.runs,
+                    "flown": runs.flown,
+                    "ended": runs.ended,
                     "folder": self.folder,
-                    "recordings": recorded,
+                    "recordings": runs.recordings,
                 }
             )
         else:
-            counted = ", ".join(f"{count} {end}" for end, count in ends.items())
-            print(f"{spec.runs} runs, {done.flown} of them flown now: {counted}")
-            if recorded:
-                print(f"{len(recorded)} recorded in {recorded[0].parent}")
+            counted = ", ".join(f"{count} {end}" for end, count in runs.ended.items())
+            print(f"{runs.runs} runs, {runs.flown} of them flown now: {counted}")
+            if runs.recordings:
+                print(f"{len(runs.recordings)} recorded in {runs.recordings[0].parent}")
             print(f"what came of it: `twin report {self.folder}`")
-        return 0 if set(ends) - {"failed"} else 1
+        return 0 if set(runs.ended) - {"failed"} else 1
 
     def kept(self) -> str:
         """What is there of a campaign that was stopped, and how it goes on."""
@@ -101,69 +95,9 @@ class Campaign:
             f"`twin campaign {self.spec} {self.folder} --resume` goes on"
         )
 
-    def _flown(self, spec: "Spec", folder: "Folder", workers: int, say: Any) -> "Progress":
-        from twin.campaigns.execute import execute
-
-        if not self.cluster:
-            return execute(spec, folder, workers=workers, tell=say, resume=self.resume)
-        from twin.campaigns.cluster import connected
-        from twin.campaigns.folder import arithmetic
-        from twin.cli.output import tell
-
-        with connected(self.cluster) as cluster:
-            done = execute(spec, folder, workers=0, tell=say, resume=self.resume, cluster=cluster)
-        if cluster.arithmetics - {arithmetic()}:
-            tell(
-                "processors of another kind than this machine's flew some of it: their last bits "
-                "are their own, so these are not this machine's bytes, and `twin replay` says so"
-            )
-        return done
-
 
 def _cores() -> int:
     """Those that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def _ends(folder: "Folder", spec: "Spec") -> dict[str, int]:
-    from collections import Counter
-
-    from twin.campaigns.results import read_rows
-
-    count: Counter[str] = Counter()
-    for shard in range(spec.shards):
-        count.update(read_rows(folder.shard(shard), ["ended"])["ended"].to_pylist())
-    return dict(sorted(count.items()))
-
-
-def _foretold(forecast: "Forecast", spec: "Spec", workers: int) -> list[str]:
-    arms = ", ".join(arm.name for arm in spec.arms)
-    most = "at most " if forecast.at_most else "about "
-    ways = f"{forecast.points} combination{'s' * (forecast.points > 1)} ({arms})"
-    lines = [
-        f"{forecast.runs} runs of {spec.duration:g} s in {forecast.shards} "
-        f"shards: {forecast.samples} samples "
-        f"of {ways}, {spec.sampling}, seed {spec.seed}",
-        *(f"  {factor}" for factor in forecast.factors),
-        *(f"  {item} (the same in all runs)" for item in forecast.fixed),
-        f"{most}{forecast.seconds:.3g} s on {workers} processes of this machine; "
-        "processes take a few "
-        "seconds to come up",
-        f"about {forecast.bytes / 1e6:.3g} MB of metrics",
-    ]
-    if forecast.at_most:
-        lines.append(
-            "and what its identifications take, which no short probe shows: some ten a run, "
-            "each of seconds"
-        )
-    if spec.keep.runs or spec.keep.worst:
-        lines.append(f"and up to {len(spec.keep.runs) + spec.keep.worst} recordings")
-    return lines
-
-
-def _document(forecast: "Forecast") -> dict[str, Any]:
-    from dataclasses import asdict
-
-    return asdict(forecast)

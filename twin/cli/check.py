@@ -36,8 +36,9 @@ class Check:
 
     def run(self) -> int:
         """Print the findings; 0 when all is well."""
-        from twin.cli.output import check_writable, print_json
+        from twin.cli.output import print_json
         from twin.errors import UsageError
+        from twin.files import check_writable
         from twin.library import controller_names
 
         law = self.path.endswith(".py") or self.path in controller_names()

@@ -42,18 +42,11 @@ class Compare:
 
     def run(self) -> int:
         """Compare, print, write what was asked for."""
-        from twin.cli.output import check_writable, print_json, progress
-        from twin.comparison import compare, transfer
+        from twin.api import compare, load, transfer
+        from twin.cli.output import print_json, progress
         from twin.errors import UsageError
-        from twin.identification import calibrated
-        from twin.platform import load_platform, platform_of
-        from twin.report import (
-            document,
-            sentences,
-            transfer_sentences,
-            with_prediction,
-            write_page,
-        )
+        from twin.files import check_writable
+        from twin.report import document, transfer_sentences, write_page
 
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
@@ -63,17 +56,16 @@ class Compare:
         logs = [self.part.open(path) for path in self.logs]
         if self.platform is None and all(log.provenance.get("platform") is None for log in logs):
             return self._sensors(logs)
-        named = None if self.platform is None else load_platform(self.platform)
+        machine = None if self.platform is None else load(self.platform)
         with progress() as say:
             comparisons = [
                 compare(
-                    calibrated(log, platform),
-                    platform,
+                    log,
+                    machine,
                     as_built=self.as_built,
                     say=lambda doing, name=path.name: say(f"{name}: {doing}"),
                 )
                 for path, log in zip(self.logs, logs, strict=True)
-                for platform in [named or platform_of(log)]
             ]
             first, *others = comparisons
             transfers = [transfer(first, other) for other in others]
@@ -81,15 +73,13 @@ class Compare:
                 say("the page")
                 write_page(self.report, comparisons, transfers)
         if self.rrd is not None:
-            from twin.stream.runfile import write_recording
-
-            write_recording(with_prediction(first.best.explained), self.rrd, first.platform)
+            first.save(self.rrd)
         if self.json:
             print_json(document(comparisons, transfers))
         else:
             for comparison in comparisons:
                 print(f"{comparison.recording.provenance['source']} on {comparison.platform.name}")
-                print("".join(f"  {sentence}\n" for sentence in sentences(comparison)))
+                print("".join(f"  {sentence}\n" for sentence in str(comparison).splitlines()))
             for moved in transfers:
                 print("".join(f"  {line}\n" for line in transfer_sentences(moved, first)))
         for written in (self.report, self.rrd):
@@ -99,16 +89,16 @@ class Compare:
 
     def _sensors(self, logs: "list[Recording]") -> int:
         """Logs without a platform: no model, but the sensors against each other."""
+        from twin.api import compare_sensors
         from twin.cli.output import print_json
         from twin.errors import UsageError
-        from twin.report import gyro_document, gyro_sentences
-        from twin.strapdown import compare_gyro
+        from twin.report import gyro_document
 
         if self.report is not None or self.rrd is not None:
             raise UsageError(
                 "a log that names no platform has no prediction to draw; leave out --report, --rrd"
             )
-        result = [compare_gyro(log) for log in logs]
+        result = [compare_sensors(log) for log in logs]
         if self.json:
             documents = [
                 gyro_document(str(path), item) for path, item in zip(self.logs, result, strict=True)
@@ -117,5 +107,5 @@ class Compare:
             return 0
         for path, item in zip(self.logs, result, strict=True):
             print(f"{path}, on no platform")
-            print("".join(f"  {sentence}\n" for sentence in gyro_sentences(item)))
+            print("".join(f"  {sentence}\n" for sentence in str(item).splitlines()))
         return 0

@@ -40,26 +40,13 @@ class Diagnose:
 
     def run(self) -> int:
         """Diagnose, print, write what was asked for."""
-        from twin.cli.output import check_writable, print_json, progress
-        from twin.diagnosis import (
-            check_logs,
-            check_new,
-            diagnose,
-            extend,
-            laws_in,
-            own_causes,
-            validate,
-        )
+        from twin.api import diagnose, extend, machine_of, validate
+        from twin.cli.output import print_json, progress
+        from twin.diagnosis import check_logs, check_new, laws_in, own_causes
         from twin.effects import effect_named
         from twin.errors import TwinError, UsageError
-        from twin.platform import common_platform, in_gravity_of, load_platform
-        from twin.report import (
-            diagnosed,
-            diagnosis_document,
-            validated,
-            with_prediction,
-            write_diagnosis,
-        )
+        from twin.files import check_writable
+        from twin.report import diagnosis_document, write_diagnosis
 
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
@@ -75,11 +62,10 @@ class Diagnose:
         logs = [self.part.open(path) for path in self.logs]
         other = None if self.validate is None else self.part.open(self.validate)
         every = logs if other is None else [*logs, other]
-        machine = common_platform(every) if self.platform is None else load_platform(self.platform)
-        machine = in_gravity_of(every, machine)
+        machine = machine_of(every, self.platform)
         check_logs(every, machine)
         with progress() as say:
-            result = diagnose(logs, machine, own=own, say=say)
+            result = diagnose(logs, machine, effects=own, say=say)
             gain, trouble = None, None
             if other is not None:
                 say("the log that took no part")
@@ -91,13 +77,13 @@ class Diagnose:
                 say("the page")
                 write_diagnosis(self.report, result, gain)
         if self.rrd is not None:
-            from twin.stream.runfile import write_recording
-
-            write_recording(with_prediction(result.explained.account), self.rrd, machine)
+            result.save(self.rrd)
         if self.json:
             print_json(diagnosis_document(result, gain))
         else:
-            print("\n".join([*diagnosed(result), *([] if gain is None else [validated(gain)])]))
+            print(result)
+            if gain is not None:
+                print(gain)
         if self.extend is not None:
             extend(result, self.extend)
         to = sys.stderr if self.json else sys.stdout

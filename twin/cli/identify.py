@@ -1,6 +1,5 @@
 """`twin identify LOG...`: inertia and mass moment, with intervals and what the logs cannot tell."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -61,43 +60,39 @@ class Identify:
 
     def run(self) -> int:
         """Identify and print."""
-        from twin.cli.output import print_json
-        from twin.conventions import convention_advice
+        from twin.api import identify, identify_by_all
+        from twin.cli.output import print_json, tell
         from twin.errors import TwinError, UsageError
-        from twin.identification import Settings, identify, identify_by_all
-        from twin.platform import common_platform, in_order_of, load_platform
-        from twin.report import compared, identified
+        from twin.identification import Settings
+        from twin.report import compared
 
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
         settings = Settings(self.form, self.shift, self.corner, self.forgetting)
-        recordings = [self.part.open(path) for path in self.logs]
-        machine = (
-            common_platform(recordings) if self.platform is None else load_platform(self.platform)
-        )
-        for path, recording in zip(self.logs, recordings, strict=True):
-            warning = convention_advice(in_order_of(machine, recording), machine).warning
-            if warning:
-                print(f"{path}: {warning}", file=sys.stderr)
-        if self.method == "all":
-            result = identify_by_all(recordings, machine, settings, physical=self.physical)
-            if self.json:
-                print_json(
-                    [
-                        {"method": name, "failed": str(item)}
-                        if isinstance(item, TwinError)
-                        else item.document()
-                        for name, item in result.items()
-                    ]
-                )
-            else:
-                print("\n".join(compared(result)))
+        logs = [self.part.open(path) for path in self.logs]
+        if self.method != "all":
+            result = identify(
+                logs,
+                self.platform,
+                method=self.method,
+                settings=settings,
+                physical=self.physical,
+                say=tell,
+            )
+            print_json(result.document()) if self.json else print(result)
             return 0
-        identification = identify(
-            recordings, machine, self.method, settings, physical=self.physical
+        by_method = identify_by_all(
+            logs, self.platform, settings=settings, physical=self.physical, say=tell
         )
         if self.json:
-            print_json(identification.document())
+            print_json(
+                [
+                    {"method": name, "failed": str(item)}
+                    if isinstance(item, TwinError)
+                    else item.document()
+                    for name, item in by_method.items()
+                ]
+            )
         else:
-            print("\n".join(identified(identification)))
+            print("\n".join(compared(by_method)))
         return 0

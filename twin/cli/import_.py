@@ -37,27 +37,20 @@ class Import:
         if self.rate is not None and not 0.0 < self.rate < float("inf"):
             raise UsageError(f"--rate is {self.rate:g} Hz; it must be above 0")
 
+        from twin.api import imported, show
         from twin.cli.output import LogPart, print_json
-        from twin.cli.show import platform_of_log
-        from twin.intake import import_files
-        from twin.platform import load_platform
-        from twin.report.contents import contents_document, contents_of, contents_words
 
         *files, folder = self.paths
-        platform = None if self.platform is None else load_platform(self.platform)
-        name = self.platform
-        if name is not None and Path(name).exists():
-            name = str(Path(name).resolve())
-        done = import_files(files, folder, platform, name, self.rate)
+        done = imported(files, folder, platform=self.platform, rate=self.rate)
         unsure = [
             (proposal.stream, question)
             for proposal in done.proposals
             for question in proposal.unsure
         ]
         recording = LogPart().open(folder)
-        contents = contents_of(str(folder), recording, *platform_of_log(recording))
+        contents = show(recording)
         if self.json:
-            document = contents_document(contents)
+            document = contents.document()
             open_questions = [{"stream": name, "what": what} for name, what in unsure]
             print_json({**document, "unsure": open_questions, "not_taken": done.unread})
             return 0
@@ -66,5 +59,5 @@ class Import:
             print(f"Unsure of {stream}: {question}.")
         for sentence in done.unread:
             print(f"{sentence}.")
-        print(f"\n{contents_words(contents)}")
+        print(f"\n{contents}")
         return 0

@@ -25,14 +25,13 @@ class New:
 
     def run(self) -> int:
         """Write it; the exit code."""
-        from twin.scaffold import KINDS, new_platform
+        from twin.api import new
+        from twin.cli.output import LogPart
+        from twin.scaffold import KINDS
 
-        log = None
-        if self.from_log is not None:
-            from twin.cli.output import LogPart
-
-            log = LogPart().open(self.from_log)
-        folder = new_platform(Path(self.name), self.kind, log)
+        log = None if self.from_log is None else LogPart().open(self.from_log)
+        folder = Path(self.name)
+        new(folder, self.kind, log)
         print(f"{folder}: {KINDS[self.kind]}")
         print((folder / "README.md").read_text(encoding="utf-8").split("```")[1].strip())
         return 0

@@ -1,8 +1,7 @@
 """What verbs share: the options for a part of a log, JSON, a line of progress."""
 
-import os
 import sys
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from twin.errors import UsageError
 from twin.stop import check
 
 if TYPE_CHECKING:
@@ -27,46 +25,6 @@ def print_json(document: object) -> None:
 def tell(line: str) -> None:
     """Print a line of progress on stderr."""
     print(line, file=sys.stderr, flush=True)
-
-
-def check_writable(
-    path: Path, ending: str, *, anew: bool = True, read: Sequence[Path] = ()
-) -> None:
-    """Whether a file can be written there, asked before the work and not after it.
-
-    Args:
-        path: of the file.
-        ending: that its name must have, so that a word too many on a command line is no file.
-        anew: whether one that exists may be written over; a session's log cannot be made again.
-        read: what the work is about to read, which is not written over either.
-
-    Raises:
-        UsageError: it cannot.
-    """
-    if path.is_dir():
-        raise UsageError(f"{path} is a folder; name a file in it, as in {path / f'out{ending}'}")
-    if path.suffix.lower() != ending:
-        raise UsageError(
-            f"{path} does not end in {ending}, as what is written there does; "
-            f"say {path.with_suffix(ending)}"
-        )
-    above = next(part for part in path.absolute().parents if part.exists())
-    if not above.is_dir():
-        raise UsageError(f"{path} cannot be written: {above} is a file")
-    if path.exists():
-        if not anew:
-            raise UsageError(
-                f"{path} exists, and may be a session that cannot be flown again; "
-                "name another file, or move that one away"
-            )
-        if path.resolve() in [item.resolve() for item in read]:
-            raise UsageError(f"{path} is the log that is read; name another file")
-        if not os.access(path, os.W_OK):
-            raise UsageError(f"{path} exists, and you may not write to it; name another file")
-    elif not os.access(above, os.W_OK | os.X_OK):
-        raise UsageError(
-            f"{path} cannot be written: you may not write into {above}; name another place"
-        )
 
 
 @contextmanager

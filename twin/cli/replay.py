@@ -22,17 +22,10 @@ class ReplayVerb:
 
     def run(self) -> int:
         """Fly; 1 where it is not what the campaign wrote."""
-        from twin.campaigns.folder import Folder
-        from twin.campaigns.read import read_spec
-        from twin.campaigns.replay import replay
-        from twin.cli.output import check_writable, print_json
+        from twin.api import replay
+        from twin.cli.output import print_json
 
-        folder = Folder(self.folder)
-        if self.rrd is not None:
-            check_writable(self.rrd, ".rrd")
-        spec = read_spec(folder.spec)
-        folder.check_spec()
-        replayed = replay(spec, folder, self.run_number, self.rrd)
+        replayed = replay(self.folder, self.run_number, rrd=self.rrd)
         if self.json:
             print_json({**replayed.document(), "recording": self.rrd})
         else:

@@ -26,25 +26,21 @@ class Report:
 
     def run(self) -> int:
         """Read, compute, write."""
-        from twin.campaigns.answers import answers
-        from twin.campaigns.results import read_results
-        from twin.cli.output import check_writable, print_json, progress
-        from twin.files import write_whole
+        from twin.api import results
+        from twin.cli.output import print_json, progress
+        from twin.files import check_writable, write_whole
         from twin.report.campaign_page import write_campaign_page
-        from twin.report.campaign_words import campaign_document, markdown, summary, verdicts
+        from twin.report.campaign_words import markdown
 
         page = self.html or self.folder / "report.html"
-        results = read_results(self.folder)
-        against = None if self.against is None else read_results(self.against)
         check_writable(page, ".html")
         with progress() as say:
-            say("computing")
-            result = answers(results, against)
+            result = results(self.folder, self.against, say=say)
             say("drawing")
             write_campaign_page(page, result)
             write_whole(page.with_suffix(".md"), markdown(result))
         if self.json:
-            print_json(campaign_document(result) | {"report": page})
+            print_json({**result.document(), "report": page})
         else:
-            print("\n".join([*summary(result), *verdicts(result), f"report: {page}"]))
+            print(f"{result}\nreport: {page}")
         return 0

@@ -34,8 +34,9 @@ class Reproduce:
 
     def run(self) -> int:
         """Compute, write, print; 1 where a part failed."""
-        from twin.cli.output import check_writable, print_json
+        from twin.cli.output import print_json
         from twin.errors import UsageError
+        from twin.files import check_writable
         from twin.reproduce.page import summary, write_html, write_markdown
         from twin.reproduce.rows import paper_named, read_papers
         from twin.reproduce.run import parts_of, reproduce

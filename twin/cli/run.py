@@ -1,23 +1,16 @@
 """`twin run`: fly a platform under a control law, and record it."""
 
 import signal
-import sys
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 if TYPE_CHECKING:
-    from twin.flight import Flight
-    from twin.loop import Outcome
-    from twin.metrics import Metrics
-    from twin.plant.initial import InitialState
-    from twin.platform import Platform
-    from twin.stream.recorder import FlightRecorder
+    from twin.flight import Run
 
 Angles = tuple[float, float, float]
 
@@ -88,76 +81,47 @@ class RunVerb:
 
     def run(self) -> int:
         """Fly; the exit code."""
-        from twin.cli.output import check_writable, print_json, tell
-        from twin.clock import SimulatedClock, WallClock
+        from twin.api import fly
+        from twin.cli.live import LiveView
+        from twin.cli.output import print_json, tell
         from twin.effects import parse_effects
-        from twin.flight import prepare
-        from twin.loop import Ended, Observer
-        from twin.metrics import Metrics, settled
-        from twin.plant.guard.guarded import Held
-        from twin.rehearsal import check_lean, identified_box
+        from twin.loop import Ended
         from twin.report.outcomes import flown
         from twin.stop import Stopped
-        from twin.stream.provenance import provenance
-        from twin.stream.recorder import FileRecorder, FlightRecorder
 
-        effects = () if self.effects is None else parse_effects(self.effects)
-        self._check()
-        if self.rrd is not None:
-            kind, _, log = self.plant.partition(":")
-            replayed = (Path(log),) if kind == "replay" else ()
-            check_writable(self.rrd, ".rrd", anew=not self._on_bench, read=replayed)
-        with ExitStack() as stack:
-            recorder = None
-            if self.rrd is not None or self.spawn:
-                # early, so that its process comes up while the machine is compiled
-                recorder = stack.enter_context(FileRecorder(self.rrd, viewer=self.spawn))
-            flight = prepare(
-                self.platform,
-                controller=self.controller,
-                estimator=self.estimator,
-                plant=self.plant,
-                reference=self.reference,
-                duration=self.duration,
-                seed=self.seed,
-                initial=self._initial(),
-                gains=_gains(self.gains),
-                effects=effects,
-                lockstep=self.lockstep,
-                held=None if self.arm is None else Held(self.arm),
-                tell=tell,
-            )
-            warnings = flight.warnings()
-            self._announce(flight, warnings)
-            if self.identified is not None:
-                tell(check_lean(flight, identified_box(self.identified)))
-            metrics = Metrics(flight.platform, settle=settled(flight.duration))
-            black_box = FlightRecorder(flight.plant)
-            observers: list[Observer] = [metrics, black_box]
-            if recorder is not None:
-                facts = provenance(flight.platform, seed=self.seed, command=sys.argv)
-                recorder.start(flight.platform, facts)
-                observers.append(recorder)
-            # last, for a machine on its bench moves from now on
-            stack.enter_context(flight.plant)
-            if flight.bench is not None:
-                from twin.cli.live import LiveView
-
-                observers.append(stack.enter_context(LiveView(flight.bench, flight.duration)))
-            clock = WallClock() if self.realtime else SimulatedClock()
-            outcome = flight.fly(clock, observers, tell)
-        told = [] if flight.bench is None else flight.bench.told()
-
-        kept = self._keep(black_box, flight.platform)
+        run = fly(
+            self.platform,
+            self.controller,
+            gains=_gains(self.gains),
+            reference=self.reference,
+            duration=self.duration,
+            effects=() if self.effects is None else parse_effects(self.effects),
+            attitude=_radians(self.attitude),
+            rate=_radians(self.rate),
+            velocity=self.velocity,
+            estimator=self.estimator,
+            plant=self.plant,
+            arm=self.arm,
+            identified=self.identified,
+            lockstep=self.lockstep,
+            realtime=self.realtime,
+            seed=self.seed,
+            rrd=self.rrd,
+            viewer=self.spawn,
+            keep=False,
+            watch=LiveView,
+            say=tell,
+        )
+        kept = self._keep(run)
         if self.json:
-            print_json(self._document(outcome, metrics, warnings))
+            print_json({**run.document(), "recording": self.rrd})
         else:
-            row = {name: value[0] for name, value in metrics.rows().items()}
-            lines = flown(flight.platform, outcome, row, metrics.settle)
-            print("\n".join([*lines, *told, *self._where(kept)]))
-        if outcome.asked not in (0, signal.SIGINT):  # a terminal is gone, or a system goes down
-            raise Stopped(outcome.asked)
-        return 0 if outcome.ended is Ended.done or outcome.asked else 1
+            lines = flown(run.platform, run.outcome, run.metrics, run.settle)
+            print("\n".join([*lines, *run.notes, *self._where(kept)]))
+        asked = run.outcome.asked
+        if asked not in (0, signal.SIGINT):  # a terminal is gone, or a system goes down
+            raise Stopped(asked)
+        return 0 if run.outcome.ended is Ended.done or asked else 1
 
     def kept(self) -> str:
         """What is there of a run that was stopped before its law began, or at once."""
@@ -165,71 +129,19 @@ class RunVerb:
             return "nothing was recorded"
         return f"{self.rrd} holds what was recorded; a run that had not begun has not changed it"
 
-    def _check(self) -> None:
-        from twin.errors import UsageError
-
-        if self.identified is not None and not self._on_bench:
-            raise UsageError(
-                f"--identified is for a machine on its bench; plant {self.plant} has no guard"
-            )
-        moved = any((*self.attitude, *self.rate, *self.velocity))
-        if self.plant.startswith("serial") and moved:
-            raise UsageError(
-                "--attitude, --rate and --velocity are of a simulated machine; a real one starts "
-                "as it stands: leave them out"
-            )
-
-    def _initial(self) -> "InitialState":
-        import numpy as np
-
-        from twin.plant.initial import InitialState
-        from twin.rotation import from_euler_zyx
-
-        roll, pitch, yaw = np.radians(self.attitude)
-        rate = np.radians(self.rate)
-        return InitialState(
-            attitude=from_euler_zyx(yaw, pitch, roll),
-            rate_body=rate,
-            velocity=np.array(self.velocity),
-            joint_angle=float(roll),
-            joint_rate=float(rate[0]),
-        )
-
-    def _announce(self, flight: "Flight", warnings: Sequence[str]) -> None:
-        from twin.estimators import usual_estimator
-
-        reference = self.reference or flight.controller.reference
-        estimator = self.estimator or usual_estimator(flight.platform)
-        lines = [
-            f"{flight.platform.name}: {self.controller} with estimator {estimator}, "
-            f"reference {reference}, {flight.duration:g} s at {flight.platform.control_rate:g} Hz, "
-            f"plant {self.plant}, {self._seeded()}",
-            *(f"with {effect.words()}" for effect in flight.effects),
-            *(f"warning: {warning}" for warning in warnings),
-        ]
-        print("\n".join(lines), file=sys.stderr, flush=True)
-
-    @property
-    def _on_bench(self) -> bool:
-        return self.plant.partition(":")[0] in ("pty", "serial")
-
-    def _seeded(self) -> str:
-        armed = f", armed as {self.arm}" if self.arm else ", not armed: nothing leaves"
-        seed = "" if self.plant.startswith("serial") else f"seed {self.seed}"
-        return (seed + (armed if self._on_bench else "")).removeprefix(", ")
-
-    def _keep(self, black_box: "FlightRecorder", platform: "Platform") -> list[Path]:
-        """Write the flight record of every run that was stopped."""
+    def _keep(self, run: "Run") -> list[Path]:
+        """Write the last seconds of every run that was stopped."""
+        from twin.api import BENCHES
         from twin.stream.runfile import write_recording
 
         kept: list[Path] = []
-        for run, record in black_box.records.items():
+        for number, record in run.last_seconds.items():
             # beside the recording, else where one stands, whatever folder the machine is in
             stem = self.rrd or Path(f"{Path(self.platform).resolve().name.replace(':', '-')}.rrd")
-            path = stem.with_name(f"{stem.stem}.flight-{run}.rrd")
-            if self._on_bench:
+            path = stem.with_name(f"{stem.stem}.flight-{number}.rrd")
+            if self.plant.partition(":")[0] in BENCHES:
                 path = _unused(path)
-            write_recording(record, path, platform)
+            write_recording(record, path, run.platform)
             kept.append(path)
         return kept
 
@@ -239,20 +151,12 @@ class RunVerb:
             lines.append(f"recorded in {self.rrd}: look at it with `twin view {self.rrd}`")
         return lines
 
-    def _document(
-        self, outcome: "Outcome", metrics: "Metrics", warnings: Sequence[str]
-    ) -> dict[str, Any]:
-        row = {name: value[0] for name, value in metrics.rows().items()}
-        return {
-            "ended": outcome.ended.value,
-            "reason": outcome.reason or None,
-            "duration": outcome.duration,
-            "overruns": outcome.timing.overruns,
-            "warnings": list(warnings),
-            "metrics": row,
-            "seconds": outcome.timing.seconds,
-            "recording": self.rrd,
-        }
+
+def _radians(angles: Angles) -> Angles:
+    import numpy as np
+
+    roll, pitch, yaw = np.radians(angles)
+    return float(roll), float(pitch), float(yaw)
 
 
 def _unused(path: Path) -> Path:

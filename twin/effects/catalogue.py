@@ -7,7 +7,6 @@ package in the group `twin.effects` that names such a class.
 import importlib
 import inspect
 from functools import cache
-from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,6 +14,7 @@ from typing import Any
 from twin.effects.effect import Effect, EffectError
 from twin.errors import UnknownName
 from twin.files import import_alone
+from twin.library import Registry
 
 _FOLDER = Path(__file__).parent
 _FOLDERS = (
@@ -33,7 +33,7 @@ _GROUP = "twin.effects"
 
 def effect_names() -> list[str]:
     """Names of all effects: those built in, folder by folder, then those of installed packages."""
-    return [*_built_in(), *sorted(point.name for point in entry_points(group=_GROUP))]
+    return list(_registry())
 
 
 def catalogue() -> tuple[type[Effect], ...]:
@@ -59,15 +59,9 @@ def effect_named(name: str, *, own_files: bool = True) -> type[Effect]:
         if not path.is_file():
             raise UnknownName("effect", name, effect_names())
         return _only_effect(path.resolve())
-    built_in = _built_in()
-    if name in built_in:
-        module = importlib.import_module(f"twin.effects.{built_in[name]}.{name}")
-        return _effects_of(module)[0]
-    for point in entry_points(group=_GROUP, name=name):
-        result: Any = point.load()
-        if isinstance(result, type) and issubclass(result, Effect):
-            return result
-        raise EffectError(f"entry point {name!r} of {_GROUP!r} names no effect but {result!r}")
+    registry = _registry()
+    if name in registry:
+        return registry[name]
     raise UnknownName("effect", name, effect_names())
 
 

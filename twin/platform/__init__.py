@@ -12,6 +12,7 @@ from twin.platform.of_log import in_gravity_of as in_gravity_of
 from twin.platform.of_log import in_order_of as in_order_of
 from twin.platform.of_log import other_machine as other_machine
 from twin.platform.of_log import platform_of as platform_of
+from twin.platform.of_log import platform_or_reason as platform_or_reason
 from twin.platform.parts import Base as Base
 from twin.platform.parts import Gas as Gas
 from twin.platform.parts import Gimbal as Gimbal

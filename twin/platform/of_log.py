@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import UnknownName, UsageError
+from twin.errors import TwinError, UnknownName, UsageError
 from twin.library import find_model
 from twin.platform.load import load_platform
 from twin.platform.parts import Platform
@@ -49,6 +49,17 @@ def platform_of(recording: Recording) -> Platform:
             "--platform"
         ) from None
     return load_platform(name)
+
+
+def platform_or_reason(recording: Recording) -> tuple[Platform | None, str]:
+    """The platform that a recording names, or why it cannot be had; None and nothing where it names
+    none."""
+    if recording.provenance.get("platform") is None:
+        return None, ""
+    try:
+        return platform_of(recording), ""
+    except TwinError as problem:
+        return None, str(problem)
 
 
 def in_gravity_of(recordings: Sequence[Recording], platform: Platform) -> Platform:

@@ -33,9 +33,6 @@ Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 Watch = Callable[[Bench, float], AbstractContextManager[Observer]]
 
-CAP = 7200.0
-"""In which a balancing must be over unless told otherwise [s]."""
-
 _DAMPING = ("command_dipole", "command_gimbal_rate", "command_wheel_torque")
 
 
@@ -63,7 +60,7 @@ class BalancingSession:
     """Where the masses stand at the start [m]; the offset is meant there."""
     runs: int = 1
     """So many machines at once, each with its own random offset and noise."""
-    duration: float = CAP
+    duration: float = 7200.0
     """After which it is given up [s]."""
     seed: int = 0
     """Of all random numbers."""

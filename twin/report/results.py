@@ -15,16 +15,22 @@ from twin.campaigns.merit import METRICS
 from twin.campaigns.replay import Replayed
 from twin.comparison import Comparison
 from twin.diagnosis import Diagnosis, Validation
-from twin.errors import TwinError, UsageError
+from twin.errors import UsageError
 from twin.files import whole, write_whole
 from twin.flight import Run
 from twin.identification import Identification
-from twin.platform import Platform, platform_of
+from twin.platform import Platform, platform_or_reason
 from twin.procedures.session import Balanced
 from twin.recording import Recording, write_folder
 from twin.report.campaign_page import campaign_page, spread_figure
 from twin.report.campaign_words import campaign_document, summary, verdicts
-from twin.report.contents import Contents, contents_document, contents_of, contents_words
+from twin.report.contents import (
+    Contents,
+    contents_document,
+    contents_of,
+    contents_words,
+    with_prediction,
+)
 from twin.report.diagnosed import diagnosed, validated
 from twin.report.diagnosis_page import diagnosis_document, diagnosis_page, prediction_figure
 from twin.report.document import document
@@ -119,28 +125,21 @@ def save(result: object, path: Path) -> Path:
 
 
 def _recording_of(result: object) -> tuple[Recording, Platform | None] | None:
-    """The recording of a run or a log, with the machine that it names."""
+    """The recording of a run or a log, or of a log beside its prediction; and its machine."""
     if isinstance(result, Run):
         return result.recording, result.platform
+    if isinstance(result, Comparison):
+        return with_prediction(result.best.explained), result.platform
+    if isinstance(result, Diagnosis):
+        return with_prediction(result.explained.account), result.platform
     if not isinstance(result, Recording):
         return None
-    return result, _named_by(result)[0]
-
-
-def _named_by(recording: Recording) -> tuple[Platform | None, str]:
-    """The machine that a recording names, or why it is not known; None and nothing where it names
-    none."""
-    if recording.provenance.get("platform") is None:
-        return None, ""
-    try:
-        return platform_of(recording), ""
-    except TwinError as problem:
-        return None, str(problem)
+    return result, platform_or_reason(result)[0]
 
 
 def contents(recording: Recording) -> Contents:
     """What is in a recording, held against the machine that it names, where it names one."""
-    return contents_of(recording.source, recording, *_named_by(recording))
+    return contents_of(recording.source, recording, *platform_or_reason(recording))
 
 
 sentences_of.register(Diagnosis, diagnosed)
@@ -149,6 +148,7 @@ page_of.register(Diagnosis, diagnosis_page)
 sentences_of.register(Comparison, sentences)
 figure_of.register(Comparison, motion_figure)
 sentences_of.register(Identification, identified)
+document_of.register(Run, Run.document)
 document_of.register(Contents, contents_document)
 figure_of.register(Contents, contents_figure)
 page_of.register(Contents, contents_page)
@@ -226,20 +226,6 @@ def _(result: Recording) -> str:
 def _(result: Run) -> Sequence[str]:
     warned = [f"warning: {warning}" for warning in result.warnings]
     return [*warned, *flown(result.platform, result.outcome, result.metrics, result.settle)]
-
-
-@document_of.register
-def _(result: Run) -> Mapping[str, Any]:
-    outcome = result.outcome
-    return {
-        "ended": outcome.ended.value,
-        "reason": outcome.reason or None,
-        "duration": outcome.duration,
-        "overruns": outcome.timing.overruns,
-        "warnings": list(result.warnings),
-        "metrics": result.metrics,
-        "seconds": outcome.timing.seconds,
-    }
 
 
 @figure_of.register
