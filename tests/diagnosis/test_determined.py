@@ -6,8 +6,8 @@ import pytest
 from tests.predict.flights import flown
 from twin.diagnosis.baseline import baseline_of
 from twin.diagnosis.explanation import determined
-from twin.effects.thrusters.thruster_misalignment import ThrusterMisalignment
-from twin.effects.wheels.wheel_misalignment import WheelMisalignment
+from twin.effects.actuators import ThrusterMisalignment
+from twin.effects.wheels import WheelMisalignment
 from twin.platform import load_platform
 from twin.predict.columns import slopes_of
 

@@ -11,8 +11,8 @@ from twin.diagnosis.baseline import baseline_of
 from twin.diagnosis.candidates import candidate
 from twin.diagnosis.explanation import Explanation
 from twin.effects import with_effects
-from twin.effects.clocks.clock_drift import ClockDrift
-from twin.effects.stages.stage_backlash import StageBacklash
+from twin.effects.actuators import StageBacklash
+from twin.effects.sensors import ClockDrift
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
 from twin.reproduce.flown import flown

@@ -45,8 +45,8 @@ def test_an_effect_says_what_it_is_and_what_shows_it(kind):
 
 
 @each
-def test_an_effect_bears_the_name_of_its_file(kind):
-    assert kind.name == kind.__module__.rpartition(".")[2]
+def test_the_class_of_an_effect_is_called_as_the_effect(kind):
+    assert kind.__name__ == kind.name.title().replace("_", "")
 
 
 @each

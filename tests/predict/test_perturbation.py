@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from twin.comparison.symptoms import clock_lag, scale_factor
-from twin.effects.body.bearing_coulomb_friction import BearingCoulombFriction
+from twin.effects.body import BearingCoulombFriction
 from twin.identification.prediction_error import fit
 from twin.model import compile_model
 from twin.platform import Platform

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.effects.stages.stage_backlash import StageBacklash
-from twin.effects.stages.stage_scale import StageScale
+from twin.effects.actuators import StageBacklash, StageScale
 from twin.model import Machine, compile_model
 from twin.platform import load_platform
 from twin.predict.inputs import Inputs

@@ -9,7 +9,7 @@ from benches import Yardstick, machine
 from twin.diagnosis import Diagnosis
 from twin.diagnosis.screen import TIED, LinearScreen, Search, price
 from twin.effects import Effect
-from twin.effects.body.liquid_slosh import LiquidSlosh
+from twin.effects.body import LiquidSlosh
 from twin.effects.effect import EffectError
 from twin.platform import Platform
 from twin.predict.columns import amplitudes

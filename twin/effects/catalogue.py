@@ -1,4 +1,4 @@
-"""Effects by name: one file each in a folder beside this one, a lab's own by path or entry point.
+"""Effects by name: those built in, by subject, and a lab's own by path or entry point.
 
 A lab's own effect is a file with one class, given by its path, or the entry point of an installed
 package in the group `twin.effects` that names such a class.
@@ -17,22 +17,12 @@ from twin.files import import_alone
 from twin.library import Registry
 
 _FOLDER = Path(__file__).parent
-_FOLDERS = (
-    "body",
-    "sensors",
-    "clocks",
-    "wheels",
-    "hinge",
-    "gimbals",
-    "stages",
-    "magnetorquers",
-    "thrusters",
-)
+_SUBJECTS = ("body", "sensors", "wheels", "actuators")
 _GROUP = "twin.effects"
 
 
 def effect_names() -> list[str]:
-    """Names of all effects: those built in, folder by folder, then those of installed packages."""
+    """Names of all effects: the built-in ones by subject, then those of installed packages."""
     return list(_registry())
 
 
@@ -72,14 +62,14 @@ def file_of(kind: type[Effect]) -> Path | None:
 
 
 @cache
-def _built_in() -> dict[str, str]:
-    """Folder of each effect by its name."""
-    return {
-        path.stem: path.parent.name
-        for folder in _FOLDERS
-        for path in sorted((_FOLDER / folder).glob("*.py"))
-        if path.stem != "__init__"
-    }
+def _registry() -> Registry[type[Effect]]:
+    modules = [importlib.import_module(f"twin.effects.{subject}") for subject in _SUBJECTS]
+    built_in = {kind.name: kind for module in modules for kind in _effects_of(module)}
+    return Registry(_GROUP, built_in, _effect_or_none)
+
+
+def _effect_or_none(brought: Any) -> type[Effect] | None:
+    return brought if isinstance(brought, type) and issubclass(brought, Effect) else None
 
 
 @cache
@@ -105,7 +95,8 @@ def _effects_of(module: ModuleType) -> list[type[Effect]]:
     return [
         var
         for var in vars(module).values()
-        if isinstance(var, type) and issubclass(var, Effect) and var.__module__ == module.__name__
+        if _effect_or_none(var) and var.__module__ == module.__name__
+        if not var.__name__.startswith("_")
     ]
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from twin.controller import load_controller
 from twin.effects import effects_of, parse_effects, with_effects
-from twin.effects.gimbals.gimbal_friction import GimbalFriction
+from twin.effects.actuators import GimbalFriction
 from twin.identification import identify
 from twin.platform import Platform, load_platform
 from twin.recording import Recording

@@ -7,8 +7,8 @@ import numpy as np
 
 from twin.diagnosis import Diagnosis, diagnose
 from twin.effects import Effect, with_effects
-from twin.effects.clocks.clock_lag import ClockLag
-from twin.effects.wheels.wheel_misalignment import WheelMisalignment
+from twin.effects.sensors import ClockLag
+from twin.effects.wheels import WheelMisalignment
 from twin.plant.initial import hanging
 from twin.platform import load_platform
 from twin.reproduce.paper_002.manoeuvre import flown, wheels

@@ -1,1 +1,0 @@
-"""Effects on the machine itself: torques from outside, and parts that move inside."""

@@ -1,1 +1,0 @@
-"""Effects on when a sensor shows it."""

@@ -1,1 +1,0 @@
-"""Effects on the gimbals of control moment gyros."""

@@ -1,1 +1,0 @@
-"""Effects on a hinge and its motor."""

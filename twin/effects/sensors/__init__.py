@@ -1,1 +1,0 @@
-"""Effects on what a sensor shows."""

@@ -1,1 +1,0 @@
-"""Effects on thrusters and what feeds them."""
