@@ -11,6 +11,7 @@ from twin.procedures.plan import Remark as Remark
 from twin.procedures.plan import Statement as Statement
 from twin.procedures.setup import WAYS as WAYS
 from twin.procedures.setup import Refused as Refused
+from twin.procedures.setup import Way as Way
 from twin.procedures.setup import balancing as balancing
 from twin.procedures.setup import random_offsets as random_offsets
 from twin.procedures.setup import refuse as refuse

@@ -1,6 +1,6 @@
 """A balancing put together from names, refused before it starts where it cannot work."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from twin.budget import momentum_budget
 from twin.controller import AnyController, load_controller
 from twin.errors import TwinError, UnknownName, UsageError
+from twin.library import Registry
 from twin.platform import Platform
 from twin.procedures.balancing import Balancing
 from twin.procedures.fits import Fits
@@ -26,35 +27,43 @@ class Refused(TwinError):
 
 @dataclass(frozen=True)
 class Way:
-    """A procedure by its name."""
+    """A procedure of balancing: which law, if any, levels the body before the masses are moved by
+    what was identified."""
 
     words: str
+    """What it does, in a line."""
     law: str | None = None
-    """Of the level phase."""
+    """Name of the control law of the level phase; None: there is no such phase."""
     inertia: float | None = None
-    """For which that law's gains are [kg m^2], mean of the principal moments: gains of torques grow
-    with it. None: they know of the machine's by themselves."""
+    """Mean principal moment of inertia for which the law's gains are stated [kg m^2]; they are
+    scaled by the machine's over it. None: the law scales them itself."""
     lasts: float = 240.0
-    """That phase [s]."""
+    """Duration of the level phase [s]."""
     once: bool = False
+    """Whether the level phase comes once, at the start, and not in every round."""
 
 
 ASTROS, CUBESAT = 16.49, 0.02567
 """Mean principal moments of the machines whose papers print the gains [kg m^2]."""
 
-WAYS: dict[str, Way] = {
-    "direct": Way("identify and move the masses, again and again (000 eq. 12-15, 004)"),
-    "masses": Way("in the plane by a PID of the masses (001)", "mass_pid", ASTROS),
-    "masses-and-coils": Way(
-        "in the plane by masses, damped by coils (003)", "mass_magnetic_pid", CUBESAT
-    ),
-    "adaptive": Way(
-        "adapted while momentum is tracked, then direct (000 eq. 35-37)",
-        "adaptive_balancing",
-        lasts=900.0,
-        once=True,
-    ),
-}
+WAYS: Mapping[str, Way] = Registry(
+    "twin.procedures",
+    {
+        "direct": Way("identify and move the masses, again and again (000 eq. 12-15, 004)"),
+        "masses": Way("in the plane by a PID of the masses (001)", "mass_pid", ASTROS),
+        "masses-and-coils": Way(
+            "in the plane by masses, damped by coils (003)", "mass_magnetic_pid", CUBESAT
+        ),
+        "adaptive": Way(
+            "adapted while momentum is tracked, then direct (000 eq. 35-37)",
+            "adaptive_balancing",
+            lasts=900.0,
+            once=True,
+        ),
+    },
+    lambda brought: brought if isinstance(brought, Way) else None,
+)
+"""Procedures by name: ours, and entry points of the group `twin.procedures`, each a `Way`."""
 
 STATED = {"cubesat": 4.3e-5, "sads": 0.01}
 """Residual torque that the papers of a machine reach [N m]: 003, section 3; 004, conclusion."""

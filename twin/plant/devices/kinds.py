@@ -1,4 +1,8 @@
-"""Kinds of devices that `[hardware.devices.NAME]` may name, and how their settings are read."""
+"""Kinds of devices that `[hardware.devices.NAME]` may name, and how their settings are read.
+
+An installed package adds a kind by an entry point of the group `twin.devices`, which names a class
+derived from `DeviceSettings`; its fields are read from the table.
+"""
 
 import types
 from collections.abc import Callable, Mapping
@@ -7,6 +11,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 from twin.config import Table
 from twin.errors import UnknownName, UsageError
+from twin.library import Registry
 from twin.plant.devices.device import DeviceSettings
 from twin.plant.devices.link import Channel
 from twin.plant.devices.mdrive import MDriveSettings
@@ -148,10 +153,24 @@ def _solar2(table: Table, name: str, port: str) -> DeviceSettings:
     return read_settings(Solar2Settings, table, name=name, port=port)
 
 
-KINDS: Mapping[str, Callable[[Table, str, str], DeviceSettings]] = {
-    "microcontroller": _microcontroller,
-    "mdrive": _mdrive,
-    "mti": _mti,
-    "solar2": _solar2,
-}
+def _installed(brought: Any) -> "Read | None":
+    """What reads the settings of a class that an installed package brings."""
+    if not (isinstance(brought, type) and issubclass(brought, DeviceSettings)):
+        return None
+    kind: type[DeviceSettings] = brought
+    return lambda table, name, port: read_settings(kind, table, name=name, port=port)
+
+
+Read = Callable[[Table, str, str], DeviceSettings]
+
+KINDS: Mapping[str, Read] = Registry(
+    "twin.devices",
+    {
+        "microcontroller": _microcontroller,
+        "mdrive": _mdrive,
+        "mti": _mti,
+        "solar2": _solar2,
+    },
+    _installed,
+)
 """Kind -> what reads the settings from their table, given the device's name and port."""

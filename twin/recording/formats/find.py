@@ -1,9 +1,13 @@
 """The right reader for a file, each file read once for all the streams that are in it."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from twin.library import Registry
 from twin.recording.formats.array_file import NumberFile, Say, silent
 from twin.recording.formats.dataflash_file import is_dataflash, read_dataflash
 
@@ -19,7 +23,11 @@ TOPICS = (".mcap", ".bag", ".db3")
 """Of files with messages."""
 COLUMNS = (".parquet", ".feather", ".arrow", ".jsonl", ".ndjson")
 """Of files that PyArrow reads as columns."""
-ENDINGS = (*TEXTS, *COLUMNS, *ARRAYS, *TOPICS)
+Reader = Callable[[Path], Mapping[str, ArrayLike]]
+"""Arrays by name, (m,) or (m, k), of a file."""
+READERS: Registry[Reader] = Registry("twin.readers", {}, lambda it: it if callable(it) else None)
+"""Of installed packages: an ending without its dot -> what gives the arrays of such a file."""
+ENDINGS = (*TEXTS, *COLUMNS, *ARRAYS, *TOPICS, *(f".{ending}" for ending in READERS))
 """Of the files that can be read."""
 
 _T = TypeVar("_T")
@@ -69,7 +77,7 @@ class OpenFiles:
                 return self._once(
                     (path, variable), lambda: TextFile(path, content=read_sheet(path, variable))
                 )
-            case ending if ending in (*ARRAYS, *TEXTS):
+            case ending if ending in (*ARRAYS, *TEXTS) or ending[1:] in READERS:
                 from twin.recording.formats.array_file import ArrayFile
 
                 variables = self._once(path, lambda: _variables(path))
@@ -130,7 +138,22 @@ def _variables(path: Path) -> "Variables":
             from twin.recording.formats.ulog_file import read_ulog
 
             return read_ulog(path)
+        case ending if ending[1:] in READERS:
+            return _read_by_package(READERS[ending[1:]], path)
         case _:
             from twin.recording.formats.hdf5_file import read_hdf5
 
             return read_hdf5(path)
+
+
+def _read_by_package(reader: Reader, path: Path) -> "Variables":
+    """What an installed package's reader gives, as arrays of numbers."""
+    from twin.recording.formats.array_file import Variables, library_errors
+
+    with library_errors(path, f"a {path.suffix} file", "look at the package that reads such files"):
+        arrays = {name: np.asarray(values) for name, values in reader(path).items()}
+        wrong = [name for name, values in arrays.items() if values.dtype.kind not in "biuf"]
+        wrong += [name for name, values in arrays.items() if values.ndim not in (1, 2)]
+        if wrong:
+            raise ValueError(f"its reader gives no column or matrix of numbers as {wrong[0]!r}")
+    return Variables(arrays, {})
