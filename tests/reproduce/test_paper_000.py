@@ -7,16 +7,27 @@ from tests.controllers.test_cmg_steering import standing
 from twin.controller.exchange import Gyros
 from twin.platform import load_platform
 from twin.reference import Multisine
+from twin.reproduce import paper_000
 from twin.reproduce.flown import About
 from twin.reproduce.judge import Agreement, judge
-from twin.reproduce.paper_000 import eq_43, fig_3, fig_7
-from twin.reproduce.paper_000.bench import RollPitch, printed_machine
+from twin.reproduce.paper_000 import (
+    EQ_43_PARTS,
+    FIG_3_PART,
+    FIG_7_PART,
+    SIGNS,
+    RollPitch,
+    gimbal_axes,
+    momenta,
+    printed_machine,
+    rigid,
+    sphere,
+)
 from twin.reproduce.rows import paper_named, read_papers
 from twin.rotation import from_rotation_vector, vertical_body
 
 
 def test_the_printed_inertia_is_that_of_no_rigid_body():
-    ours = eq_43.rigid(print).rows["000.eq43.rigid_body"]
+    ours = rigid(print).rows["000.eq43.rigid_body"]
     assert ours.value is False
 
 
@@ -48,20 +59,20 @@ def test_the_momentum_reference_has_the_acceleration_that_its_rate_changes_by():
 @pytest.mark.parametrize(("skew", "radius"), [(70.0, 0.316), (85.0, 0.826), (90.0, 1.0)])
 def test_the_sphere_without_singular_states_at_a_skew(skew, radius):
     machine = load_platform("tas2")
-    assert fig_7.sphere(fig_7.gimbal_axes(machine, skew)) == pytest.approx(radius, abs=1e-3)
+    assert sphere(gimbal_axes(machine, skew)) == pytest.approx(radius, abs=1e-3)
 
 
 def test_momenta_of_the_surface_are_those_of_singular_states_of_the_shipped_array():
     """Gimbals turned until each rotor stands along u as far as it can: det A = 0 there."""
     machine = load_platform("tas2")
     gyros = Gyros.of(machine, "test")
-    axes = fig_7.gimbal_axes(machine, 90.0)
+    axes = gimbal_axes(machine, 90.0)
     along = np.random.default_rng(2).normal(size=(5, 3))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    surface = fig_7.momenta(axes, along)
+    surface = momenta(axes, along)
     for row, u in enumerate(along):
         angle = np.arctan2(gyros.across @ u, gyros.spin @ u)
-        for column, signs in enumerate(fig_7.SIGNS):
+        for column, signs in enumerate(SIGNS):
             there = standing(machine, np.where(signs > 0.0, angle, angle + np.pi))
             assert gyros.regularity(there)[0] < 1e-14
             momentum = gyros.momentum(there)[0] / gyros.fixed[0]
@@ -70,19 +81,19 @@ def test_momenta_of_the_surface_are_those_of_singular_states_of_the_shipped_arra
 
 def test_axes_at_another_skew_are_those_of_the_shipped_variant():
     shipped = np.array([gimbal.axis for gimbal in load_platform("tas2:skew70").gimbals])
-    np.testing.assert_allclose(fig_7.gimbal_axes(load_platform("tas2"), 70.0), shipped, atol=1e-12)
+    np.testing.assert_allclose(gimbal_axes(load_platform("tas2"), 70.0), shipped, atol=1e-12)
 
 
 @pytest.mark.slow(60)
 def test_the_rows_of_the_paper_come_out(monkeypatch):
     """Those of Fig. 8 take minutes, as do all logs of eq. 43: `twin reproduce 000`."""
     # what is judged of eq. 43 is its first log
-    monkeypatch.setattr(eq_43, "RUNS", range(1))
-    monkeypatch.setattr(eq_43, "CAUSES", ("gimbal_backlash",))
-    monkeypatch.setattr(fig_3, "MOVING", 150.0)
+    monkeypatch.setattr(paper_000, "EQ_43_RUNS", range(1))
+    monkeypatch.setattr(paper_000, "CAUSES", ("gimbal_backlash",))
+    monkeypatch.setattr(paper_000, "MOVING", 150.0)
     rows = {row.id: row for row in paper_named(read_papers(), "000").rows}
     status = dict[str, Agreement]()
-    for part in (fig_3.PART, *eq_43.PARTS, fig_7.PART):
+    for part in (FIG_3_PART, *EQ_43_PARTS, FIG_7_PART):
         found = part.compute(print)
         assert set(found.rows) == set(part.ids)
         status |= {name: judge(rows[name], ours).status for name, ours in found.rows.items()}

@@ -9,10 +9,23 @@ import pytest
 
 from twin.estimators import OffsetFilter
 from twin.model import compile_model
-from twin.reproduce.paper_001 import experiment, flights, gains, in_plane, simplified, vertical
-from twin.reproduce.paper_001.bound import offset_bound
-from twin.reproduce.paper_001.flights import PRINTED, STABLE, astros
-from twin.reproduce.paper_001.parts import PARTS
+from twin.reproduce import paper_001
+from twin.reproduce.paper_001 import (
+    PARTS,
+    PRINTED,
+    STABLE,
+    VERTICAL_START,
+    astros,
+    at_center,
+    flown,
+    hanging,
+    machine,
+    missed,
+    offset_bound,
+    roots,
+    routh,
+    swing,
+)
 
 ROWS = {
     row["id"]
@@ -38,13 +51,13 @@ def test_a_part_answers_its_rows_and_draws_its_figure():
 
 def test_roots_leave_the_left_half_where_routh_says():
     platform = astros()
-    bound = gains.routh(platform, PRINTED)
+    bound = routh(platform, PRINTED)
     # each axis alone: the product of inertia between them moves the edge by a few percent
     for factor, stable in ((0.9, True), (1.1, False)):
         tried = {**PRINTED, "integral": factor * float(bound.min())}
-        assert (gains.roots(platform, tried).real.max() < 0.0) == stable
-    assert gains.roots(platform, PRINTED).real.max() > 0.0
-    assert gains.roots(platform, {**PRINTED, **STABLE}).real.max() < 0.0
+        assert (roots(platform, tried).real.max() < 0.0) == stable
+    assert roots(platform, PRINTED).real.max() > 0.0
+    assert roots(platform, {**PRINTED, **STABLE}).real.max() < 0.0
 
 
 def test_masses_on_lines_through_the_centre_give_no_torque_but_that_of_a_changing_inertia():
@@ -55,10 +68,8 @@ def test_masses_on_lines_through_the_centre_give_no_torque_but_that_of_a_changin
     change = 2.0 * masses * place * speed
     growing = change.sum(axis=1, keepdims=True) - change
     wanted = -np.linalg.solve(platform.inertia, (growing * rate).T).T
-    missed = simplified.missed(
-        platform.inertia, simplified.at_center(platform), rate, place, speed, pull
-    )
-    np.testing.assert_allclose(missed, wanted, rtol=1e-10, atol=1e-18)
+    result = missed(platform.inertia, at_center(platform), rate, place, speed, pull)
+    np.testing.assert_allclose(result, wanted, rtol=1e-10, atol=1e-18)
 
 
 def test_what_is_missed_by_mounted_masses_is_the_change_of_their_momentum():
@@ -82,26 +93,26 @@ def test_what_is_missed_by_mounted_masses_is_the_change_of_their_momentum():
     )
     torque = gained + np.cross(rate, sliding)
     rows = [value[None] for value in (rate, start, speed, pull)]
-    missed = simplified.missed(platform.inertia, riding, *rows)[0]
-    np.testing.assert_allclose(-platform.inertia @ missed, torque, rtol=1e-6, atol=1e-12)
+    result = missed(platform.inertia, riding, *rows)[0]
+    np.testing.assert_allclose(-platform.inertia @ result, torque, rtol=1e-6, atol=1e-12)
 
 
 def test_hanging_machine_has_its_mass_moment_along_gravity():
     up = np.array([-np.sin(np.radians(-2.93)), 0.0, 0.0])
-    moment = experiment.hanging()
+    moment = hanging()
     assert moment[2] == astros().center_of_mass_offset[2]
     assert moment[0] / -moment[2] == pytest.approx(-up[0] / np.cos(np.radians(3.34)), rel=2e-3)
 
 
 @pytest.mark.slow
 def test_filter_of_three_offsets_claims_no_less_than_the_bound_and_reaches_it():
-    platform = vertical.machine(-5e-6, 5e-6)
+    platform = machine(-5e-6, 5e-6)
     gyro = platform.sensors["gyro"]
     biased = dataclasses.replace(gyro, bias=np.full(3, 1e-3))
     platform = dataclasses.replace(platform, sensors={**platform.sensors, "gyro": biased})
-    bound = offset_bound(platform, vertical.START, 40.0)
+    bound = offset_bound(platform, VERTICAL_START, 40.0)
     quiet = OffsetFilter(torque_noise=0.0, wheel_noise=0.0)
-    run = vertical.swing(platform, quiet, 40.0, 20, ("offset_covariance",))
+    run = swing(platform, quiet, 40.0, 20, ("offset_covariance",))
     claimed = run.believed["offset_covariance"][-1]
     least = np.sqrt(np.diag(bound))
     sigma = np.sqrt(np.diagonal(claimed, axis1=1, axis2=2))
@@ -117,16 +128,16 @@ BRIEF = 22.0
 @pytest.fixture
 def brief(monkeypatch):
     """Each flight ends early: all that the parts compute of it is asked for, not what it is."""
-    whole = flights.flown
+    whole = flown
 
-    def flown(platform, law, estimator, start, duration, *, seeds=1, **more):
+    def cut(platform, law, estimator, start, duration, *, seeds=1, **more):
         seeds, duration = min(seeds, 2), min(duration, BRIEF)
         return whole(platform, law, estimator, start, duration, seeds=seeds, **more)
 
-    for module in (experiment, in_plane, vertical):
-        monkeypatch.setattr(module, "flown", flown)
-        monkeypatch.setattr(module, "DURATION", BRIEF)
-    monkeypatch.setattr(vertical, "BEGIN", 0.5 * BRIEF)
+    monkeypatch.setattr(paper_001, "flown", cut)
+    for name in ("EXPERIMENT_DURATION", "IN_PLANE_DURATION", "VERTICAL_DURATION"):
+        monkeypatch.setattr(paper_001, name, BRIEF)
+    monkeypatch.setattr(paper_001, "BEGIN", 0.5 * BRIEF)
 
 
 @pytest.mark.slow

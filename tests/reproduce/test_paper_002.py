@@ -9,17 +9,30 @@ import pytest
 from twin import rotation
 from twin.identification import identify
 from twin.predict.logs import attitude_of_start, motion_of
+from twin.reproduce import paper_002
 from twin.reproduce.efficiency import cramer_rao, trial_of
-from twin.reproduce.paper_002 import fig4, fig5, fig9, table2, table3_ours, table4
-from twin.reproduce.paper_002.manoeuvre import (
+from twin.reproduce.paper_002 import (
+    PARTS,
+    SCATTER,
+    TABLE2_PART,
+    as_handed_in,
+    table2_compute,
+    table4_compute,
+)
+from twin.reproduce.paper_002_figures import (
+    GYRO,
+    METHODS,
     as_guessed,
+    fig4_compute,
+    fig9_compute,
     ideal,
     machine,
     measured,
+    natural_frequency,
+    samples,
+    shifted,
     tracked,
 )
-from twin.reproduce.paper_002.methods import METHODS
-from twin.reproduce.paper_002.parts import PARTS
 
 ROWS = Path(__file__).parents[2] / "docs" / "reproduction.toml"
 
@@ -32,11 +45,11 @@ def test_every_row_of_the_paper_is_computed_once():
 
 @pytest.fixture(scope="module")
 def perfect() -> dict[str, float]:
-    return {name: float(ours.value) for name, ours in table2.compute(print).rows.items()}
+    return {name: float(ours.value) for name, ours in table2_compute(print).rows.items()}
 
 
 def test_on_perfect_data_every_method_finds_all_nine_parameters(perfect):
-    assert set(perfect) == set(table2.PART.ids)
+    assert set(perfect) == set(TABLE2_PART.ids)
     assert max(perfect.values()) < 0.5
 
 
@@ -62,7 +75,7 @@ def test_noise_of_the_gyro_is_in_the_attitude_too():
 
 
 def test_an_attitude_of_the_start_alone_is_carried_on_by_the_gyro():
-    log = table3_ours.as_handed_in(ideal(), 3).without_truth()
+    log = as_handed_in(ideal(), 3).without_truth()
     motion = motion_of(log, machine())
     assert motion.time[-1] > 59.0
     off = rotation.multiply(
@@ -72,8 +85,8 @@ def test_an_attitude_of_the_start_alone_is_carried_on_by_the_gyro():
 
 
 def test_where_the_papers_methods_are_wrong_by_half_prediction_error_is_within_its_intervals():
-    platform, log = machine(), table3_ours.as_handed_in(ideal(), 3)
-    bound = cramer_rao(platform, log, table3_ours.SCATTER)
+    platform, log = machine(), as_handed_in(ideal(), 3)
+    bound = cramer_rao(platform, log, SCATTER)
     found = identify([log.without_truth()], as_guessed())
     trial = trial_of(found, platform, bound)
     assert found.misfit[0].is_noise
@@ -83,25 +96,25 @@ def test_where_the_papers_methods_are_wrong_by_half_prediction_error_is_within_i
 
 
 def test_no_published_inertia_of_table_4_is_a_body_and_the_nearest_is(monkeypatch):
-    monkeypatch.setattr(table4, "SEEDS", range(5))
-    rows = table4.compute(print).rows
+    monkeypatch.setattr(paper_002, "TABLE4_SEEDS", range(5))
+    rows = table4_compute(print).rows
     assert rows["002.table4.unphysical"].value == 0.0
     assert rows["002.table4.physical"].value is True
 
 
 def test_a_moving_average_of_white_noise_leaves_one_over_the_root_of_its_width():
-    (ours,) = fig9.compute(print).rows.values()
-    width = fig9.samples(41.0, fig9.GYRO * fig9.natural_frequency(machine()))
+    (ours,) = fig9_compute(print).rows.values()
+    width = samples(41.0, GYRO * natural_frequency(machine()))
     assert ours.value == pytest.approx(width**-0.5, rel=0.1)
 
 
 def test_wheels_track_the_reference_body():
-    assert fig4.compute(print).rows["002.fig4.tracking"].value < 0.02
+    assert fig4_compute(print).rows["002.fig4.tracking"].value < 0.02
 
 
 def test_a_synchronised_log_is_where_an_estimate_turns():
     platform, log = machine(), ideal().without_truth()
     shifts = (-0.1, 0.0, 0.1)
-    found = [identify([fig5.shifted(log, by)], platform, *METHODS["momentum_1"]) for by in shifts]
+    found = [identify([shifted(log, by)], platform, *METHODS["momentum_1"]) for by in shifts]
     jxx = [one.theta[0] for one in found]
     assert jxx[1] > max(jxx[0], jxx[2])

@@ -5,12 +5,13 @@ import pytest
 
 from twin.controller import load_controller
 from twin.plant.initial import InitialState, hanging
+from twin.reproduce import paper_003
 from twin.reproduce.flown import flown, perfect
 from twin.reproduce.judge import Agreement, judge
-from twin.reproduce.paper_003 import tables
-from twin.reproduce.paper_003.bench import (
+from twin.reproduce.paper_003 import (
     ALL_MOTORS,
     OFFSET,
+    TABLES_PARTS,
     fly_tests,
     mechanical,
     mixed,
@@ -88,8 +89,8 @@ def test_coils_move_the_masses_less_than_a_derivative_term_on_them_does():
 @pytest.mark.slow
 def test_a_table_of_the_paper_comes_out(monkeypatch):
     """Of tests of 360 s; those of 1200 s and the other rows take minutes: `twin reproduce 003`."""
-    monkeypatch.setattr(tables, "fly_tests", lambda *args: fly_tests(*args, 360.0))
-    (part,) = (one for one in tables.PARTS if "003.table2.torque" in one.ids)
+    monkeypatch.setattr(paper_003, "fly_tests", lambda *args: fly_tests(*args, 360.0))
+    (part,) = (one for one in TABLES_PARTS if "003.table2.torque" in one.ids)
     found = part.compute(print)
     assert set(found.rows) == set(part.ids)
     rows = {row.id: row for row in paper_named(read_papers(), "003").rows}

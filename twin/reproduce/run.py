@@ -37,11 +37,11 @@ class Reproduced:
 
 
 def parts_of(number: str) -> tuple[PaperPart, ...]:
-    """What is computed for a paper: `PARTS` of its package, none where it has no package."""
+    """What is computed for a paper: `PARTS` of its module, none where it has no module."""
     package = f"twin.reproduce.paper_{number}"
     if importlib.util.find_spec(package) is None:
         return ()
-    return cast("tuple[PaperPart, ...]", importlib.import_module(f"{package}.parts").PARTS)
+    return cast("tuple[PaperPart, ...]", importlib.import_module(package).PARTS)
 
 
 def reproduce(paper: Paper, parts: Sequence[PaperPart], *, jobs: int, say: Say) -> Reproduced:

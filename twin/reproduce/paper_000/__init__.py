@@ -1,1 +1,0 @@
-"""Batch identification and adaptive balancing with control moment gyros, on `tas2`."""

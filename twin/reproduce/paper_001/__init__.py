@@ -1,1 +1,0 @@
-"""S. Y. Choi, Georgia Institute of Technology 2016: balancing of `astros` by sliding masses."""

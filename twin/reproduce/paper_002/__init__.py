@@ -1,1 +1,0 @@
-"""System identification of a spherical air-bearing spacecraft simulator (AAS 04-122)."""

@@ -1,1 +1,0 @@
-"""Balancing in the plane by sliding masses with and without magnetorquers, on `cubesat`."""

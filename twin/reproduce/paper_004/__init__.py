@@ -1,1 +1,0 @@
-"""Mass properties identification and automatic mass balancing system (Sharifi and others, 2019)."""
