@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin.cli import view
 from twin.cli.main import main
 from twin.library import library
 from twin.recording import Recording, Series, read_recording
@@ -22,7 +21,7 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Path, Recording]]:
         given.append((path, read_recording(path)))
         return 0
 
-    monkeypatch.setattr(view, "_show", show)
+    monkeypatch.setattr("twin.cli.logs._show", show)
     return given
 
 

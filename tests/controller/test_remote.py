@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.processes import PATIENCE, running
-from twin.cli.controllers import Controllers
+from twin.cli.library import Controllers
 from twin.clock import SimulatedClock
 from twin.controller import remote
 from twin.errors import ControllerError, UsageError

@@ -6,7 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from twin.cli.identify import Method
+from twin.cli.fits import Method
 from twin.cli.main import main
 from twin.errors import UsageError
 from twin.identification import METHODS, Settings, identify

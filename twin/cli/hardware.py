@@ -1,7 +1,9 @@
-"""`twin hardware`: what a laboratory does with its machine before and after a session."""
+"""The verbs of the bench: `twin hardware`, `twin emulate`, `twin doctor`."""
 
+import signal
 import sys
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
@@ -9,6 +11,86 @@ import tyro
 if TYPE_CHECKING:
     from twin.bench import Bench
     from twin.platform import Platform
+
+
+Angles = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Emulate:
+    """Stand for a machine: its devices on pseudo-terminals, its simulation behind them.
+
+    What opens the printed port meets the board as it is on the bench: our driver with `twin run
+    PLATFORM --plant serial:PORT`, or a program of one's own that is to be tried. Time is the
+    wall's, bytes come at the line's rate, set-points run out. It ends with Ctrl-C.
+    """
+
+    platform: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PLATFORM")]
+    """A shipped name (see `twin platforms`) or a folder, with [hardware]; `:VARIANT` may follow."""
+    effects: Annotated[str | None, tyro.conf.arg(metavar="NAME[:TARGET]=VALUE[/VALUE ...],...")] = (
+        None
+    )
+    """What the machine has beyond its platform; see `twin effects`."""
+    attitude: Annotated[Angles, tyro.conf.arg(metavar="ROLL PITCH YAW")] = (0.0, 0.0, 0.0)
+    """At the start, in degrees."""
+    duration: Annotated[float | None, tyro.conf.arg(metavar="SECONDS")] = None
+    """End by itself after this."""
+    seed: int = 0
+    """Of the sensors' noise."""
+    replay: Annotated[tuple[str, ...], tyro.conf.arg(metavar="DEVICE=FILE")] = ()
+    """Devices that say again what they once said on a port that was opened as
+    spy://PORT?file=FILE."""
+
+    def kept(self) -> str:
+        """Of an emulation that was stopped."""
+        return "its ports are closed"
+
+    def run(self) -> int:
+        """Emulate; the exit code."""
+        import numpy as np
+
+        from twin.effects import parse_effects, with_effects
+        from twin.emulate.platform import EmulatedPlatform
+        from twin.emulate.replayed import spied
+        from twin.plant.hardware_setup import read_hardware
+        from twin.plant.initial import InitialState
+        from twin.platform import load_platform
+        from twin.rotation import from_euler_zyx
+        from twin.stop import Stopped, until
+
+        effects = () if self.effects is None else parse_effects(self.effects)
+        machine = with_effects(load_platform(self.platform), effects)
+        roll, pitch, yaw = np.radians(self.attitude)
+        initial = InitialState(attitude=from_euler_zyx(yaw, pitch, roll))
+        setup = read_hardware(machine)
+        said = {name: spied(Path(file)) for name, file in map(_named, self.replay)}
+        with EmulatedPlatform(
+            machine, setup, seed=self.seed, initial=initial, said=said
+        ) as emulation:
+            for name, port in emulation.ports.items():
+                print(f"{name}: {port}", flush=True)
+            print(f"{machine.name} is emulated until Ctrl-C", file=sys.stderr, flush=True)
+            duration = np.inf if self.duration is None else self.duration
+            try:
+                dead = until(lambda: not emulation.line.alive, duration)
+            except Stopped as request:
+                if request.number != signal.SIGINT:
+                    raise
+                return 0
+            if dead:
+                print("twin: the emulation has ended by itself; please report it", file=sys.stderr)
+                return 1
+        return 0
+
+
+def _named(word: str) -> tuple[str, str]:
+    from twin.errors import UsageError
+
+    name, _, file = word.partition("=")
+    if not file:
+        raise UsageError(f"replay {word!r}: give DEVICE=FILE, as in imu=imu.spy")
+    return name, file
+
 
 Action = Literal["status", "home", "jog", "park", "zero", "spin-down"]
 
@@ -138,3 +220,54 @@ class Hardware:
 def _positions(bench: "Bench") -> list[float] | None:
     place = bench.guard.seen.stage_position
     return None if place is None else place.tolist()
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Look whether this computer is fit to fly a machine: ports, adapters, permissions, lateness.
+
+    Tells whether each port of the machine is there and may be opened, how long USB adapters hold
+    bytes back, whether a process may have a priority of its own, and how late ticks come. Nothing
+    is opened, nothing is changed. Ends with 1 where something is bad, not where it is poor.
+    """
+
+    platform: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[PLATFORM]")] = (
+        None
+    )
+    """Whose ports are looked at; without one, only the computer is."""
+    seconds: Annotated[float, tyro.conf.arg(metavar="SECONDS")] = 3.0
+    """For which ticks are timed."""
+    rate: Annotated[float, tyro.conf.arg(metavar="HZ")] = 50.0
+    """At which they are."""
+    json: bool = False
+    """Print one JSON document instead of text."""
+
+    def run(self) -> int:
+        """Examine; the exit code."""
+        import sys
+
+        from twin.cli.output import print_json
+        from twin.errors import UsageError
+        from twin.platform import load_platform
+
+        if not 0.0 < self.seconds <= 3600.0 or not 1.0 <= self.rate <= 1000.0:
+            raise UsageError(
+                f"--seconds {self.seconds:g} --rate {self.rate:g}; give up to an hour, at 1 to "
+                "1000 Hz"
+            )
+        if sys.platform == "win32":
+            raise UsageError("twin doctor looks at Linux; on Windows look at the device manager")
+        from twin.plant.hardware_setup import read_hardware
+        from twin.service.doctor import Verdict, examine
+
+        ports: dict[str, str] = {}
+        if self.platform is not None:
+            devices = read_hardware(load_platform(self.platform)).devices
+            ports = {name: settings.port for name, settings in devices.items()}
+        findings = examine(ports, seconds=self.seconds, rate=self.rate)
+        if self.json:
+            print_json([asdict(item) | {"verdict": item.verdict.value} for item in findings])
+        else:
+            for item in findings:
+                print(f"{item.verdict.value:<5} {item.what}: {item.sentence}")
+        return 1 if any(item.verdict is Verdict.bad for item in findings) else 0

@@ -1,4 +1,4 @@
-"""`twin campaign`: thousands of runs that differ as a file says."""
+"""The verbs of campaigns: `twin campaign`, `twin report`, `twin replay`."""
 
 import os
 from dataclasses import dataclass
@@ -101,3 +101,70 @@ def _cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+@dataclass(frozen=True)
+class Report:
+    """Say what came of a campaign: distributions, what they depend on, worst runs, comparisons.
+
+    Writes DIR/report.html with figures and DIR/report.md; of a campaign that still goes on, what is
+    there so far.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
+    """Of the campaign."""
+    against: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Another campaign to hold it against, arm by arm where both have it."""
+    html: Annotated[Path | None, tyro.conf.arg(metavar="F.html")] = None
+    """The page goes here instead, the table beside it; those that exist are written anew."""
+    json: bool = False
+    """Print one JSON document instead of text."""
+
+    def run(self) -> int:
+        """Read, compute, write."""
+        from twin.api import results
+        from twin.cli.output import print_json, progress
+        from twin.files import check_writable, write_whole
+        from twin.report.campaign_page import write_campaign_page
+        from twin.report.campaign_words import markdown
+
+        page = self.html or self.folder / "report.html"
+        check_writable(page, ".html")
+        with progress() as say:
+            result = results(self.folder, self.against, say=say)
+            say("drawing")
+            write_campaign_page(page, result)
+            write_whole(page.with_suffix(".md"), markdown(result))
+        if self.json:
+            print_json({**result.document(), "report": page})
+        else:
+            print(f"{result}\nreport: {page}")
+        return 0
+
+
+@dataclass(frozen=True)
+class ReplayVerb:
+    """Fly one run of a campaign alone, to the same bits, and record it in full."""
+
+    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
+    """Of the campaign."""
+    run_number: Annotated[int, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """Its number, from 0."""
+    rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
+    """Record into this file; one that exists is written anew."""
+    json: bool = False
+    """Print one JSON document instead of text."""
+
+    def run(self) -> int:
+        """Fly; 1 where it is not what the campaign wrote."""
+        from twin.api import replay
+        from twin.cli.output import print_json
+
+        replayed = replay(self.folder, self.run_number, rrd=self.rrd)
+        if self.json:
+            print_json({**replayed.document(), "recording": self.rrd})
+        else:
+            print(replayed)
+            if self.rrd is not None:
+                print(f"recorded in {self.rrd}: look at it with `twin view {self.rrd}`")
+        return 1 if replayed.differs else 0

@@ -1,0 +1,212 @@
+"""The verbs of logs: `twin import`, `twin show`, `twin export`, `twin view`."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from twin.cli.output import LogPart, Restricted
+
+if TYPE_CHECKING:
+    from twin.platform import Platform
+    from twin.recording import Recording
+
+
+@dataclass(frozen=True)
+class Import:
+    """Make a log of recorded files: find streams, units, axes, clocks and frames, each with why.
+
+    The files are copied into OUT (unless they are in it), beside a log.toml that says how they are
+    read. What is unsure stands there as a comment; what two streams show of each other is held
+    against them. Ends with what `twin show OUT` says.
+    """
+
+    paths: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="FILE [FILE ...] OUT")
+    ]
+    """Files, or folders of such: text (.csv .tsv .txt .log), .mcap .bag .db3, .ulg, .mat .h5 .tdms
+    .xlsx .parquet; and the folder of the log, new or that of the files."""
+    platform: str | None = None
+    """The machine: one of models/, or the path of a platform folder."""
+    rate: float | None = None
+    """Of tables without times [Hz]."""
+    json: bool = False
+    """Print one JSON document instead of text: that of `twin show`, and what was unsure."""
+
+    def run(self) -> int:
+        """Look, write, read, show; the exit code."""
+        from twin.errors import UsageError
+
+        if len(self.paths) < 2:
+            raise UsageError("`twin import` needs files and the folder of the log: FILE OUT")
+        if self.rate is not None and not 0.0 < self.rate < float("inf"):
+            raise UsageError(f"--rate is {self.rate:g} Hz; it must be above 0")
+
+        from twin.api import imported, show
+        from twin.cli.output import LogPart, print_json
+
+        *files, folder = self.paths
+        done = imported(files, folder, platform=self.platform, rate=self.rate)
+        unsure = [
+            (proposal.stream, question)
+            for proposal in done.proposals
+            for question in proposal.unsure
+        ]
+        recording = LogPart().open(folder)
+        contents = show(recording)
+        if self.json:
+            document = contents.document()
+            open_questions = [{"stream": name, "what": what} for name, what in unsure]
+            print_json({**document, "unsure": open_questions, "not_taken": done.unread})
+            return 0
+        print(f"{folder / 'log.toml'} is written, with the reason for each line.")
+        for stream, question in unsure:
+            print(f"Unsure of {stream}: {question}.")
+        for sentence in done.unread:
+            print(f"{sentence}.")
+        print(f"\n{contents}")
+        return 0
+
+
+@dataclass(frozen=True)
+class Show:
+    """Print what is in a log: streams with rates, gaps, ranges and noise, repairs, what it states.
+
+    Noise is estimated from the data, and held against what the log or its platform states. A unit,
+    an axis, a quaternion or a clock that looks misread is named first, with the lines of log.toml
+    that put it right; then the exit code is 1, as it is where the platform cannot be read or other
+    verbs will refuse the log.
+    """
+
+    log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
+    """A recording (.rrd) or a folder with a log.toml."""
+    picture: Annotated[Path | None, tyro.conf.arg(metavar="OUT.png|html")] = None
+    """Draw it, too, one panel a stream: a picture, or a page."""
+    part: Restricted = LogPart()
+    json: bool = False
+    """Print one JSON document instead of text."""
+
+    def run(self) -> int:
+        """Look into it; the exit code."""
+        recording = self.part.open(self.log)
+
+        from twin.api import check_log, show
+        from twin.cli.output import print_json
+        from twin.errors import TwinError
+        from twin.platform import platform_or_reason
+        from twin.stop import check
+
+        platform, problem = platform_or_reason(recording)
+        contents = show(recording)
+        check()
+        print_json(contents.document()) if self.json else print(contents)
+        refused = False
+        if platform is not None:
+            try:
+                check_log(recording, platform)
+            except TwinError as refusal:
+                refused = True
+                to = sys.stderr if self.json else sys.stdout
+                print(f"identify and diagnose will refuse this log: {refusal}", file=to)
+        if self.picture is not None:
+            from twin.report.picture import draw_contents
+
+            check()
+            draw_contents(contents, self.picture)
+        return 1 if problem or refused or contents.misread else 0
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write any log as a folder with log.toml and one file a stream, in SI."""
+
+    log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
+    """A recording (.rrd) or a folder with a log.toml."""
+    out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT")]
+    """The folder to make."""
+    format: Literal["csv", "parquet", "mat", "mcap"] = "csv"
+    """Of the streams' files; mcap, a topic of JSON messages a stream, is for archives: it carries
+    its own description, and reading it needs no viewer."""
+    truth: bool = False
+    """A simulation's true states too."""
+    json: bool = False
+    """Print one JSON document instead of text."""
+
+    def run(self) -> int:
+        """Export; the exit code."""
+        from twin.cli.output import LogPart, print_json
+        from twin.recording import write_folder
+
+        recording = LogPart().open(self.log)
+        files = write_folder(recording, self.out, format=self.format, truth=self.truth)
+        rows = {name: len(recording[name]) for name in files}
+        if self.json:
+            print_json({"folder": self.out, "rows": rows, "repairs": recording.repairs})
+            return 0
+        for repair in recording.repairs:
+            print(f"repaired: {repair}", file=sys.stderr)
+        for name, path in files.items():
+            print(f"{path}: {rows[name]} rows [{recording[name].unit}]")
+        hidden = sum(name.startswith("truth_") for name in recording)
+        if hidden and not self.truth:
+            print(f"left out: {hidden} streams of true states; --truth writes them too")
+        return 0
+
+
+_VIEWER = "import sys; from rerun_cli.__main__ import main; sys.exit(main())"
+"""In place of `-m rerun_cli`, which ends with 0 whatever became of the viewer."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Open a log in the Rerun viewer; returns when the viewer is closed."""
+
+    log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
+    """A recording (.rrd) or a folder with a log.toml."""
+
+    def kept(self) -> str:
+        """Of a viewer that was closed with this program."""
+        return "the viewer was closed"
+
+    def run(self) -> int:
+        """Show it; the exit code."""
+        from twin.cli.output import LogPart
+        from twin.stream.runfile import write_recording
+
+        recording = LogPart().open(self.log)
+        for repair in recording.repairs:
+            print(f"repaired: {repair}", file=sys.stderr)
+        if self.log.suffix == ".rrd" and not recording.repairs:
+            return _show(self.log)
+        with TemporaryDirectory() as folder:
+            copy = Path(folder) / f"{self.log.resolve().stem}.rrd"
+            write_recording(recording, copy, _platform(recording))
+            return _show(copy)
+
+
+def _platform(recording: "Recording") -> "Platform | None":
+    """The machine, if it can be found; without it there are plots but no 3D view."""
+    from twin.errors import TwinError
+    from twin.platform import platform_of
+
+    try:
+        return platform_of(recording)
+    except TwinError as problem:
+        print(f"the machine cannot be drawn: {problem}", file=sys.stderr)
+        return None
+
+
+def _show(path: Path) -> int:
+    from twin.errors import TwinError
+    from twin.processes import run
+
+    code = run([sys.executable, "-c", _VIEWER, str(path)])
+    if code:
+        raise TwinError(
+            f"the viewer ended with code {code}, and says why above; "
+            "without a display, open the file where there is one"
+        )
+    return 0
