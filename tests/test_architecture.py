@@ -99,3 +99,14 @@ def test_no_two_classes_share_a_public_name():
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places.setdefault(node.name, []).append(module_of(file))
     assert {name: where for name, where in places.items() if len(where) > 1} == {}
+
+
+def test_the_steps_from_a_log_to_its_verdict_are_ten_and_each_imports_the_one_before():
+    section = DESIGN.split("\n### From a log to its verdict\n")[1].split("\n## ")[0]
+    steps = re.findall(r"^\d+\. `(.+?)`: ", section, re.MULTILINE)
+    assert len(steps) == 10
+    for before, after in zip(steps, steps[1:], strict=False):
+        module = module_of(TWIN.parent / before)
+        # itself, or the package that re-exports it
+        doors = {module, module.rpartition(".")[0]}
+        assert doors & imported_by(TWIN.parent / after), f"{after} imports nothing of {before}"
