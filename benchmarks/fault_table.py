@@ -73,14 +73,14 @@ class Heard(EmulatedDevice):
         self.said: set[tuple[str, tuple[float, ...]]] = set()
         self.outside: list[str] = []
 
-    def receive(self, data: bytes, now: float) -> bytes:
-        return self._kept(self.board.receive(data, now))
+    def receive(self, data: bytes, time: float) -> bytes:
+        return self._kept(self.board.receive(data, time))
 
-    def advance(self, now: float) -> bytes:
-        return self._kept(self.board.advance(now))
+    def advance(self, time: float) -> bytes:
+        return self._kept(self.board.advance(time))
 
-    def power_cycle(self, now: float) -> None:
-        self.board.power_cycle(now)
+    def power_cycle(self, time: float) -> None:
+        self.board.power_cycle(time)
 
     def inject(self, fault: str, value: float = 0.0) -> None:
         self.board.inject(fault, value)

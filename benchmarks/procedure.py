@@ -26,7 +26,7 @@ from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.procedures import Balancing, Fits, Lab, balancing, random_offsets, usual_target
-from twin.procedures.fits import MomentFit, found_in
+from twin.procedures.fits import MomentFit, fit_moment
 from twin.recording import Recording
 from twin.reference import Hold
 
@@ -79,7 +79,7 @@ class Answered(Fits):
         noise = Misfit("", 1.0, 0.0, 2.0)
         fit = MomentFit(self._offsets[run], spread_out, 1.96, self._machine.inertia, noise)
         future.set_result(fit)
-        self._asked[run] = future
+        self._waiting[run] = future
 
 
 class Timed(Fits):
@@ -94,9 +94,9 @@ class Timed(Fits):
         """Fit, and note how long it took."""
         future: Future[MomentFit] = Future()
         start = time.perf_counter()
-        future.set_result(found_in(recordings, self._machine, guesses))
+        future.set_result(fit_moment(recordings, self._machine, guesses))
         self.took.append(time.perf_counter() - start)
-        self._asked[run] = future
+        self._waiting[run] = future
 
 
 class TurnsClock(SimulatedClock):

@@ -459,8 +459,10 @@ def diagnose(
     from twin.effects import effect_named
 
     recordings = _logs(logs)
-    own = [effect if isinstance(effect, type) else effect_named(str(effect)) for effect in effects]
-    return diagnose_logs(recordings, machine_of(recordings, platform), own=own, say=say)
+    custom = [
+        effect if isinstance(effect, type) else effect_named(str(effect)) for effect in effects
+    ]
+    return diagnose_logs(recordings, machine_of(recordings, platform), own=custom, say=say)
 
 
 def extend(diagnosis: Diagnosis, folder: str | Path) -> Platform:

@@ -13,7 +13,7 @@ from twin.cli.main import main
 from twin.identification import Misfit
 from twin.platform import load_platform
 from twin.procedures import Phase, balancing
-from twin.procedures.fits import Fits, MomentFit, found_in
+from twin.procedures.fits import Fits, MomentFit, fit_moment
 from twin.procedures.plan import Statement, state
 from twin.recording import open_log
 from twin.reference import Hold
@@ -39,7 +39,7 @@ def stated(folder: Path, seed: int, *hidden: str) -> Statement:
         str(seed),
     ]
     assert main([*words, "--attitude", "4", "3", "40", *hidden, "--rrd", str(log)]) == 0
-    found = found_in([open_log(log)], CUBESAT, CUBESAT.center_of_mass_offset[None])
+    found = fit_moment([open_log(log)], CUBESAT, CUBESAT.center_of_mass_offset[None])
     assert not found.failure
     return state(
         CUBESAT, found.moment, found.covariance, found.quantile, 0.0, np.zeros(3), found.misfit
@@ -98,7 +98,7 @@ def test_a_statement_is_there_only_while_the_masses_stand_where_it_was_made(monk
     procedure.lab.logs[0] = [None, None]
     notes = procedure.lab.notes.runs[0]
     now = replace(
-        procedure.init(CUBESAT, 1), phase=np.array([int(Phase.judge)]), seen=np.array([True])
+        procedure.init(CUBESAT, 1), phase=np.array([int(Phase.judge)]), estimated=np.array([True])
     )
     still, none = np.zeros((1, 3)), np.zeros((1, 0))
     level = np.array([[1.0, 0.0, 0.0, 0.0]])

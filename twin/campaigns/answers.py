@@ -121,24 +121,24 @@ class FactorPart:
 def conditions(results: Results) -> tuple[FactorPart, ...]:
     """Parts of the factor on which each ratio depends most; none of a ratio that depends on none.
 
-    Only metrics that are above zero have ratios of single machines, whose ranks tell.
+    Only metrics that are above zero have ratios of single machines, and a rank correlation.
     """
-    asked: list[tuple[int, int, str, str, float, float]] = []
+    candidates: list[tuple[int, int, str, str, float, float]] = []
     arms, grids = range(len(results.spec.arms)), grids_within(results)
     for a, b in combinations(arms, 2):
         for metric in results.metrics:
-            left, x, y = _pairs(results, a, b, metric)
-            machines = len(np.unique(results.machine[left]))
+            rows_a, x, y = _pairs(results, a, b, metric)
+            machines = len(np.unique(results.machine[rows_a]))
             if machines < MIN_MACHINES or min(x.min(), y.min()) <= 0.0:
                 continue
-            for factor, result, p in dependences(results, left, y / x):
+            for factor, result, p in dependences(results, rows_a, y / x):
                 # every machine is in each part of a grid
                 enough = factor.strip("|") in grids or machines >= MIN_MACHINES * PARTS
                 if enough and np.isfinite(result.value):
-                    asked.append((a, b, metric, factor, abs(result.value), p))
-    corrected = holm(np.array([item[-1] for item in asked]))
+                    candidates.append((a, b, metric, factor, abs(result.value), p))
+    corrected = holm(np.array([item[-1] for item in candidates]))
     strongest: dict[tuple[int, int, str], tuple[float, str]] = {}
-    for (a, b, metric, factor, size, _), p in zip(asked, corrected, strict=True):
+    for (a, b, metric, factor, size, _), p in zip(candidates, corrected, strict=True):
         if p < CERTAIN_FACTOR and size >= STRONG:
             key = (a, b, metric)
             strongest[key] = max(strongest.get(key, (0.0, "")), (size, factor))
@@ -149,13 +149,13 @@ def conditions(results: Results) -> tuple[FactorPart, ...]:
 
 
 def _parts(results: Results, a: int, b: int, metric: str, factor: str) -> list[FactorPart]:
-    left, x, y = _pairs(results, a, b, metric)
-    values = results.causes[factor][left]
+    rows_a, x, y = _pairs(results, a, b, metric)
+    values = results.causes[factor][rows_a]
     item, other = (results.spec.arms[number].name for number in (a, b))
     parts: list[FactorPart] = []
     within = factor.strip("|") in grids_within(results)
-    for rows in _split(values, np.arange(len(left)) if within else results.machine[left]):
-        ratio = ratio_of_pairs(x[rows], y[rows], results.sample[left][rows])
+    for rows in _split(values, np.arange(len(rows_a)) if within else results.machine[rows_a]):
+        ratio = ratio_of_pairs(x[rows], y[rows], results.sample[rows_a][rows])
         ends = float(values[rows].min()), float(values[rows].max())
         parts.append(FactorPart(item, other, metric, factor, *ends, len(rows), ratio))
     return parts
@@ -179,10 +179,10 @@ def _split(values: Array, together: NDArray[np.int64]) -> list[NDArray[np.intp]]
 
 def _pairs(results: Results, a: int, b: int, metric: str) -> tuple[NDArray[np.intp], Array, Array]:
     """Rows of the first arm, and the metric of both where both have it."""
-    left, right = paired_rows(results, a, b)
+    rows_a, right = paired_rows(results, a, b)
     column = results.metrics[metric]
-    known = np.isfinite(column[left]) & np.isfinite(column[right])
-    return left[known], column[left[known]], column[right[known]]
+    known = np.isfinite(column[rows_a]) & np.isfinite(column[right])
+    return rows_a[known], column[rows_a[known]], column[right[known]]
 
 
 MIN_POINTS = 16
@@ -197,9 +197,9 @@ class Index:
     metric: str
     factor: str
     first: Interval
-    """Share of the variance that it explains by itself."""
+    """First-order index: share of the variance that the factor explains alone."""
     total: Interval
-    """Share that is explained by it and by whatever it does together with others."""
+    """Total index: share that the factor explains alone and together with others."""
     count: int
     """Points of the design of which all runs have the metric."""
 
@@ -247,24 +247,24 @@ def indices_of(values: Array, factor: int) -> tuple[Interval, Interval]:
     return bootstrap(columns, points, _first), bootstrap(columns, points, _total)
 
 
-def _first(one: Array, other: Array, mixed: Array) -> Array:
-    middle = 0.5 * (one.mean(axis=-1, keepdims=True) + other.mean(axis=-1, keepdims=True))
-    return np.mean((other - middle) * (mixed - one), axis=-1) / _variance(one, other)
+def _first(first: Array, other: Array, mixed: Array) -> Array:
+    middle = 0.5 * (first.mean(axis=-1, keepdims=True) + other.mean(axis=-1, keepdims=True))
+    return np.mean((other - middle) * (mixed - first), axis=-1) / _variance(first, other)
 
 
-def _total(one: Array, other: Array, mixed: Array) -> Array:
-    return 0.5 * np.mean((one - mixed) ** 2, axis=-1) / _variance(one, other)
+def _total(first: Array, other: Array, mixed: Array) -> Array:
+    return 0.5 * np.mean((first - mixed) ** 2, axis=-1) / _variance(first, other)
 
 
-def _variance(one: Array, other: Array) -> Array:
+def _variance(first: Array, other: Array) -> Array:
     """Of the two halves, which are independent."""
-    return np.var(np.concatenate([one, other], axis=-1), axis=-1)
+    return np.var(np.concatenate([first, other], axis=-1), axis=-1)
 
 
 WORST = 5
 """Runs named of each metric."""
 HIGH = 0.95
-"""Share of the runs that stay below the percentile that is told."""
+"""Share of the runs below the percentile that is reported."""
 BLAMED = 2
 """Factors named of each of these."""
 CERTAIN = 0.05
@@ -308,9 +308,9 @@ class MetricSensitivity:
     metric: str
     factor: str
     correlation: Interval
-    """Of ranks; with a factor on a grid, the mean of those that each machine has by itself."""
+    """Rank correlation; with a factor on a grid, the mean over machines of each machine's."""
     certain: bool
-    """Whether it is no chance, among all that were asked."""
+    """Whether it is significant, corrected for the number of correlations tested."""
 
 
 class Blamed(NamedTuple):
@@ -349,7 +349,7 @@ class Answers(Shown):
     points: tuple[AtPoint, ...]
     """Of each arm, metric by metric; none without a grid."""
     at_stop: dict[str, int]
-    """Runs of each arm that touched the tilt stop, where a metric tells."""
+    """Runs of each arm that touched the tilt stop, where a metric shows it."""
     sensitivities: tuple[MetricSensitivity, ...]
     indices: tuple[Index, ...]
     """Where the campaign has a Saltelli design."""
@@ -358,11 +358,11 @@ class Answers(Shown):
     conditions: tuple[FactorPart, ...]
     """On what they depend."""
     against: Results | None = None
-    """The campaign that these are held against."""
+    """The campaign that this one is compared with."""
 
 
 def answers(results: Results, against: Results | None = None) -> Answers:
-    """Everything that there is to say.
+    """Evaluate a campaign.
 
     Args:
         results: of a campaign.
@@ -378,8 +378,8 @@ def answers(results: Results, against: Results | None = None) -> Answers:
             if not known.size:
                 continue
             spreads.append(_spread(arm, metric, column[known], results.sample[known]))
-            own = known[results.free[known]]
-            for factor, result, p in dependences(results, own, column[own]):
+            free = known[results.free[known]]
+            for factor, result, p in dependences(results, free, column[free]):
                 if np.isfinite(result.value):
                     links.append((arm, metric, factor, result, p))
     corrected = holm(np.array([link[-1] for link in links]))
@@ -431,8 +431,8 @@ def _at_points(results: Results) -> Iterator[AtPoint]:
             for point, run in zip(at, runs, strict=True):
                 known = run[np.isfinite(column[run])]
                 if known.size:
-                    own, sample = column[known], results.sample[known]
-                    median, high = (quantile(own, sample, share) for share in (0.5, HIGH))
+                    free, sample = column[known], results.sample[known]
+                    median, high = (quantile(free, sample, share) for share in (0.5, HIGH))
                     yield AtPoint(arm.name, point, metric, len(known), median, high)
 
 
@@ -477,8 +477,8 @@ def _worst(results: Results, links: Sequence[MetricSensitivity]) -> tuple[Worst,
         order = known[np.argsort(-side * column[known], kind="stable")][:WORST]
         for row in order.tolist():
             arm = str(results.arm[row])
-            own = [s for s in links if s.arm == arm and s.metric == metric and s.certain]
-            blamed = _blamed(results, row, own, side)
+            free = [s for s in links if s.arm == arm and s.metric == metric and s.certain]
+            blamed = _blamed(results, row, free, side)
             worsts.append(Worst(int(results.run[row]), arm, metric, float(column[row]), blamed))
     return tuple(worsts)
 

@@ -53,7 +53,7 @@ LARGEST = 1 << 25
 """Bytes of all files: they travel with each shard."""
 
 _SHIPPED = ("models", "controllers")
-"""In an installed package; in a checkout they lie beside it, and those of a campaign travel."""
+"""In an installed package; in a checkout they are next to it, and a campaign sends its own."""
 
 
 class OtherVersions(TwinError):
@@ -115,7 +115,7 @@ def unpacked(data: bytes, folder: Path) -> Spec:
 
 
 def code_of() -> dict[str, str]:
-    """What runs depend on beside their files: packages by version, our own code by its hash."""
+    """What runs depend on besides files: versions of packages, and the hash of our code."""
     root = Path(twin.__file__).parent
     sources = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
@@ -126,9 +126,9 @@ def code_of() -> dict[str, str]:
 
 
 def _effects_of(spec: Spec) -> dict[Path, str]:
-    """Files of effects that are not in the package, whose classes are found by them."""
-    own = (file_of(effect.kind) for arm in spec.arms for effect in arm.effects)
-    return {path: hash_of(path) for path in own if path is not None}
+    """Files of effects that are not part of the package."""
+    files = (file_of(effect.kind) for arm in spec.arms for effect in arm.effects)
+    return {path: hash_of(path) for path in files if path is not None}
 
 
 def _packed_arm(spec: Spec, arm: Arm, files: dict[str, bytes]) -> Arm:
@@ -170,7 +170,7 @@ def _laid_out(arm: Arm, folder: Path) -> Arm:
 _REMEMBERED = 2
 """Campaigns whose files are kept."""
 
-_one_at_a_time = Lock()
+_connecting = Lock()
 """Flights of one process share caches; a worker with threads flies no faster for them."""
 
 
@@ -195,7 +195,7 @@ class ShardRefused:
 def fly_sent(campaign: bytes, shard: int) -> Sent | ShardRefused:
     """Fly a shard of a packed campaign."""
     try:
-        with _one_at_a_time:
+        with _connecting:
             return Sent(*rows_of_shard(_opened(campaign), shard), arithmetic())
     except (TwinError, OSError) as problem:
         return ShardRefused(socket.gethostname(), str(problem))
@@ -228,7 +228,7 @@ AHEAD = 2
 """Shards asked for of each worker: one that it flies and one that it then finds. No more travel or
 wait in this process, however many there are."""
 LOOK = 5.0
-"""Between looks at whether there are workers at all [s]."""
+"""Interval between checks that the cluster has workers [s]."""
 
 _ADDRESS = re.compile(r"(tcp|tls)://([^\s:/\[\]]+|\[[0-9a-fA-F:.]+\]):([0-9]{1,5})")
 
@@ -256,7 +256,7 @@ class Cluster:
             spec: the campaign.
             folder: of its results.
             shards: those to fly.
-            say: is told that nobody is there to fly.
+            say: takes a sentence while the cluster has no worker.
 
         Raises:
             ClusterError: the scheduler went away, a shard killed its workers, or a worker cannot
@@ -266,17 +266,17 @@ class Cluster:
         name = f"campaign-{uuid4().hex[:8]}"
         self._refuse_threads()
         waiting = list(reversed(shards))
-        asked: dict[str, tuple[int, Future[Sent | ShardRefused]]] = {}
+        submitted: dict[str, tuple[int, Future[Sent | ShardRefused]]] = {}
         came: SimpleQueue[Future[Sent | ShardRefused]] = SimpleQueue()
         try:
-            while waiting or asked:
-                with self._there():
+            while waiting or submitted:
+                with self._reachable():
                     workers = len(self._threads())
-                    while waiting and len(asked) < max(AHEAD * workers, 1):
+                    while waiting and len(submitted) < max(AHEAD * workers, 1):
                         shard = waiting.pop()
                         key = f"{name}-shard-{shard}"
                         future = self._client.submit(task, campaign, shard, key=key, pure=False)
-                        asked[key] = shard, future
+                        submitted[key] = shard, future
                         future.add_done_callback(came.put)
                 if not until(lambda: not came.empty(), LOOK):
                     if not workers:
@@ -284,20 +284,20 @@ class Cluster:
                     continue
                 future = came.get()
                 key = str(future.key)
-                shard, _ = asked[key]
+                shard, _ = submitted[key]
                 sent = self._result(spec, shard, future)
-                del asked[key]
+                del submitted[key]
                 self.arithmetics.add(sent.arithmetic)
                 write_rows(sent.rows, folder.shard(shard))
                 yield sent.done
         finally:
-            self._client.cancel([future for _, future in asked.values()], force=True)
+            self._client.cancel([future for _, future in submitted.values()], force=True)
 
     def _result(self, spec: Spec, shard: int, future: "Future[Sent | ShardRefused]") -> Sent:
         from distributed import KilledWorker
 
         try:
-            with self._there():
+            with self._reachable():
                 got: Sent | ShardRefused = future.result()
         except KilledWorker as lost:
             runs = spec.runs_of(shard)
@@ -321,7 +321,7 @@ class Cluster:
         return cast(dict[str, int], self._client.nthreads())
 
     def _refuse_threads(self) -> None:
-        with self._there():
+        with self._reachable():
             threads = self._threads()
         for worker, count in threads.items():
             if count > 1:
@@ -332,7 +332,7 @@ class Cluster:
                 )
 
     @contextmanager
-    def _there(self) -> Generator[None]:
+    def _reachable(self) -> Generator[None]:
         """What is raised where the scheduler is not there any more, as a sentence."""
         try:
             yield
@@ -412,5 +412,5 @@ def _listen(host: str, port: int, *, greets: bool) -> None:
 
 
 def _words(problem: BaseException) -> str:
-    told = problem.strerror if isinstance(problem, OSError) else None
-    return " ".join((told or str(problem)).split()) or type(problem).__name__
+    reason = problem.strerror if isinstance(problem, OSError) else None
+    return " ".join((reason or str(problem)).split()) or type(problem).__name__

@@ -42,7 +42,7 @@ class Distribution(abc.ABC):
 
     @abc.abstractmethod
     def at(self, share: Array) -> Array:
-        """Values below which those shares of all runs lie; shares in (0, 1)."""
+        """Quantiles of the distribution, for shares in (0, 1)."""
 
     @abc.abstractmethod
     def words(self) -> str:
@@ -85,7 +85,7 @@ class GridValues(Distribution):
         return min(self.values), max(self.values)
 
     def at(self, share: Array) -> Array:
-        """The values stand for equal shares."""
+        """Values of equal probability."""
         number = np.minimum((share * len(self.values)).astype(np.intp), len(self.values) - 1)
         return np.array(self.values)[number]
 
@@ -247,10 +247,10 @@ def _permuted(number: Words, count: int, seed: int, name: str) -> Words:
 
 def _feistel(number: Words, half: int, keys: Words) -> Words:
     bits, mask = np.uint64(half), np.uint64((1 << half) - 1)
-    left, right = number >> bits, number & mask
+    high, low = number >> bits, number & mask
     for key in keys:
-        left, right = right, left ^ (_mixed(right + key) & mask)
-    return (left << bits) | right
+        high, low = low, high ^ (_mixed(low + key) & mask)
+    return (high << bits) | low
 
 
 def _mixed(value: Words) -> Words:

@@ -62,7 +62,7 @@ def draw(spec: Spec, runs: Sequence[int]) -> Drawn:
 
 
 def effects_of_runs(arm: Arm, drawn: Drawn) -> list[tuple[Effect, ...]]:
-    """The effects of each run; empty where all runs have the platform's own."""
+    """The effects of each run; empty where all runs have those of the platform."""
     if not any(factor.name in drawn.values for e in arm.effects for factor in e.factors):
         return []
     return [

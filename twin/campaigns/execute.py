@@ -51,14 +51,14 @@ class Progress:
     failed: int = 0
     started: float = 0.0
 
-    def words(self, now: float) -> str:
+    def words(self, instant: float) -> str:
         """Runs, rate, time left."""
         done = self.before + self.flown
-        told = f"{done} of {self.total} runs"
+        text = f"{done} of {self.total} runs"
         if self.flown:
-            rate = self.flown / max(now - self.started, 1e-9)
-            told += f", {rate:.3g} runs/s, {_span((self.total - done) / rate)} left"
-        return told + (f", {self.failed} failed" if self.failed else "")
+            rate = self.flown / max(instant - self.started, 1e-9)
+            text += f", {rate:.3g} runs/s, {_span((self.total - done) / rate)} left"
+        return text + (f", {self.failed} failed" if self.failed else "")
 
 
 def execute(
@@ -83,14 +83,14 @@ def execute(
     Raises:
         CampaignError: the folder holds something else, somebody flies there, or its disk is full.
         LostWorkers: processes died again and again.
-        ClusterError: as `Cluster.fly` tells.
+        ClusterError: as `Cluster.fly`.
         Stopped: a stop was requested; every shard that is written is whole.
     """
     with folder.owned(), listening():
         folder.begin(spec, resume=resume)
         missing = folder.missing(spec)
-        left = sum(len(spec.runs_of(shard)) for shard in missing)
-        progress = Progress(spec.runs, spec.runs - left, started=time.monotonic())
+        missing_runs = sum(len(spec.runs_of(shard)) for shard in missing)
+        progress = Progress(spec.runs, spec.runs - missing_runs, started=time.monotonic())
         tell(progress.words(time.monotonic()))
         if cluster is not None:
             shards = cluster.fly(spec, folder, missing, tell)
@@ -164,29 +164,29 @@ def fly_spec(
 
 
 def _by_processes(folder: Folder, shards: Iterable[int], workers: int) -> Iterable[Done]:
-    """As they are done; no more are asked for than there are processes, however many there are."""
+    """Shards as they are done; at most one more than there are processes is submitted at a time."""
     waiting = list(shards)
     waiting.reverse()
     died = 0
     while waiting:
         folder.sweep()
         pool = Pool(workers, begin, (str(folder.path),))
-        asked: dict[Future[Done], int] = {}
+        submitted: dict[Future[Done], int] = {}
         try:
-            while waiting or asked:
-                while waiting and len(asked) < workers + 1:
+            while waiting or submitted:
+                while waiting and len(submitted) < workers + 1:
                     # a pool that is broken takes none: the shard must still be waiting then
-                    asked[pool.submit(fly, waiting[-1])] = waiting[-1]
+                    submitted[pool.submit(fly, waiting[-1])] = waiting[-1]
                     waiting.pop()
-                for future in first_completed(asked):
+                for future in first_completed(submitted):
                     done = future.result()
-                    del asked[future]
+                    del submitted[future]
                     died = 0
                     yield done
         except BrokenProcessPool:
             # one that was written before the process died is not flown twice, but told
-            written = {shard for shard in asked.values() if folder.shard(shard).is_file()}
-            lost = sorted(set(asked.values()) - written)
+            written = {shard for shard in submitted.values() if folder.shard(shard).is_file()}
+            lost = sorted(set(submitted.values()) - written)
             died = 1 if written else died + 1
             if died >= ATTEMPTS:
                 raise LostWorkers(
@@ -249,14 +249,14 @@ class Forecast:
         """What `twin campaign --dry-run` prints."""
         spec = self.spec
         arms = ", ".join(arm.name for arm in spec.arms)
-        most = "at most " if self.at_most else "about "
+        bound = "at most " if self.at_most else "about "
         ways = f"{self.points} combination{'s' * (self.points > 1)} ({arms})"
         lines = [
             f"{self.runs} runs of {spec.duration:g} s in {self.shards} shards: {self.samples} "
             f"samples of {ways}, {spec.sampling}, seed {spec.seed}",
             *(f"  {factor}" for factor in self.factors),
             *(f"  {item} (the same in all runs)" for item in self.fixed),
-            f"{most}{self.seconds:.3g} s on {self.workers} processes of this machine; "
+            f"{bound}{self.seconds:.3g} s on {self.workers} processes of this machine; "
             "processes take a few seconds to come up",
             f"about {self.bytes / 1e6:.3g} MB of metrics",
         ]

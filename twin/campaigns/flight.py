@@ -77,8 +77,8 @@ def _passes(law: AnyController, platform: Platform, names: Sequence[str]) -> boo
             whole = fly_rows(_with_columns(law, gains), platform, flight)
             for row in range(_TRIALS):
                 # as a lone run has it: what a law makes of its gains at first is made anew
-                own = replace(loaded, **{name: float(v[row]) for name, v in gains.items()})
-                alone = fly_rows(own, platform, [rows_of(e, [row, row]) for e in flight])
+                law_of_run = replace(loaded, **{name: float(v[row]) for name, v in gains.items()})
+                alone = fly_rows(law_of_run, platform, [rows_of(e, [row, row]) for e in flight])
                 for together, single in zip(whole, alone, strict=True):
                     for name, value in together.items():
                         if value.shape[0] != _TRIALS or not np.array_equal(
@@ -104,11 +104,11 @@ class Came:
     ended: str
     """`done`, `stopped` (by its procedure) or `failed`."""
     reason: str
-    """A sentence; empty when all went to its end."""
+    """Why the run ended early, a sentence; empty if it did not."""
     duration: float
     """Flown [s]."""
     metrics: dict[str, float]
-    """NaN where there is none."""
+    """By name; NaN where the run has none."""
 
 
 def flown(
@@ -127,17 +127,17 @@ def flown(
         rows = np.flatnonzero(drawn.arms == number).tolist()
         if not rows:
             continue
-        own = drawn.at(rows)
-        gains = _gains(spec, own)
+        of_arm = drawn.at(rows)
+        gains = _gains(spec, of_arm)
         for batch in batches(arm, gains, len(rows)):
-            came |= _flown_together(spec, arm, own.at(batch), observers, threads)
+            came |= _flown_together(spec, arm, of_arm.at(batch), observers, threads)
     return came
 
 
 def _flown_together(
     spec: Spec, arm: Arm, drawn: Drawn, observers: Sequence[Observer], threads: int
 ) -> dict[int, Came]:
-    """One batch; runs whose machine cannot be are left out of it and told."""
+    """One batch, without the runs whose machine is impossible; these are reported as failed."""
     try:
         return _batch(spec, arm, drawn, observers, threads)
     except TwinError:
@@ -171,12 +171,12 @@ def _batch(
     with ExitStack() as stack:
         plant = stack.enter_context(_plant(spec, arm, drawn, threads))
         notes: Notes | None = None
-        seen: list[Observer] = [*observers]
+        watching: list[Observer] = [*observers]
         if spec.procedure == "balance":
             procedure = balancing(arm.known, n, way=arm.controller, target=arm.target, workers=0)
             stack.enter_context(procedure.lab.fits)
             notes = procedure.lab.notes
-            seen.append(procedure.lab.logbook)
+            watching.append(procedure.lab.logbook)
             law: AnyController = procedure
         else:
             law = law_of(arm, _gains(spec, drawn))
@@ -189,7 +189,7 @@ def _batch(
                 _reference(spec, arm, law),
                 SimulatedClock(),
                 duration=spec.duration,
-                observers=[*seen, merits],
+                observers=[*watching, merits],
             )
     if outcome.asked:
         raise Stopped(outcome.asked)  # runs that were cut short are no results
@@ -240,10 +240,10 @@ def _reference(spec: Spec, arm: Arm, law: AnyController) -> Reference:
 
 
 def _of_notes(notes: Notes, row: int, spec: Spec) -> tuple[str, str, float]:
-    told = notes.runs[row]
-    if told.phase is Phase.done:
-        return "done", "", told.since
-    if told.phase is Phase.stopped:
-        return "stopped", told.reason, told.since
-    late = f"not balanced within {spec.duration:g} s; it was in phase {told.phase.name}"
+    note = notes.runs[row]
+    if note.phase is Phase.done:
+        return "done", "", note.since
+    if note.phase is Phase.stopped:
+        return "stopped", note.reason, note.since
+    late = f"not balanced within {spec.duration:g} s; it was in phase {note.phase.name}"
     return "stopped", late, spec.duration

@@ -74,10 +74,10 @@ class Folder:
         return [n for n in range(spec.shards) if self.shard(n).name not in done]
 
     def begin(self, spec: Spec, *, resume: bool) -> None:
-        """Make the folder, or go on with it.
+        """Make the folder, or continue in it.
 
         Raises:
-            CampaignError: it holds something else, or this campaign and nobody said to resume.
+            CampaignError: it holds something else, or this campaign and `resume` is false.
         """
         if self.begun:
             self._compare(spec, resume)
@@ -89,7 +89,7 @@ class Folder:
         self.sweep()
 
     def sweep(self) -> None:
-        """Remove what is left of shards in whose middle somebody was killed; none may be flown."""
+        """Remove partly written shards of processes that were killed; no shard may be in flight."""
         for part in (self.path / METRICS).glob(".*"):
             part.unlink(missing_ok=True)
 
@@ -141,10 +141,10 @@ class Folder:
         return self.spec.read_text(encoding="utf-8") if self.spec.is_file() else ""
 
     def check_spec(self) -> None:
-        """Whether the specification's copy is the one that was flown.
+        """Check that the copy of the specification is the one that was flown.
 
         Raises:
-            CampaignError: somebody has changed it.
+            CampaignError: it was changed.
         """
         if self._as_begun().get("specification") != _mark(self._copy()):
             raise CampaignError(
@@ -157,17 +157,17 @@ class Folder:
     def _changed(self, spec: Spec, mark: str) -> list[str]:
         """Keys that a specification has otherwise than the one that was flown, but for what is only
         kept of it; comments and order do not count."""
-        there, here = self._copy(), spec.text
-        if mark not in (_mark(there), _mark(here)):
+        stored, here = self._copy(), spec.text
+        if mark not in (_mark(stored), _mark(here)):
             return ["keys than the copy there, which was changed or lost since"]
-        was, now = (tomllib.loads(text) for text in (there, here))
-        keys = [key for key in {**was, **now} if was.get(key) != now.get(key)]
+        former, current = (tomllib.loads(text) for text in (stored, here))
+        keys = [key for key in {**former, **current} if former.get(key) != current.get(key)]
         return [key for key in keys if key != "keep"]
 
     def _compare(self, spec: Spec, resume: bool) -> None:
-        was, now = self._as_begun(), _facts(spec)
-        if was.get("specification") != now["specification"]:
-            keys = self._changed(spec, str(was.get("specification")))
+        former, current = self._as_begun(), _facts(spec)
+        if former.get("specification") != current["specification"]:
+            keys = self._changed(spec, str(former.get("specification")))
             if keys:
                 raise CampaignError(
                     self.path,
@@ -175,8 +175,8 @@ class Folder:
                     f"name another folder, or give {self.spec}",
                 )
         for kind in ("files", "versions"):
-            if was.get(kind) != now[kind]:
-                name = _first_difference(was.get(kind, {}), now[kind])
+            if former.get(kind) != current[kind]:
+                name = _first_difference(former.get(kind, {}), current[kind])
                 raise CampaignError(
                     self.path,
                     f"was begun with another {name}, so its runs would not be of one kind",
@@ -189,9 +189,9 @@ class Folder:
                 f"holds this campaign already, {spec.shards - missing} of {spec.shards} shards",
                 "say --resume to go on with it",
             )
-        if was != now or self._copy() != spec.text:
+        if former != current or self._copy() != spec.text:
             write_whole(self.spec, spec.text)
-            write_whole(self.path / FACTS, json.dumps(now, indent=2) + "\n")
+            write_whole(self.path / FACTS, json.dumps(current, indent=2) + "\n")
 
 
 def _facts(spec: Spec) -> dict[str, Any]:
@@ -217,8 +217,8 @@ def _files(spec: Spec) -> dict[str, Path]:
         if spec.procedure == "run":
             files[f"controller {arm.controller}"] = find_controller(arm.controller)
         for effect in arm.effects:
-            if (own := file_of(effect.kind)) is not None:
-                files[f"effect {effect.called}"] = own
+            if (brought := file_of(effect.kind)) is not None:
+                files[f"effect {effect.called}"] = brought
     return files
 
 
@@ -227,9 +227,9 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in _PACKAGES}
 
 
-def _first_difference(was: Mapping[str, str], now: Mapping[str, str]) -> str:
-    names = sorted({*was, *now})
-    return next(name for name in names if was.get(name) != now.get(name))
+def _first_difference(former: Mapping[str, str], current: Mapping[str, str]) -> str:
+    names = sorted({*former, *current})
+    return next(name for name in names if former.get(name) != current.get(name))
 
 
 def _mark(text: str) -> str:

@@ -1,4 +1,4 @@
-"""What is asked of each run: figures of merit, gathered tick by tick, one row a run."""
+"""Figures of merit of each run, gathered tick by tick, one row per run."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -87,7 +87,7 @@ class Merits:
     """Observer of a loop. What a run is worth does not change once its procedure has ended."""
 
     def __init__(self, platform: Platform, n: int, since: float, notes: Notes | None) -> None:
-        """Nothing seen yet.
+        """Start before the first tick.
 
         Args:
             platform: the machine.
@@ -127,8 +127,8 @@ class Merits:
                     self._add("joint_rate_rms", truth["truth_joint_rate"][:, 0] ** 2)
                 return
             if "truth_center_of_mass_offset" in truth:
-                now = truth["truth_center_of_mass_offset"]
-                self._offset = np.where(going[:, None], now, self._offset)
+                offset = truth["truth_center_of_mass_offset"]
+                self._offset = np.where(going[:, None], offset, self._offset)
             lean = tilt(truth["truth_attitude"])
             self._tilt = np.where(going, np.maximum(self._tilt, lean), self._tilt)
             if steady:
@@ -138,7 +138,7 @@ class Merits:
                 self._add("rate_rms", _square(truth["truth_rate"]))
 
     def rows(self) -> dict[str, Array]:
-        """Every metric that there is, (n,); NaN where a run has none."""
+        """All metrics of the platform, (n,) each; NaN where a run has none."""
         result = {
             name: np.sqrt(total / max(self._counted, 1)) for name, total in self._sums.items()
         }

@@ -21,9 +21,9 @@ from twin.campaigns.distribution import (
 )
 from twin.campaigns.merit import METRICS, metric_names
 from twin.campaigns.spec import (
-    LEAST,
     PARTS,
     SHARD,
+    SMALLEST_SHARD,
     Arm,
     DispersedEffect,
     Factor,
@@ -110,7 +110,7 @@ def read_values(
 
 
 def usual(known: Parameter) -> tuple[Distribution, ...]:
-    """How a parameter is spread where nobody says so, one distribution a component.
+    """Default distribution of a parameter, one per component.
 
     An amplitude of either sign is normal about 0 with its typical size as standard deviation, one
     of a single sign uniform from 0 to twice its typical size; a shape stays as it typically is.
@@ -170,7 +170,7 @@ def _within(low: float, high: float, of: str) -> str:
     return f"it must lie between {low:g} and {high:g}{of}"
 
 
-_OWN = ("name", "platform", "controller", "estimator", "reference", "gains")
+_PLAIN_KEYS = ("name", "platform", "controller", "estimator", "reference", "gains")
 """What an arm may have otherwise than the campaign."""
 
 
@@ -183,8 +183,8 @@ def read_arms(table: Table, procedure: Procedure, target: float | None) -> tuple
     rows = table.tables("arms")
     for row in rows:
         for key in row.keys:
-            if key not in _OWN:
-                raise row.fail(key, "is no key of an arm", "an arm has " + ", ".join(_OWN))
+            if key not in _PLAIN_KEYS:
+                raise row.fail(key, "is no key of an arm", "an arm has " + ", ".join(_PLAIN_KEYS))
     sources = [(row, row.text("name")) for row in rows] or [(table, "")]
     names = [name for _, name in sources]
     for (row, name), count in zip(sources, map(names.count, names), strict=True):
@@ -280,8 +280,8 @@ def _effects(table: Table, platform: Platform) -> tuple[DispersedEffect, ...]:
     """Those that the platform states and the specification does not, then the specification's."""
     given = _given(table.table("effects", required=False))
     labels = [_label(effect) for effect in given]
-    own = [_as_stated(effect) for effect in effects_of(platform) if effect.label not in labels]
-    return (*own, *given)
+    stated = [_as_stated(effect) for effect in effects_of(platform) if effect.label not in labels]
+    return (*stated, *given)
 
 
 def _given(table: Table) -> list[DispersedEffect]:
@@ -354,10 +354,10 @@ def _with_effects(
 
 
 def _about(table: Table, effect: DispersedEffect, said: str) -> CampaignError:
-    sentence, told, remedy = said.rpartition("; ")
+    sentence, separator, remedy = said.rpartition("; ")
     inner = table.table("effects", required=False)
     problem = inner.fail(
-        effect.kind.name, f"cannot be: {sentence or said}", remedy if told else "remove it"
+        effect.kind.name, f"cannot be: {sentence or said}", remedy if separator else "remove it"
     )
     return cast(CampaignError, problem)
 
@@ -371,7 +371,7 @@ def _among(names: Mapping[str, Any]) -> str:
 
 
 def _named(table: Table, key: str, find: Any, name: str) -> Any:
-    """What a name stands for; what is wrong about it is said with the key's line."""
+    """The factor of that name; an error names the line of the key."""
     try:
         return find(name)
     except CampaignError:
@@ -419,25 +419,25 @@ def read_initial(table: Table, arms: Sequence[Arm]) -> Initial:
     Raises:
         CampaignError: keys or values that no such machine can start from.
     """
-    own = table.table("initial", required=False)
+    section = table.table("initial", required=False)
     platform = arms[0].platform
     rows = known_starts(platform)
-    hangs = own.raw("hangs", False)
+    hangs = section.raw("hangs", False)
     if not isinstance(hangs, bool):
-        raise own.fail("hangs", f"is {hangs!r}", "give true or false")
+        raise section.fail("hangs", f"is {hangs!r}", "give true or false")
     if hangs and platform.base.kind != "ball":
-        raise own.fail("hangs", f"is true, but {platform.name} hangs on no ball", "remove it")
+        raise section.fail("hangs", f"is true, but {platform.name} hangs on no ball", "remove it")
     factors: dict[str, tuple[Factor, ...]] = {}
-    reach = isinstance(own.raw("center_of_mass_offset"), str)
+    reach = isinstance(section.raw("center_of_mass_offset"), str)
     for key, (unit, names) in rows.items():
         # asked of every key, so that one that is misspelt is told which it may have meant
-        if own.raw(key) is None or (key == "center_of_mass_offset" and reach):
+        if section.raw(key) is None or (key == "center_of_mass_offset" and reach):
             continue
-        spread = read_values(own, key, len(names), unit=unit)
+        spread = read_values(section, key, len(names), unit=unit)
         bounds = _bounds(platform, key, hangs=hangs)
         if bounds:
             spread = tuple(
-                _held(own, key, name, item, ends, unit)
+                _held(section, key, name, item, ends, unit)
                 for name, item, ends in zip(names, spread, bounds, strict=True)
             )
         factors[key] = tuple(
@@ -445,26 +445,26 @@ def read_initial(table: Table, arms: Sequence[Arm]) -> Initial:
             for name, item in zip(names, spread, strict=True)
         )
     if reach:
-        own.text("center_of_mass_offset", among=("within_reach",))
+        section.text("center_of_mass_offset", among=("within_reach",))
         if not platform.stages:
-            raise own.fail(
+            raise section.fail(
                 "center_of_mass_offset", "is what masses reach, of which there are none", "give m r"
             )
         factors["center_of_mass_offset"] = tuple(
             Factor(f"initial.reach.{stage.name}", "1", Uniform(-REACH, REACH))
             for stage in platform.stages
         )
-    own.close()
+    section.close()
     return Initial(factors, hangs, reach)
 
 
 def _bounds(platform: Platform, key: str, *, hangs: bool) -> list[tuple[float, float]]:
-    """Between what each component of a start must lie, as far as the machine limits it."""
+    """Lower and upper bounds of each component of a start that the machine imposes."""
     if key == "attitude" and platform.base.kind == "ball" and math.isfinite(platform.stop_angle):
         # what hangs at the stop may begin at the other side's
-        most = min((2.0 if hangs else 1.0) * platform.stop_angle, math.pi)
+        highest = min((2.0 if hangs else 1.0) * platform.stop_angle, math.pi)
         every = (-math.inf, math.inf)
-        tilted = (-most, most)
+        tilted = (-highest, highest)
         if platform.pitch_stop is not None:
             return [every, every, every]
         return [tilted, tilted, every]
@@ -485,14 +485,14 @@ def _held(
 ) -> Distribution:
     """The distribution, refused beyond the ends; a normal one is cut off there."""
     low, high = ends
-    least, most = distribution.ends
+    lowest, highest = distribution.ends
     if isinstance(distribution, Normal):
         # what is cut off should be its tails
-        least, most = (
+        lowest, highest = (
             distribution.mean - distribution.deviation,
             distribution.mean + distribution.deviation,
         )
-    for value in (least, most):
+    for value in (lowest, highest):
         if not low <= value <= high:
             raise table.fail(
                 key,
@@ -506,10 +506,10 @@ def _held(
     )
 
 
-MOST = 10**9
+LARGEST = 10**9
 """Runs of a campaign; a Sobol sequence ends at 2^30 samples."""
 
-MOST_SEED = 2**53
+LARGEST_SEED = 2**53
 """Above this a number of TOML is no longer the one that was written."""
 
 KEYS = ("platform", "controller", "estimator", "procedure", "reference", "target", "runs",
@@ -535,11 +535,11 @@ def read_spec(path: Path) -> Spec:
         raise table.fail("duration", "is 0 s", "give a time above zero")
     steady = table.number("steady", 0.5 * duration, low=0.0, high=duration, unit="s")
     seed = table.whole("seed", low=0)
-    if seed > MOST_SEED:
-        raise table.fail("seed", f"is {seed}", f"give {MOST_SEED} at most")
+    if seed > LARGEST_SEED:
+        raise table.fail("seed", f"is {seed}", f"give {LARGEST_SEED} at most")
     sampling = cast(Sampling, table.text("sampling", "random", among=SAMPLINGS))
-    runs = table.whole("runs", low=1, high=MOST)
-    usual = min(SHARD, max(LEAST[procedure], -(-runs // PARTS)))
+    runs = table.whole("runs", low=1, high=LARGEST)
+    usual = min(SHARD, max(SMALLEST_SHARD[procedure], -(-runs // PARTS)))
     shard = table.whole("shard", usual, low=2, high=1 << 16)
     target = _target(table, procedure)
     arms = read_arms(table, procedure, target)
@@ -572,7 +572,7 @@ def read_spec(path: Path) -> Spec:
 
 
 def _refuse_unknown(table: Table) -> None:
-    """All keys that nobody knows, before one of them seems to be missing."""
+    """Refuse unknown keys first: a misspelt key would seem to be missing."""
     unknown = [key for key in table.keys if key not in KEYS]
     if unknown:
         first, *others = unknown
@@ -595,27 +595,27 @@ def _target(table: Table, procedure: Procedure) -> float | None:
 def _gain_factors(table: Table, arms: Sequence[Arm], procedure: Procedure) -> tuple[Factor, ...]:
     if "gains" not in table:
         return ()
-    own = table.table("gains")
+    section = table.table("gains")
     if procedure == "balance":
         raise table.fail("gains", "are of a law", "a balancing has its own: leave them out")
     factors: list[Factor] = []
-    for name in own.keys:
+    for name in section.keys:
         unit = ""
         for arm in arms:
             units = gain_fields(load_controller(arm.controller, arm.gains))
             if name not in units:
                 hint = UnknownName("gain", name, units).hint
-                raise own.fail(name, f"is no gain of {arm.controller}", hint)
+                raise section.fail(name, f"is no gain of {arm.controller}", hint)
             if name in arm.gains:
-                raise own.fail(name, f"is given by the arm {arm.name!r} too", "give it once")
+                raise section.fail(name, f"is given by the arm {arm.name!r} too", "give it once")
             unit = units[name]
-        (spread,) = read_values(own, name, 1, unit=unit)
+        (spread,) = read_values(section, name, 1, unit=unit)
         for end in spread.ends:
             if math.isfinite(end):
                 for arm in arms:
                     load_controller(arm.controller, {**arm.gains, name: end})
         factors.append(Factor(f"gains.{name}", unit, spread))
-    own.close()
+    section.close()
     return tuple(factors)
 
 
@@ -639,25 +639,27 @@ def _metrics(table: Table, key: str, known: Sequence[str]) -> tuple[str, ...]:
 def _keep(table: Table, runs: int, metrics: Sequence[str]) -> Keep:
     if "keep" not in table:
         return Keep()
-    own = table.table("keep")
+    section = table.table("keep")
     numbers: tuple[int, ...] = ()
-    if "runs" in own:
-        given = own.numbers("runs", None, low=0, high=runs - 1)
+    if "runs" in section:
+        given = section.numbers("runs", None, low=0, high=runs - 1)
         if any(number != int(number) for number in given):
-            raise own.fail("runs", f"is {own.raw('runs')!r}", "give whole numbers of runs")
+            raise section.fail("runs", f"is {section.raw('runs')!r}", "give whole numbers of runs")
         numbers = tuple(sorted({int(number) for number in given}))
-    worst = own.whole("worst", 0, low=0, high=1000)
+    worst = section.whole("worst", 0, low=0, high=1000)
     if worst > runs:
-        raise own.fail("worst", f"is {worst}", f"the campaign has {runs} runs")
-    if worst and "by" not in own:
-        raise own.fail("worst", "are worst by no metric", f'say by which: by = "{metrics[0]}"')
-    if not worst and "by" in own:
-        raise own.fail("by", "says by what, and not how many", "add worst = 10, say, or remove it")
-    by = own.text("by", "")
+        raise section.fail("worst", f"is {worst}", f"the campaign has {runs} runs")
+    if worst and "by" not in section:
+        raise section.fail("worst", "are worst by no metric", f'say by which: by = "{metrics[0]}"')
+    if not worst and "by" in section:
+        raise section.fail(
+            "by", "says by what, and not how many", "add worst = 10, say, or remove it"
+        )
+    by = section.text("by", "")
     if by and by not in metrics:
         hint = UnknownName("metric", by, metrics).hint
-        raise own.fail("by", f"is {by!r}, no metric of this campaign", hint)
-    own.close()
+        raise section.fail("by", f"is {by!r}, no metric of this campaign", hint)
+    section.close()
     return Keep(numbers, worst, by)
 
 
@@ -692,13 +694,13 @@ def _refuse_odd_design(table: Table, spec: Spec) -> None:
         raise table.fail(
             "sampling", "is 'saltelli', but nothing is spread", "spread some, or use random"
         )
-    of_one = spec.points * spec.together
-    number = spec.runs / of_one
+    per_sample = spec.points * spec.together
+    number = spec.runs / per_sample
     if number < 2 or not math.log2(number).is_integer():
-        fits = of_one * 2 ** max(round(math.log2(max(number, 1e-9))), 1)
+        fits = per_sample * 2 ** max(round(math.log2(max(number, 1e-9))), 1)
         raise table.fail(
             "runs",
             f"is {spec.runs}; a Saltelli design of {len(spec.dispersed)} factors has "
-            f"{of_one} runs for each of 2, 4, 8, ... points",
-            f"give {fits}; 256 points, {256 * of_one} runs, are a usual beginning",
+            f"{per_sample} runs for each of 2, 4, 8, ... points",
+            f"give {fits}; 256 points, {256 * per_sample} runs, are a usual beginning",
         )

@@ -1,4 +1,4 @@
-"""One run of a campaign flown again alone, and held against what the campaign wrote of it."""
+"""One run of a campaign flown again alone, and compared with what the campaign wrote of it."""
 
 import heapq
 import os
@@ -66,10 +66,10 @@ def replay(spec: Spec, folder: Folder, run: int, rrd: Path | None = None) -> Rep
 
 
 def record_kept(spec: Spec, folder: Folder, tell: Callable[[str], None]) -> list[Path]:
-    """The recordings of a campaign that is flown; those that are not there yet are made.
+    """The recordings of a campaign that is flown; missing ones are made.
 
     Raises:
-        CampaignError: somebody flies or records there.
+        CampaignError: another process flies or records there.
     """
     paths: list[Path] = []
     with folder.owned():

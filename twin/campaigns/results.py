@@ -78,7 +78,7 @@ def table_of(spec: Spec, drawn: Drawn, came: Mapping[int, Came]) -> pa.Table:
 
 
 def write_rows(table: pa.Table, path: Path) -> None:
-    """The whole file or none of it, whenever the process is killed.
+    """Write a file whole or not at all, even if the process is killed.
 
     Raises:
         CampaignError: the disk is full, or gone.
@@ -135,7 +135,7 @@ class Results:
     factors: dict[str, Array]
     """(n,) each."""
     metrics: dict[str, Array]
-    """(n,) each; NaN where there is none."""
+    """(n,) each, by name; NaN where a run has none."""
 
     @property
     def sample(self) -> NDArray[np.int64]:

@@ -1,4 +1,4 @@
-"""What a campaign is: the runs, what differs between them, and what is asked of them."""
+"""Specification of a campaign: its runs, what differs between them, and their metrics."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,8 +15,8 @@ SHARD = 256
 """Runs of a shard unless the specification says otherwise: enough that a law costs little beside
 the physics, few enough that a shard is lost cheaply."""
 PARTS = 8
-LEAST: dict[Procedure, int] = {"run": 32, "balance": 4}
-"""A campaign that is smaller than so many shards is cut into `PARTS`, of `LEAST` runs at least: no
+SMALLEST_SHARD: dict[Procedure, int] = {"run": 32, "balance": 4}
+"""Runs of a shard, at least: a campaign of fewer than `PARTS` usual shards is cut into `PARTS`. No
 core waits for long, and a balancing, which fits each run for itself, loses little when it is cut
 short. It must not depend on the machine, for shards are files."""
 
@@ -75,7 +75,7 @@ class Arm:
     target: float
     """Residual torque of a balancing [N m]; 0 for a run."""
     gains: Mapping[str, float]
-    """Of the law, where they differ from its own and are the same in all runs of the arm."""
+    """Gains that differ from the law's defaults and are the same in all runs of the arm."""
     estimator: str
     reference: str
     """Empty: what the law is usually given."""

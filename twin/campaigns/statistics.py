@@ -50,25 +50,25 @@ def bootstrap(
 
 
 def ratio_of_means(
-    one: tuple[Array, NDArray[np.int64]], other: tuple[Array, NDArray[np.int64]]
+    first: tuple[Array, NDArray[np.int64]], other: tuple[Array, NDArray[np.int64]]
 ) -> Interval:
     """Of the second of two sets that share nothing; each is its values (n,) and their samples."""
     below, above = (
         resampled((values,), sample, mean, seed=seed)
-        for seed, (values, sample) in enumerate((one, other))
+        for seed, (values, sample) in enumerate((first, other))
     )
     many = min(len(below), len(above))
-    draws = min(len(np.unique(sample)) for _, sample in (one, other))
+    draws = min(len(np.unique(sample)) for _, sample in (first, other))
     with np.errstate(divide="ignore", invalid="ignore"):
-        value = float(np.divide(np.mean(other[0]), np.mean(one[0])))
+        value = float(np.divide(np.mean(other[0]), np.mean(first[0])))
         return _interval(value, above[:many] / below[:many], draws)
 
 
 def quantile(values: Array, sample: NDArray[np.int64], share: float) -> Interval:
     """A quantile with the interval that order statistics give, whatever the distribution.
 
-    Of few draws an end is infinite: beyond all that was seen. Rows of one sample count as one draw,
-    so that the interval is rather too wide where they differ.
+    With few draws an end is infinite: the bound lies outside the sample. Rows of one sample
+    count as one draw, so that the interval is rather too wide where they differ.
 
     Source: H. A. David, H. N. Nagaraja, Order Statistics, 2003, section 7.1.
 
@@ -128,15 +128,15 @@ def _interval(value: float, result: Array, draws: int) -> Interval:
     return Interval(value, float(low), float(high))
 
 
-def rank_correlation(one: Array, other: Array) -> tuple[Interval, float]:
+def rank_correlation(first: Array, other: Array) -> tuple[Interval, float]:
     """Spearman's rho with its 95 % interval by Fisher's z, and the p-value of none.
 
     Source: D. G. Bonett, T. A. Wright, Psychometrika 65, 2000, for the interval's width.
     """
-    n = len(one)
-    if n < 5 or np.ptp(one) == 0.0 or np.ptp(other) == 0.0:
+    n = len(first)
+    if n < 5 or np.ptp(first) == 0.0 or np.ptp(other) == 0.0:
         return Interval(np.nan, np.nan, np.nan), 1.0
-    result = stats.spearmanr(one, other)
+    result = stats.spearmanr(first, other)
     rho = float(np.clip(result.statistic, -0.999999, 0.999999))
     half = 1.96 * np.sqrt((1.0 + 0.5 * rho**2) / (n - 3))
     low, high = np.tanh(np.arctanh(rho) + np.array([-half, half]))
@@ -159,25 +159,25 @@ def correlation_within(table: Array, levels: Array) -> tuple[Interval, float]:
     known = np.isfinite(table)
     item, other = (_centred_ranks(np.where(known, values, np.nan)) for values in (table, levels))
     across = np.sum(other**2, axis=-1)
-    told = across > 0.0  # a block of a single level says nothing
-    machines = told.any(axis=-1)
+    informative = across > 0.0  # a block of a single level says nothing
+    machines = informative.any(axis=-1)
     size = np.sqrt(np.sum(item**2, axis=-1) * across)
     rho = np.sum(item * other, axis=-1) / np.where(size > 0.0, size, 1.0)
     # from the lowest, so that the slope of what does not change is 0 and no rounding
     lowest = np.min(table, axis=-1, keepdims=True, initial=np.inf, where=known)
     rise = np.where(known, table - lowest, 0.0)
-    slope = np.sum(rise * other, axis=-1) / np.where(told, across, 1.0)
-    own, slopes = (
-        np.sum(values[machines], axis=-1) / np.sum(told[machines], axis=-1)
+    slope = np.sum(rise * other, axis=-1) / np.where(informative, across, 1.0)
+    within, slopes = (
+        np.sum(values[machines], axis=-1) / np.sum(informative[machines], axis=-1)
         for values in (rho, slope)
     )
-    if len(own) < 5 or not own.any():
+    if len(within) < 5 or not within.any():
         return Interval(np.nan, np.nan, np.nan), 1.0
-    return bootstrap((own,), np.arange(len(own)), mean), signed_ranks(slopes)
+    return bootstrap((within,), np.arange(len(within)), mean), signed_ranks(slopes)
 
 
 def _centred_ranks(table: Array) -> Array:
-    """Over the last axis, less their mean; 0 where there is no number."""
+    """Ranks over the last axis less their mean; 0 where the value is NaN."""
     ranks = stats.rankdata(table, axis=-1, nan_policy="omit")
     middle = 0.5 * (np.count_nonzero(np.isfinite(table), axis=-1, keepdims=True) + 1.0)
     return np.nan_to_num(ranks - middle)
@@ -196,11 +196,11 @@ def signed_ranks(differences: Array) -> float:
     return float(stats.wilcoxon(differences).pvalue)
 
 
-def unpaired_difference(one: Array, other: Array) -> float:
+def unpaired_difference(first: Array, other: Array) -> float:
     """p-value of the Mann-Whitney test: that two sets of machines come of one distribution."""
-    if np.ptp(np.concatenate([one, other])) == 0.0:
+    if np.ptp(np.concatenate([first, other])) == 0.0:
         return 1.0
-    return float(stats.mannwhitneyu(one, other).pvalue)
+    return float(stats.mannwhitneyu(first, other).pvalue)
 
 
 def holm(p_values: Array) -> Array:
@@ -235,7 +235,7 @@ class ArmComparison:
     ties: float
     """Share on which both are the same."""
     p: float
-    """That there is no difference; corrected for the number of metrics."""
+    """p-value of no difference, corrected for the number of metrics."""
 
 
 def between_arms(results: Results) -> tuple[ArmComparison, ...]:
@@ -244,14 +244,14 @@ def between_arms(results: Results) -> tuple[ArmComparison, ...]:
     count = len(results.spec.arms)
     for a, b in combinations(range(count), 2):
         item, other = (results.spec.arms[number].name for number in (a, b))
-        left, right = paired_rows(results, a, b)
+        rows_a, rows_b = paired_rows(results, a, b)
         for metric, column in results.metrics.items():
-            known = np.isfinite(column[left]) & np.isfinite(column[right])
+            known = np.isfinite(column[rows_a]) & np.isfinite(column[rows_b])
             if np.count_nonzero(known) < 5:
                 continue
-            x, y = column[left[known]], column[right[known]]
-            ratio = ratio_of_pairs(x, y, results.sample[left[known]])
-            more = of_machines(y - x, results.machine[left[known]])
+            x, y = column[rows_a[known]], column[rows_b[known]]
+            ratio = ratio_of_pairs(x, y, results.sample[rows_a[known]])
+            more = of_machines(y - x, results.machine[rows_a[known]])
             comparisons.append(
                 ArmComparison(item, other, metric, len(x), len(more), ratio, *_sided(more))
             )
@@ -260,21 +260,21 @@ def between_arms(results: Results) -> tuple[ArmComparison, ...]:
 
 def paired_rows(results: Results, a: int, b: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows of two arms, by number, that flew the same sample at the same point of the grids."""
-    of_one, of_other = (_free(results, results.spec.arms[number].name) for number in (a, b))
-    first = {run - a: row for run, row in zip(results.run[of_one], of_one, strict=True)}
+    of_first, of_other = (_free(results, results.spec.arms[number].name) for number in (a, b))
+    first = {run - a: row for run, row in zip(results.run[of_first], of_first, strict=True)}
     second = {run - b: row for run, row in zip(results.run[of_other], of_other, strict=True)}
     both = [key for key in first if key in second]
-    left = np.array([first[key] for key in both], dtype=np.intp)
-    return left, np.array([second[key] for key in both], dtype=np.intp)
+    rows_a = np.array([first[key] for key in both], dtype=np.intp)
+    return rows_a, np.array([second[key] for key in both], dtype=np.intp)
 
 
-def ratio_of_pairs(one: Array, other: Array, sample: NDArray[np.int64]) -> Interval:
+def ratio_of_pairs(first: Array, other: Array, sample: NDArray[np.int64]) -> Interval:
     """Of the mean of the second set to that of the first, (n,) each, row by row of one sample."""
-    return bootstrap((one, other), sample, _ratio)
+    return bootstrap((first, other), sample, _ratio)
 
 
 def _free(results: Results, arm: str) -> NDArray[np.intp]:
-    """Rows of an arm that a test may take for draws of their own."""
+    """Rows of an arm that a test may take as independent draws."""
     rows = results.of(arm)
     return rows[results.free[rows]]
 
@@ -303,8 +303,8 @@ def between_campaigns(results: Results, against: Results) -> tuple[ArmComparison
             names = f"{results.folder.name}: {item}", f"{against.folder.name}: {other}", metric
             both = np.intersect1d(machine, machines)
             if same and len(both) >= 5:
-                left, right = (np.searchsorted(np.unique(m), both) for m in (machine, machines))
-                x_mean, y_mean = x_mean[left], y_mean[right]
+                rows_a, rows_b = (np.searchsorted(np.unique(m), both) for m in (machine, machines))
+                x_mean, y_mean = x_mean[rows_a], y_mean[rows_b]
                 ratio = ratio_of_pairs(x_mean, y_mean, both)
                 sided = _sided(y_mean - x_mean)
                 comparisons.append(ArmComparison(*names, len(both), len(both), ratio, *sided))
@@ -328,9 +328,10 @@ def same_machines(results: Results, against: Results) -> bool:
     first = [dict(zip(r.machine[::-1].tolist(), range(len(r.run))[::-1], strict=True))
              for r in (results, against)]  # fmt: skip
     both = sorted(first[0].keys() & first[1].keys())
-    left, right = ([rows[machine] for machine in both] for rows in first)
+    rows_a, rows_b = ([rows[machine] for machine in both] for rows in first)
     return bool(both) and all(
-        np.array_equal(results.factors[name][left], against.factors[name][right]) for name in ours
+        np.array_equal(results.factors[name][rows_a], against.factors[name][rows_b])
+        for name in ours
     )
 
 
@@ -344,6 +345,6 @@ def _corrected(comparisons: list[ArmComparison]) -> tuple[ArmComparison, ...]:
     return tuple(replace(item, p=float(p)) for item, p in zip(comparisons, corrected, strict=True))
 
 
-def _ratio(one: Array, other: Array) -> Array:
+def _ratio(first: Array, other: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.mean(other, axis=-1) / np.mean(one, axis=-1))
+        return np.asarray(np.mean(other, axis=-1) / np.mean(first, axis=-1))

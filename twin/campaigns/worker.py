@@ -35,7 +35,7 @@ def fly_shard(spec: Spec, folder: Folder, shard: int) -> Done:
 
 
 def written_shard(folder: Folder, shard: int) -> Done:
-    """What `fly_shard` told, or would have told, of a shard that is written."""
+    """What `fly_shard` returns of a shard that is written."""
     ended = read_rows(folder.shard(shard), ["ended"])["ended"].to_pylist()
     return Done(shard, len(ended), ended.count("failed"))
 

@@ -1,4 +1,4 @@
-"""Checks that anyone can run: a platform's two files held against each other."""
+"""Checks that a platform's two files agree, and with what MuJoCo compiles."""
 
 from twin.check.finding import Finding as Finding
 from twin.check.platform import check_platform as check_platform

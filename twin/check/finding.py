@@ -11,17 +11,17 @@ Value = float | str | list[float] | None
 RELATIVE = 1e-9
 """Two numbers that mean the same agree within this: text holds 16 digits, compilers round."""
 SMALLEST = 1e-3
-"""Below this, the agreement asked for is absolute (RELATIVE * SMALLEST)."""
+"""Below this value the tolerance is absolute (RELATIVE * SMALLEST)."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What platform.toml states beside what the MJCF, as compiled, has."""
+    """Comparison of a value in platform.toml with the compiled MJCF."""
 
     check: str
     ok: bool
     stated: Value
-    """None where there is nothing to compare with: the line informs."""
+    """None for a line without a comparison."""
     found: Value
     unit: str = ""
     sentence: str = ""

@@ -190,12 +190,12 @@ def passive_terms(platform: Platform, model: mujoco.MjModel) -> Finding:
     """What brakes or holds the joints that move freely, with its values; never wrong."""
     # a prescribed joint moves as its drive does, and nothing of this can be seen in it
     prescribed = {part.name for part in (*platform.stages, *platform.gimbals, *platform.rotors)}
-    told = [
+    stated = [
         f"{model.joint(joint).name} {', '.join(terms)}"
         for joint in range(model.njnt)
         if model.joint(joint).name not in prescribed and (terms := _terms(model, joint))
     ]
-    return Finding("damping, springs, friction of joints", True, None, "; ".join(told) or "none")
+    return Finding("damping, springs, friction of joints", True, None, "; ".join(stated) or "none")
 
 
 def _terms(model: mujoco.MjModel, joint: int) -> list[str]:

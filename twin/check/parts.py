@@ -1,4 +1,4 @@
-"""Joints, actuators, sites and masses of the MJCF, held against platform.toml."""
+"""Joints, actuators, sites and masses of the MJCF, compared with platform.toml."""
 
 import copy
 import dataclasses

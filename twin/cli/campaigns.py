@@ -12,23 +12,23 @@ import tyro
 class Campaign:
     """Fly thousands of closed-loop runs that differ as a file says; docs/campaigns.md has its keys.
 
-    A shard of runs is written whole or not at all, so a campaign that was killed goes on with
-    --resume and loses no run. `twin report DIR` says what came of it, `twin replay DIR RUN` flies
-    one run again.
+    A shard of runs is written whole or not at all, so a campaign that was killed continues with
+    --resume and loses no run. `twin report DIR` evaluates it, `twin replay DIR RUN` flies one run
+    again.
     """
 
     spec: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC.toml")]
-    """What is flown."""
+    """The specification."""
     folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[DIR]")] = None
-    """Where the results go; a --dry-run needs none."""
+    """Folder for the results; not needed with --dry-run."""
     resume: bool = False
-    """Go on with what DIR holds; no error where it holds nothing yet, or all."""
+    """Continue the campaign in DIR, which may also be empty or complete."""
     workers: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
-    """Processes; by default one a core. The results do not depend on it."""
+    """Number of processes, by default one per core. The results do not depend on it."""
     cluster: Annotated[str, tyro.conf.arg(metavar="tcp://HOST:PORT")] = ""
-    """Fly on the workers of that Dask scheduler in place of this machine, to the same bytes."""
+    """Fly on the workers of this Dask scheduler instead of this computer, to the same bytes."""
     dry_run: bool = False
-    """Only say how many runs, how long and how much disk, measured on a short probe."""
+    """Only print the number of runs, the time and the disk space, measured on a short probe."""
     json: bool = False
     """Print one JSON document instead of text."""
 
@@ -84,7 +84,7 @@ class Campaign:
         return 0 if set(runs.ended) - {"failed"} else 1
 
     def kept(self) -> str:
-        """What is there of a campaign that was stopped, and how it goes on."""
+        """The shards that a stopped campaign has written, and how to continue."""
         from twin.campaigns.folder import METRICS
 
         if self.folder is None or not (self.folder / METRICS).is_dir():
@@ -105,18 +105,18 @@ def _cores() -> int:
 
 @dataclass(frozen=True)
 class Report:
-    """Say what came of a campaign: distributions, what they depend on, worst runs, comparisons.
+    """Evaluate a campaign: distributions, what they depend on, worst runs, comparisons.
 
-    Writes DIR/report.html with figures and DIR/report.md; of a campaign that still goes on, what is
-    there so far.
+    Writes DIR/report.html with figures and DIR/report.md. A campaign that is still flying is
+    evaluated as far as it has come.
     """
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
-    """Of the campaign."""
+    """Folder of the campaign."""
     against: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
-    """Another campaign to hold it against, arm by arm where both have it."""
+    """Another campaign to compare with, for the arms that both have."""
     html: Annotated[Path | None, tyro.conf.arg(metavar="F.html")] = None
-    """The page goes here instead, the table beside it; those that exist are written anew."""
+    """File for the page instead, with the table next to it; existing files are overwritten."""
     json: bool = False
     """Print one JSON document instead of text."""
 
@@ -147,11 +147,11 @@ class ReplayVerb:
     """Fly one run of a campaign alone, to the same bits, and record it in full."""
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
-    """Of the campaign."""
+    """Folder of the campaign."""
     run_number: Annotated[int, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """Its number, from 0."""
+    """Number of the run, from 0."""
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
-    """Record into this file; one that exists is written anew."""
+    """Record into this file; an existing file is overwritten."""
     json: bool = False
     """Print one JSON document instead of text."""
 

@@ -1,4 +1,4 @@
-"""`twin check PATH`: a platform's two files, or a control law, held to account in a table."""
+"""`twin check PATH`: checks of a platform's two files, or of a control law, as a table."""
 
 import dataclasses
 import os
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Check:
-    """Hold a platform or a control law to account; exit code 1 when something is wrong.
+    """Check a platform or a control law; exit code 1 when something is wrong.
 
     A platform: platform.toml and its MJCF against each other, in names, types, axes and limits,
     the mass budget, inertia and mass moment about the centre of rotation as MuJoCo compiles them,
@@ -30,7 +30,7 @@ class Check:
     """Of a control law: the machine that it is judged on, by default the first shipped one that it
     does not refuse, `sads` before the others."""
     picture: Annotated[Path | None, tyro.conf.arg(metavar="OUT.png")] = None
-    """Draw the platform into this PNG file, too; one that exists is written anew."""
+    """Draw the platform into this PNG file, too; an existing file is overwritten."""
     json: bool = False
     """Print one JSON document instead of a table."""
 

@@ -46,17 +46,17 @@ class Identify:
     logs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="LOG [LOG ...]")]
     """Folders with a log.toml, or .rrd recordings."""
     method: Method = "prediction-error"
-    """How."""
+    """The method."""
     form: Literal["integrated", "natural"] = "integrated"
-    """Of torque, momentum and energy: from the start on, or with differentiated rates."""
+    """For torque, momentum and energy: integrated from the start, or with differentiated rates."""
     shift: Annotated[int, tyro.conf.arg(metavar="SAMPLES")] = 0
-    """Of momentum: between the two ends of a difference; 0 fits the constant instead."""
+    """For momentum: samples between the two ends of a difference; 0 fits the constant instead."""
     corner: Annotated[float, tyro.conf.arg(metavar="RAD/S")] = 0.5
-    """Of filtered: the low-pass filter's."""
+    """For filtered: corner frequency of the low-pass filter."""
     forgetting: Annotated[float, tyro.conf.arg(metavar="0..1")] = 0.99
-    """Of recursive: weight that a step of 0.2 s leaves to what came before."""
+    """For recursive: weight of earlier data after each step of 0.2 s."""
     physical: bool = False
-    """Give the nearest rigid body; prediction-error always does."""
+    """Return the nearest rigid body; prediction-error always does."""
     platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """The machine, by name or folder; default: the one that the first log names."""
     part: Restricted = LogPart()
@@ -108,11 +108,11 @@ class Compare:
     """Predict a log from its commands and say what the model gets wrong.
 
     The model is taken as built and, unless --as-built, with its base (inertia and mass moment)
-    refitted; initial states are always fitted. Of several logs the first is the one to fit on:
-    the others are also predicted with its base and laws.
+    refitted; initial states are always fitted. Of several logs the first is fitted, and the others
+    are also predicted with its base and laws.
 
-    Of a log that names no platform the gyro is held against the attitude: its bias, scale,
-    misalignment and lag, whatever moves the body.
+    Of a log that names no platform the gyro is compared with the attitude: its bias, scale,
+    misalignment and lag, for any motion of the body.
     """
 
     logs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="LOG [LOG ...]")]
@@ -122,10 +122,10 @@ class Compare:
     as_built: bool = False
     """Leave the base as platform.toml states it."""
     report: Annotated[Path | None, tyro.conf.arg(metavar="OUT.html")] = None
-    """Write a page with figures; one that exists is written anew."""
+    """Write a page with figures; an existing file is overwritten."""
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
-    """Write the first log with its prediction and residual as a Rerun recording; one that exists is
-    written anew."""
+    """Write the first log with its prediction and residual as a Rerun recording; an existing file
+    is overwritten."""
     part: Restricted = LogPart()
     json: bool = False
     """Print one JSON document instead of sentences."""
@@ -203,7 +203,7 @@ class Compare:
 
 @dataclass(frozen=True)
 class Diagnose:
-    """Name the causes of what the model gets wrong, with their sizes and how sure they are.
+    """Name the causes of what the model gets wrong, with their sizes, intervals and evidence.
 
     Inertia, mass moment, initial states and the sensors' stated biases are refitted throughout, so
     none of them is a cause. Of several logs causes and base are shared. Intervals are 95 %;
@@ -215,16 +215,16 @@ class Diagnose:
     platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """The machine, by name or folder; default: the one that the first log names."""
     effects: Annotated[str | None, tyro.conf.arg(metavar="FILE,...")] = None
-    """Files of effects of your own, which may be causes beside those of the catalogue."""
+    """Files of your own effects, candidates in addition to the catalogue's."""
     extend: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
-    """Write the platform with what was found into a new folder."""
+    """Write the platform with the named causes into a new folder."""
     validate: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None
-    """Measure the gain on a log that takes no part."""
+    """Measure the gain on a log that is not fitted."""
     report: Annotated[Path | None, tyro.conf.arg(metavar="OUT.html")] = None
-    """Write a page with figures; one that exists is written anew."""
+    """Write a page with figures; an existing file is overwritten."""
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
-    """Write the first log, what the explained model predicts and what it leaves, for Rerun; a file
-    that exists is written anew."""
+    """Write the first log, the prediction of the explained model and the residual as a Rerun
+    recording; an existing file is overwritten."""
     part: Restricted = LogPart()
     json: bool = False
     """Print one JSON document instead of sentences."""
@@ -243,7 +243,7 @@ class Diagnose:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
         if self.extend is not None:
             check_new(self.extend)
-        own = [effect_named(name) for name in self.effects.split(",")] if self.effects else []
+        custom = [effect_named(name) for name in self.effects.split(",")] if self.effects else []
         read = self.logs if self.validate is None else (*self.logs, self.validate)
         for path, ending in ((self.report, ".html"), (self.rrd, ".rrd")):
             if path is not None:
@@ -256,7 +256,7 @@ class Diagnose:
         machine = machine_of(every, self.platform)
         check_logs(every, machine)
         with progress() as say:
-            result = diagnose(logs, machine, effects=own, say=say)
+            result = diagnose(logs, machine, effects=custom, say=say)
             gain, trouble = None, None
             if other is not None:
                 say("the log that took no part")

@@ -26,22 +26,22 @@ def _arg(metavar: str) -> object:
 class RunVerb:
     """Fly a platform under a control law: simulated, emulated, real, or as a log has it.
 
-    On hardware and on its emulation nothing leaves unless --arm says so: without it the sensors are
-    read and the law is computed, and that is all. Ctrl-C stops safely; it is no emergency stop.
+    On hardware and on its emulation no command is sent without --arm: the sensors are read and the
+    law is computed. Ctrl-C stops safely; it is no emergency stop.
     Exit code 1 where the run was cut out, lost its law or failed; 0 where Ctrl-C ended it.
     """
 
     platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
     """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
     controller: Annotated[str, _arg("LAW")] = "free_float"
-    """A shipped law (see `twin controllers`), the file of one's own, or tcp://HOST:PORT, where a
-    law in another program is waited for (docs/link.md)."""
+    """A shipped law (see `twin controllers`), a file, or tcp://HOST:PORT to wait for a law in
+    another program (docs/link.md)."""
     gains: Annotated[tuple[str, ...], _arg("NAME=VALUE ...")] = ()
-    """Gains that differ from the law's own."""
+    """Gains that differ from the law's defaults."""
     estimator: Annotated[str | None, _arg("NAME")] = None
     """Attitude and gyro bias filtered (`filter`) or the sensors as they are (`passthrough`), by
     default the first where the machine has gyro and attitude; `inclinometer`, rates by its
-    differences; `vertical_offset` and `offset`, which tell where the CM is."""
+    differences; `vertical_offset` and `offset`, which estimate the CM."""
     plant: Annotated[str, _arg("sim|pty[:FILE.toml]|serial[:URL]|replay:LOG")] = "sim"
     """Simulated; its devices emulated on a pseudo-terminal; the real ones (of the platform's
     [hardware], at its ports or at that one; or those of serial:FILE.toml); or a log played as if it
@@ -51,11 +51,10 @@ class RunVerb:
     looked: whether the table floats, or is captured (air off or clamped)."""
     lockstep: bool = False
     """With plant pty: loop and emulation wait for each other instead of keeping to the wall's
-    clock. As fast as both can, and no computer is too slow for it."""
+    clock, so that the speed of the computer does not matter."""
     reference: Annotated[str | None, _arg("REFERENCE")] = None
     """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or `multisine[:AMPLITUDE[@FREQUENCY]]`,
-    in degrees and hertz; by default what the law is usually given (its class says `reference`, and
-    `twin controllers` tells it)."""
+    in degrees and hertz; by default the law's usual reference, which `twin controllers` lists."""
     identified: Annotated[Path | None, _arg("FILE.json")] = None
     """What `twin identify LOG --json` wrote: on the bench, the flight is first simulated at all
     corners of its 95 % set, and refused where the guard would cut it out."""
@@ -71,12 +70,12 @@ class RunVerb:
     velocity: Annotated[Angles, _arg("X Y Z")] = (0.0, 0.0, 0.0)
     """Of a body that is thrown, or slides on its stage, at the start: in the room, in m/s."""
     seed: int = 0
-    """Of all random numbers."""
+    """Seed of all random numbers."""
     realtime: bool = False
-    """Keep to the wall's clock instead of going as fast as the computer can."""
+    """Keep to the wall clock instead of running as fast as the computer can."""
     rrd: Annotated[Path | None, _arg("OUT.rrd")] = None
-    """Record into this file. One that exists is written anew, but never by a run of pty or serial:
-    a session cannot be flown again."""
+    """Record into this file. An existing file is overwritten, except by a run on pty or serial,
+    because a session cannot be flown again."""
     spawn: bool = False
     """Show it live in the Rerun viewer."""
     json: bool = False
@@ -121,13 +120,13 @@ class RunVerb:
         else:
             lines = flown(run.platform, run.outcome, run.metrics, run.settle)
             print("\n".join([*lines, *run.notes, *self._where(kept)]))
-        asked = run.outcome.asked
-        if asked not in (0, signal.SIGINT):  # a terminal is gone, or a system goes down
-            raise Stopped(asked)
-        return 0 if run.outcome.ended is Ended.done or asked else 1
+        signalled = run.outcome.asked
+        if signalled not in (0, signal.SIGINT):  # a terminal is gone, or a system goes down
+            raise Stopped(signalled)
+        return 0 if run.outcome.ended is Ended.done or signalled else 1
 
     def kept(self) -> str:
-        """What is there of a run that was stopped before its law began, or at once."""
+        """What a run leaves on disk that was stopped before its law started."""
         if self.rrd is None or not self.rrd.exists():
             return "nothing was recorded"
         return f"{self.rrd} holds what was recorded; a run that had not begun has not changed it"
@@ -190,9 +189,9 @@ class BalanceVerb:
 
     The vertical mass goes down first, so that the body hangs. Then it is made to swing, J and m r
     are identified from the swing, and the masses move: in the plane at once or under a control law,
-    in height by at most half of what is left, never above the CR. In the end it floats free for two
-    minutes, and what is left is stated with 95 % intervals. The machine needs `attitude`: from gyro
-    and inclinometer alone the fit of a swing does not settle.
+    in height by at most half of the remaining offset, never above the CR. In the end it floats free
+    for two minutes, and the residual torque is stated with 95 % intervals. The machine needs
+    `attitude`: from gyro and inclinometer alone the fit of a swing does not settle.
 
     Procedures: direct moves the masses by what was identified (000 eq. 12-15, iterated as in 004);
     masses and masses-and-coils leave the plane to a law (001; 003); adaptive begins with adaptive
@@ -214,24 +213,24 @@ class BalanceVerb:
     the operator's word, who has looked, that the table floats."""
     lockstep: bool = False
     """With plant pty: loop and emulation wait for each other instead of keeping to the wall's
-    clock. As fast as both can, and no computer is too slow for it."""
+    clock, so that the speed of the computer does not matter."""
     effects: Annotated[str | None, _arg("NAME[:TARGET]=VALUE[/VALUE ...],...")] = None
     """What the simulated machine has beyond its platform; see `twin effects`."""
     offset: Annotated[Triple | None, _arg("X Y Z")] = None
     """Of the simulated machine's CM from its CR, in um; by default as its platform states."""
     random_offset: bool = False
-    """Draw it instead, within the masses' reach, by the seed."""
+    """Draw the offset at random instead, within the masses' reach."""
     stages: Annotated[Triple, _arg("MM MM MM")] = (0.0, 0.0, 0.0)
     """Where the masses stand at the start, in mm; the offset is meant there."""
     runs: int = 1
-    """So many machines at once, each with its own random offset and noise."""
+    """Number of machines flown at once, each with a random offset and noise."""
     duration: Annotated[float, _arg("SECONDS")] = BALANCING_DURATION
-    """After which it is given up."""
+    """Time limit."""
     seed: int = 0
-    """Of all random numbers."""
+    """Seed of all random numbers."""
     rrd: Annotated[Path | None, _arg("OUT.rrd")] = None
-    """Record into this file; of several runs the first. One that exists is written anew, but never
-    on pty or serial: a session cannot be flown again."""
+    """Record into this file; of several runs the first. An existing file is overwritten, except on
+    pty or serial, because a session cannot be flown again."""
     json: bool = False
     """Print one JSON document instead of text."""
 
@@ -241,6 +240,9 @@ class BalanceVerb:
         from twin.cli.live import LiveView
         from twin.cli.output import print_json, tell
         from twin.effects import parse_effects
+
+        # before the flight: Ctrl-C leaves few seconds to print what came of it
+        from twin.report.results import document_of, sentences_of
         from twin.stop import Stopped
 
         result = balance(
@@ -262,15 +264,15 @@ class BalanceVerb:
             say=tell,
         )
         if self.json:
-            print_json(result.document())
+            print_json(document_of(result))
         else:
-            print(result)
+            print("\n".join(sentences_of(result)))
         if result.outcome.asked and not result.done:
             raise Stopped(result.outcome.asked)
         return 0 if result.done else 1
 
     def kept(self) -> str:
-        """What is there of a balancing that was stopped."""
+        """What a stopped balancing leaves on disk."""
         again = "balancing begins anew from where the masses stand"
         if self.rrd is None or not self.rrd.exists():
             return again

@@ -18,11 +18,11 @@ Angles = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Emulate:
-    """Stand for a machine: its devices on pseudo-terminals, its simulation behind them.
+    """Emulate a machine: its devices on pseudo-terminals, connected to its simulation.
 
-    What opens the printed port meets the board as it is on the bench: our driver with `twin run
-    PLATFORM --plant serial:PORT`, or a program of one's own that is to be tried. Time is the
-    wall's, bytes come at the line's rate, set-points run out. It ends with Ctrl-C.
+    The printed ports behave as the devices on the bench do, for `twin run PLATFORM --plant
+    serial:PORT` or for any other program. Time is the wall clock, bytes arrive at the line's rate,
+    set-points expire. End it with Ctrl-C.
     """
 
     platform: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PLATFORM")]
@@ -34,9 +34,9 @@ class Emulate:
     attitude: Annotated[Angles, tyro.conf.arg(metavar="ROLL PITCH YAW")] = (0.0, 0.0, 0.0)
     """At the start, in degrees."""
     duration: Annotated[float | None, tyro.conf.arg(metavar="SECONDS")] = None
-    """End by itself after this."""
+    """Time after which it ends."""
     seed: int = 0
-    """Of the sensors' noise."""
+    """Seed of the sensors' noise."""
     replay: Annotated[tuple[str, ...], tyro.conf.arg(metavar="DEVICE=FILE")] = ()
     """Devices that say again what they once said on a port that was opened as
     spy://PORT?file=FILE."""
@@ -101,11 +101,11 @@ _OVER_THE_TRAVEL = ("home", "park", "zero")
 class Hardware:
     """Look at a machine on its bench, home it, move one stage, bring it to rest.
 
-    status tells each device, its name, line and clock, the newest value of each stream and its age,
-    and whether it would be armed. home lets the stages seek their home switches; zero brings them
-    to the middle, park too, but those that run up and down to their lowest place. jog moves one
-    stage by some millimetres and tells what came of it: on a floating table whether it turned as
-    the model predicts, which is the test of every sign in [hardware]. spin-down brakes the wheels.
+    status prints each device with its name, line and clock, the newest value of each stream and
+    its age, and whether it can be armed. home lets the stages seek their home switches; zero moves
+    them to the middle; park does too, but moves vertical stages to their lowest place. jog moves
+    one stage by some millimetres and prints the result: on a floating table, whether it turned as
+    the model predicts, which tests every sign in [hardware]. spin-down brakes the wheels.
 
     All of it goes through the guard and its limits (docs/safety.md). What runs a mass over its
     travel or brakes a wheel is done on a captured table only. Ctrl-C stops safely; it is no
@@ -166,17 +166,17 @@ class Hardware:
             flush=True,
         )
         if self.action == "home":
-            told = home(bench)
+            lines = home(bench)
         elif self.action == "jog":
             assert self.stage is not None
             assert self.distance is not None
-            told = jog(bench, self.stage, 1e-3 * self.distance)
+            lines = jog(bench, self.stage, 1e-3 * self.distance)
         elif self.action == "spin-down":
-            told = spin_down(bench)
+            lines = spin_down(bench)
         else:
             lowest = parked(bench.platform)
-            told = gather(bench, lowest if self.action == "park" else 0.0 * lowest, self.action)
-        return {"told": told, "stage_position": _positions(bench)}, [*told, *bench.told()]
+            lines = gather(bench, lowest if self.action == "park" else 0.0 * lowest, self.action)
+        return {"told": lines, "stage_position": _positions(bench)}, [*lines, *bench.told()]
 
     def _check(self, machine: "Platform") -> None:
         from twin.errors import SafetyError, UnknownName, UsageError
@@ -224,7 +224,7 @@ def _positions(bench: "Bench") -> list[float] | None:
 
 @dataclass(frozen=True)
 class Doctor:
-    """Look whether this computer is fit to fly a machine: ports, adapters, permissions, lateness.
+    """Check that this computer is fit to fly a machine: ports, adapters, permissions, lateness.
 
     Tells whether each port of the machine is there and may be opened, how long USB adapters hold
     bytes back, whether a process may have a priority of its own, and how late ticks come. Nothing

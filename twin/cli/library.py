@@ -164,7 +164,7 @@ class Effects:
     """What may depart from a machine's model: each effect, its size, and what gives it away."""
 
     name: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[NAME]")] = None
-    """Only this one: a name, the file of one's own, or with values as `twin run --effects` takes
+    """Only this one: a name, a file, or either with values as `twin run --effects` takes
     them (`clock_lag:wheel_speed=0.17`)."""
     show: Annotated[tuple[str, ...] | None, tyro.conf.arg(metavar="[PLATFORM]")] = None
     """Run a platform with it and without, and show the difference; by default the first shipped
@@ -282,8 +282,8 @@ def _list(kinds: "list[type[Effect]]") -> str:
     """All of them, a few lines each, by where they live."""
     lines: list[str] = []
     for domain in dict.fromkeys(kind.domain for kind in kinds):
-        own = [kind for kind in kinds if kind.domain is domain]
-        lines += [f"{domain.value}:", *(f"  {_short(kind)}" for kind in own), ""]
+        of_domain = [kind for kind in kinds if kind.domain is domain]
+        lines += [f"{domain.value}:", *(f"  {_short(kind)}" for kind in of_domain), ""]
     return "\n".join(
         [*lines, "`twin effects NAME` tells one in full; `--show` shows what it does."]
     )
@@ -292,11 +292,11 @@ def _list(kinds: "list[type[Effect]]") -> str:
 def _short(kind: "type[Effect]") -> str:
     aim = f":{kind.takes.upper()}" if kind.takes else ""
     sizes = [f"typical: {_size(parameter)} ({parameter.source})" for parameter in kind.parameters()]
-    seen = f"seen in: {', '.join(kind.streams)}; {kind.observable}"
+    visible = f"seen in: {', '.join(kind.streams)}; {kind.observable}"
     return "\n".join(
         [
             f"{kind.name + aim:<28}  {kind.meaning()}",
-            *(f"{'':<32}{line}" for line in [*sizes, seen]),
+            *(f"{'':<32}{line}" for line in [*sizes, visible]),
         ]
     )
 
@@ -326,10 +326,10 @@ def _size(parameter: "Parameter") -> str:
 
 @dataclass(frozen=True)
 class New:
-    """Write a platform folder to begin a lab's own machine with.
+    """Write a platform folder for a new machine.
 
-    It passes `twin check` and flies with `twin run` as it is. Put in your own masses, parts and
-    sensors, and a source beside each number; `twin check` tells what does not fit together.
+    It passes `twin check` and flies with `twin run` as it is. Replace its masses, parts and sensors
+    by yours, with a source for each number; `twin check` reports what does not fit together.
     """
 
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")]

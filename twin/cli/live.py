@@ -1,7 +1,7 @@
-"""A machine on its bench while it flies, a few lines on the terminal, and a key that stops it.
+"""Status of a machine on its bench during a flight, in the terminal, and a key that stops it.
 
-The loop only leaves its last tick here; a thread of its own writes, so that a slow terminal is not
-felt. It is silent where nobody looks: when stderr is no terminal.
+The loop only stores its last tick here and a thread prints it, so that a slow terminal does not
+delay the loop. Nothing is printed where stderr is no terminal.
 """
 
 import os
@@ -28,7 +28,7 @@ _PERIOD = 0.5
 """Between two looks [s]."""
 
 _LATENESS = 400
-"""Ticks whose lateness is told."""
+"""Ticks whose lateness is printed."""
 
 
 class LiveView:
@@ -73,25 +73,25 @@ class LiveView:
         self._tick = tick
 
     def words(self) -> list[str]:
-        """What there is to see; nothing before the first tick."""
+        """The lines to print; none before the first tick."""
         tick, bench = self._tick, self._bench
         if tick is None:
             return []
-        guard, seen = bench.guard, bench.guard.seen
-        now = tick.reading.time
+        guard, state = bench.guard, bench.guard.seen
+        time = tick.reading.time
         floats = "floating" if guard.floating else "captured"
-        left = max(self._duration - now, 0.0)
-        lines = [f"{guard.phase.name}, {floats}: {now:.1f} s, {left:.0f} s left"]
-        lean = seen.lean
+        remaining = max(self._duration - time, 0.0)
+        lines = [f"{guard.phase.name}, {floats}: {time:.1f} s, {remaining:.0f} s left"]
+        lean = state.lean
         if lean is not None:
-            most = np.degrees(guard.settings.tilt_cutout)
-            lines[0] += f"; tilt {np.degrees(lean):.2f} of {most:.0f} deg"
-        if seen.stage_position is not None:
+            limit = np.degrees(guard.settings.tilt_cutout)
+            lines[0] += f"; tilt {np.degrees(lean):.2f} of {limit:.0f} deg"
+        if state.stage_position is not None:
             names = bench.platform.columns("stage_position")
-            places = zip(names, 1e3 * seen.stage_position, strict=True)
+            places = zip(names, 1e3 * state.stage_position, strict=True)
             lines.append("masses " + ", ".join(f"{name} {place:.3f}" for name, place in places))
             lines[-1] += " mm"
-        saturation = _saturation(bench.platform, seen.wheel_momentum, tick)
+        saturation = _saturation(bench.platform, state.wheel_momentum, tick)
         if saturation:
             lines.append(saturation)
         late = 1e3 * np.array(self._late)
@@ -139,8 +139,8 @@ def _saturation(platform: "Platform", momentum: np.ndarray, tick: Tick) -> str:
         return ""
     limit = np.array([wheel.momentum_limit for wheel in platform.wheels])
     with np.errstate(divide="ignore"):
-        left = (limit - np.sign(torque[0]) * momentum) / np.abs(torque[0])
-    first = int(np.argmin(left))
+        remaining = (limit - np.sign(torque[0]) * momentum) / np.abs(torque[0])
+    first = int(np.argmin(remaining))
     held = 100.0 * np.max(np.abs(momentum) / limit)
-    when = f"{platform.wheels[first].name} is full in {max(left[first], 0.0):.0f} s"
-    return f"wheels {held:.0f} % full" + (f"; {when}" if np.isfinite(left[first]) else "")
+    when = f"{platform.wheels[first].name} is full in {max(remaining[first], 0.0):.0f} s"
+    return f"wheels {held:.0f} % full" + (f"; {when}" if np.isfinite(remaining[first]) else "")

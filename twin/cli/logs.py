@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Import:
-    """Make a log of recorded files: find streams, units, axes, clocks and frames, each with why.
+    """Make a log of recorded files: find streams, units, axes, clocks and frames, with reasons.
 
-    The files are copied into OUT (unless they are in it), beside a log.toml that says how they are
-    read. What is unsure stands there as a comment; what two streams show of each other is held
-    against them. Ends with what `twin show OUT` says.
+    The files are copied into OUT (unless they are in it), together with a log.toml that says how to
+    read them. Open questions are comments in it; streams that show the same motion are compared
+    with each other. Ends with the output of `twin show OUT`.
     """
 
     paths: Annotated[
@@ -75,16 +75,16 @@ class Import:
 class Show:
     """Print what is in a log: streams with rates, gaps, ranges and noise, repairs, what it states.
 
-    Noise is estimated from the data, and held against what the log or its platform states. A unit,
+    Noise is estimated from the data and compared with what the log or its platform states. A unit,
     an axis, a quaternion or a clock that looks misread is named first, with the lines of log.toml
-    that put it right; then the exit code is 1, as it is where the platform cannot be read or other
+    that correct it; then the exit code is 1, as it is where the platform cannot be read or other
     verbs will refuse the log.
     """
 
     log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
     """A recording (.rrd) or a folder with a log.toml."""
     picture: Annotated[Path | None, tyro.conf.arg(metavar="OUT.png|html")] = None
-    """Draw it, too, one panel a stream: a picture, or a page."""
+    """Also draw it, one panel for each stream, as a picture or a page."""
     part: Restricted = LogPart()
     json: bool = False
     """Print one JSON document instead of text."""
@@ -128,10 +128,10 @@ class Export:
     out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT")]
     """The folder to make."""
     format: Literal["csv", "parquet", "mat", "mcap"] = "csv"
-    """Of the streams' files; mcap, a topic of JSON messages a stream, is for archives: it carries
-    its own description, and reading it needs no viewer."""
+    """Format of the streams' files; mcap, a topic of JSON messages for each stream, suits archives:
+    it contains its description and needs no viewer to read."""
     truth: bool = False
-    """A simulation's true states too."""
+    """Include the true states of a simulation."""
     json: bool = False
     """Print one JSON document instead of text."""
 

@@ -52,11 +52,11 @@ class LogPart:
     """Which rows of each log are read."""
 
     start: Annotated[float | None, tyro.conf.arg(metavar="S")] = None
-    """Leave out what was before, in the log's own time as `twin show` prints it."""
+    """Leave out earlier rows; in the time of the log as `twin show` prints it."""
     stop: Annotated[float | None, tyro.conf.arg(metavar="S")] = None
-    """Leave out what was after."""
+    """Leave out later rows."""
     rate: Annotated[float | None, tyro.conf.arg(metavar="HZ")] = None
-    """Of measured streams that are faster take every second, third ... row only."""
+    """Of faster measured streams take every second, third ... row only."""
 
     def open(self, path: Path) -> "Recording":
         """A log, or the part of it; a person who waits for it sees how far it is read."""

@@ -1,4 +1,4 @@
-"""`twin reproduce [PAPER]`: the papers' tables and figures beside ours."""
+"""`twin reproduce [PAPER]`: the papers' tables and figures compared with ours."""
 
 import sys
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ class Reproduce:
     paper: Annotated[tyro.conf.Positional[str | None], tyro.conf.arg(metavar="[PAPER]")] = None
     """One alone, 000 to 004; default: all."""
     jobs: int = 2
-    """Parts computed at the same time, each on a core of its own."""
+    """Parts computed at the same time, one per core."""
     table: Annotated[Path, tyro.conf.arg(metavar="OUT.md")] = Path("docs/reproduction.md")
     """Where the table goes."""
     report: Annotated[Path, tyro.conf.arg(metavar="OUT.html")] = Path("runs/reproduction.html")

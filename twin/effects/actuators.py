@@ -271,8 +271,8 @@ class GimbalFriction(SeriesEffect):
         return with_value(samples, rate + np.sign(rate) * lost)
 
     def _lost(self, platform: Platform) -> Array:
-        own = columns_of(self, platform, self.stream)
-        return np.where(own, self.torque / self.stiffness, 0.0)
+        affected = columns_of(self, platform, self.stream)
+        return np.where(affected, self.torque / self.stiffness, 0.0)
 
 
 @dataclass(frozen=True)
@@ -337,18 +337,18 @@ class StageBacklash(SeriesEffect):
     def live(self, platform: Platform) -> Live:
         half = 0.5 * self.width * columns_of(self, platform, self.stream)
 
-        def follow(_: Array, before: Array, shown: Array, now: Array) -> Array:
+        def follow(_: Array, before: Array, shown: Array, current: Array) -> Array:
             del before
-            return np.clip(shown, now - half, now + half)
+            return np.clip(shown, current - half, current + half)
 
         return Recursion(follow)
 
     def undo(self, samples: Samples, platform: Platform) -> Samples:
         half = 0.5 * self.width * columns_of(self, platform, self.stream)
 
-        def lead(_: Array, before: Array, shown: Array, now: Array) -> Array:
-            side = np.where(now == before, shown - before, np.sign(now - before) * half)
-            return now + side
+        def lead(_: Array, before: Array, shown: Array, current: Array) -> Array:
+            side = np.where(current == before, shown - before, np.sign(current - before) * half)
+            return current + side
 
         return Recursion(lead)(samples)
 
@@ -407,16 +407,16 @@ class StageStepLoss(SeriesEffect):
     def live(self, platform: Platform) -> Live:
         kept = 1.0 - self.share * columns_of(self, platform, self.stream)
 
-        def follow(_: Array, before: Array, shown: Array, now: Array) -> Array:
-            return shown + (now - before) * np.where(now > before, kept, 1.0)
+        def follow(_: Array, before: Array, shown: Array, current: Array) -> Array:
+            return shown + (current - before) * np.where(current > before, kept, 1.0)
 
         return Recursion(follow)
 
     def undo(self, samples: Samples, platform: Platform) -> Samples:
         kept = 1.0 - self.share * columns_of(self, platform, self.stream)
 
-        def lead(_: Array, before: Array, shown: Array, now: Array) -> Array:
-            return shown + (now - before) / np.where(now > before, kept, 1.0)
+        def lead(_: Array, before: Array, shown: Array, current: Array) -> Array:
+            return shown + (current - before) / np.where(current > before, kept, 1.0)
 
         return Recursion(lead)(samples)
 
@@ -443,8 +443,8 @@ class StageVibration(ScatterEffect):
     )
 
     def sigma(self, cause: Array, platform: Platform) -> Array:
-        own = cause[..., columns_of(self, platform, "stage_position")]
-        return self.gain * np.sqrt(np.sum(np.square(own), axis=-1, keepdims=True))
+        affected = cause[..., columns_of(self, platform, "stage_position")]
+        return self.gain * np.sqrt(np.sum(np.square(affected), axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True)

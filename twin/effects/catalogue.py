@@ -31,7 +31,7 @@ def catalogue() -> tuple[type[Effect], ...]:
     return tuple(effect_named(name) for name in effect_names())
 
 
-def effect_named(name: str, *, own_files: bool = True) -> type[Effect]:
+def effect_named(name: str, *, files_allowed: bool = True) -> type[Effect]:
     """The effect of that name, or in that file (`path/to/effect.py`).
 
     Raises:
@@ -40,7 +40,7 @@ def effect_named(name: str, *, own_files: bool = True) -> type[Effect]:
             file where only names will do.
     """
     if name.endswith(".py"):
-        if not own_files:
+        if not files_allowed:
             raise EffectError(
                 f"{name!r} is a file; a platform runs no code of its own: install the effect as an "
                 f"entry point of the group {_GROUP!r} and name it, or give the file to --effects"

@@ -206,8 +206,8 @@ class Effect(abc.ABC):
         result: dict[str, Value] = {}
         rest = list(components)
         for item in known:
-            own, rest = rest[: item.size], rest[item.size :]
-            result[item.name] = tuple(own) if isinstance(item.typical, tuple) else own[0]
+            values, rest = rest[: item.size], rest[item.size :]
+            result[item.name] = tuple(values) if isinstance(item.typical, tuple) else values[0]
         return result
 
     @classmethod

@@ -208,13 +208,13 @@ class Recursion:
         """The next samples."""
         value = np.empty_like(samples.value)
         for i in range(value.shape[1]):
-            time, now = samples.time[:, i, None], samples.value[:, i]
+            time, current = samples.time[:, i, None], samples.value[:, i]
             if self._last is None:
-                value[:, i] = now
+                value[:, i] = current
             else:
                 stamp, before, shown = self._last
-                value[:, i] = self._step(time - stamp, before, shown, now)
-            self._last = time, now, value[:, i]
+                value[:, i] = self._step(time - stamp, before, shown, current)
+            self._last = time, current, value[:, i]
         return with_value(samples, value)
 
 

@@ -454,13 +454,13 @@ class SensorLag(SeriesEffect):
     def undo(self, samples: Samples, platform: Platform) -> Samples:
         return Recursion(self._backward)(samples)
 
-    def _forward(self, step: Array, before: Array, shown: Array, now: Array) -> Array:
+    def _forward(self, step: Array, before: Array, shown: Array, current: Array) -> Array:
         decay, first, second = self._weights(step)
-        return decay * shown + first * before + second * now
+        return decay * shown + first * before + second * current
 
-    def _backward(self, step: Array, shown: Array, before: Array, now: Array) -> Array:
+    def _backward(self, step: Array, shown: Array, before: Array, current: Array) -> Array:
         decay, first, second = self._weights(step)
-        return (now - decay * shown - first * before) / second
+        return (current - decay * shown - first * before) / second
 
     def _weights(self, step: Array) -> tuple[Array, Array, Array]:
         """Of the last output, the last input and this input, for x a straight line."""

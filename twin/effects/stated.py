@@ -101,7 +101,7 @@ def _parsed(word: str) -> Effect:
 
 def _effect(stated: StatedEffect, platform: Platform) -> Effect:
     try:
-        kind: Any = stated.made_by or effect_named(stated.name, own_files=False)
+        kind: Any = stated.made_by or effect_named(stated.name, files_allowed=False)
         known = [entry.name for entry in (*kind.parameters(), *kind.settings())]
         for key in stated.values:
             if key not in known:

@@ -21,20 +21,20 @@ class EmulatedDevice(abc.ABC):
     stop_bits: int = 1
 
     @abc.abstractmethod
-    def receive(self, data: bytes, now: float) -> bytes:
-        """Bytes have come in at `now` [s]; what it sends at once."""
+    def receive(self, data: bytes, time: float) -> bytes:
+        """Bytes have come in at `time` [s]; what it sends at once."""
 
     @abc.abstractmethod
-    def advance(self, now: float) -> bytes:
-        """Time has come to `now` [s]; what it has sent since the last call."""
+    def advance(self, time: float) -> bytes:
+        """Time has come to `time` [s]; what it has sent since the last call."""
 
     @abc.abstractmethod
-    def power_cycle(self, now: float) -> None:
+    def power_cycle(self, time: float) -> None:
         """Switched off and on again: all is forgotten but what it keeps without power."""
 
     @abc.abstractmethod
     def inject(self, fault: str, value: float = 0.0) -> None:
-        """Begin to fail in a way of its own.
+        """Start a fault of this kind of device.
 
         Raises:
             UnknownName: it cannot fail so.
@@ -51,7 +51,7 @@ LINE_FAULTS: Mapping[str, str] = {
     "unplug": "the port disappears, and comes back afterwards",
     "power_cycle": "the device is switched off and on",
 }
-"""Kinds of faults that a line has, whatever device is on it."""
+"""Kinds of faults of a line, the same for all devices."""
 
 BURST = 0.016
 """Latency timer of common USB adapters [s]."""
@@ -62,7 +62,7 @@ class Fault:
     """One thing that goes wrong."""
 
     kind: str
-    """One of LINE_FAULTS, or one of the device's own."""
+    """One of LINE_FAULTS, or a kind of the device."""
     start: float = 0.0
     """After the line was opened [s]."""
     duration: float = float("inf")
@@ -70,7 +70,7 @@ class Fault:
     share: float = 1.0
     """Part of the bytes it hits, of `drop`, `duplicate` and `garble`."""
     value: float = 0.0
-    """What the device's own fault takes as its value."""
+    """Parameter of a fault of the device."""
     device: str = ""
     """Whose, by the laboratory's name, where several are emulated together; empty: the first's."""
 
@@ -108,24 +108,24 @@ class Wire:
     def __post_init__(self) -> None:
         self._chance = random.Random(self.seed)
 
-    def active(self, kind: str, now: float) -> Fault | None:
-        """The fault of that kind that holds at `now` [s], if any."""
+    def active(self, kind: str, time: float) -> Fault | None:
+        """The fault of that kind that holds at `time` [s], if any."""
         if kind not in LINE_FAULTS:
             raise UnknownName("line fault", kind, LINE_FAULTS)
         return next(
-            (f for f in self.faults if f.kind == kind and f.start <= now < f.start + f.duration),
+            (f for f in self.faults if f.kind == kind and f.start <= time < f.start + f.duration),
             None,
         )
 
-    def carry(self, data: bytes, now: float, *, matched: bool) -> bytes:
+    def carry(self, data: bytes, time: float, *, matched: bool) -> bytes:
         """What arrives of `data`; `matched`: both ends agree on the baud rate."""
-        if not data or self.active("silence", now):
+        if not data or self.active("silence", time):
             return b""
-        if not matched or self.active("baud", now):
+        if not matched or self.active("baud", time):
             # A receiver at another rate sees edges where there are none: any bytes, fewer or more.
             return bytes(self._chance.randrange(256) for _ in range(max(1, len(data) * 2 // 3)))
-        drop, double = self.active("drop", now), self.active("duplicate", now)
-        garble = self.active("garble", now)
+        drop, double = self.active("drop", time), self.active("duplicate", time)
+        garble = self.active("garble", time)
         if not (drop or double or garble):
             return data
         out = bytearray()

@@ -33,18 +33,18 @@ class PacedQueue:
         self._due = deque[tuple[float, int]]()
         self._free = 0.0
 
-    def send(self, data: bytes, now: float, byte_time: float) -> None:
-        """Begin to send at `now`, or when the bytes before are through [s]."""
-        time = max(self._free, now)
+    def send(self, data: bytes, instant: float, byte_time: float) -> None:
+        """Begin to send at `instant`, or when the bytes before are through [s]."""
+        time = max(self._free, instant)
         for byte in data:
             time += byte_time
             self._due.append((time, byte))
         self._free = time
 
-    def arrived(self, now: float) -> bytes:
-        """Bytes that are through by `now`."""
+    def arrived(self, instant: float) -> bytes:
+        """Bytes that are through by `instant`."""
         out = bytearray()
-        while self._due and self._due[0][0] <= now:
+        while self._due and self._due[0][0] <= instant:
             out.append(self._due.popleft()[1])
         return bytes(out)
 
@@ -91,7 +91,7 @@ class _Terminal:
             return b""
 
     def write(self, data: bytes) -> int:
-        """Send; how many went. What a host does not fetch is lost, as in a full receive buffer."""
+        """Send; returns the number of bytes sent. The rest is lost, as in a full receive buffer."""
         try:
             return os.write(self.master, data)
         except BlockingIOError:
@@ -122,17 +122,18 @@ class Server:
         self._early = b""
         self._heard = self._said = 0
         self._start = start
-        own = [fault for fault in faults if fault.kind not in LINE_FAULTS]
+        of_device = [fault for fault in faults if fault.kind not in LINE_FAULTS]
         self._wire = Wire([fault for fault in faults if fault.kind in LINE_FAULTS], seed)
         self._pending = sorted(
-            own + [f for f in self._wire.faults if f.kind == "power_cycle"], key=lambda f: f.start
+            of_device + [f for f in self._wire.faults if f.kind == "power_cycle"],
+            key=lambda f: f.start,
         )
         self._to_device, self._to_host = PacedQueue(), PacedQueue()
         self._terminal: _Terminal | None = _Terminal(link)
 
     def add(self, fault: Fault) -> None:
         """Let it happen, counted from now."""
-        fault = replace(fault, start=self._now() + fault.start)
+        fault = replace(fault, start=self._time() + fault.start)
         if fault.kind in LINE_FAULTS:
             self._wire.faults.append(fault)
         if fault.kind not in LINE_FAULTS or fault.kind == "power_cycle":
@@ -144,30 +145,30 @@ class Server:
         patience = time.monotonic() + _PATIENCE
         while self._heard + len(self._early) < sent and time.monotonic() < patience:
             self._early += b"" if self._terminal is None else self._terminal.read()
-        self._granted, said = self._now(), self._said
+        self._granted, said = self._time(), self._said
         while self._granted < until - 1e-9 and self._said == said:
             self._granted = min(self._granted + BEAT, until)
             self.step()
         return self._granted, self._said
 
     def step(self) -> tuple[bytes, bytes]:
-        """Bytes that went out to the host, and those that came in to the device."""
-        now = self._now()
-        self._happen(now)
+        """Bytes sent to the host, and bytes received by the device."""
+        instant = self._time()
+        self._happen(instant)
         if self._terminal is None:
-            self._device.advance(now)
+            self._device.advance(instant)
             return b"", b""
         byte_time = (1 + 8 + self._device.stop_bits) / self._device.baud
         came, self._early = self._early + self._terminal.read(), b""
         self._heard += len(came)
-        self._to_device.send(came, now, byte_time)
+        self._to_device.send(came, instant, byte_time)
         matched = self._terminal.baud() == self._device.baud
-        into = self._wire.carry(self._to_device.arrived(now), now, matched=matched)
-        sent = self._device.receive(into, now) if into else b""
-        self._to_host.send(sent + self._device.advance(now), now, byte_time)
-        burst = self._wire.active("burst", now)
-        arrived = self._to_host.arrived(now // BURST * BURST if burst else now)
-        out = self._wire.carry(arrived, now, matched=matched)
+        into = self._wire.carry(self._to_device.arrived(instant), instant, matched=matched)
+        sent = self._device.receive(into, instant) if into else b""
+        self._to_host.send(sent + self._device.advance(instant), instant, byte_time)
+        burst = self._wire.active("burst", instant)
+        arrived = self._to_host.arrived(instant // BURST * BURST if burst else instant)
+        out = self._wire.carry(arrived, instant, matched=matched)
         if out:
             self._said += self._terminal.write(out)
         return out, into
@@ -177,17 +178,17 @@ class Server:
         """What becomes readable when the host says something; empty while it is unplugged."""
         return [] if self._terminal is None else [self._terminal.master]
 
-    def _now(self) -> float:
+    def _time(self) -> float:
         return time.monotonic() - self._start if self._granted is None else self._granted
 
-    def _happen(self, now: float) -> None:
-        while self._pending and self._pending[0].start <= now:
+    def _happen(self, instant: float) -> None:
+        while self._pending and self._pending[0].start <= instant:
             fault = self._pending.pop(0)
             if fault.kind == "power_cycle":
-                self._device.power_cycle(now)
+                self._device.power_cycle(instant)
             else:
                 self._device.inject(fault.kind, fault.value)
-        unplugged = self._wire.active("unplug", now) is not None
+        unplugged = self._wire.active("unplug", instant) is not None
         if unplugged and self._terminal is not None:
             self._terminal.close()
             self._terminal = None
@@ -247,7 +248,7 @@ class EmulatedLines:
         """
         with beginning():
             self._process.start()
-        said = self._not_there(f"did not start within {_START:g} s")
+        said = self._missing_ports(f"did not start within {_START:g} s")
         try:
             ready = until(lambda: self._pipe.poll(min(LOOK, _START)), _START)
         except BaseException:
@@ -257,7 +258,7 @@ class EmulatedLines:
             try:
                 said = self._pipe.recv()
             except EOFError:
-                said = self._not_there("ended before its ports were there")
+                said = self._missing_ports("ended before its ports were there")
         if isinstance(said, TwinError):
             self.kill()
             raise said
@@ -275,7 +276,7 @@ class EmulatedLines:
         if self._process.is_alive():
             self._process.kill()
 
-    def _not_there(self, problem: str) -> DeviceError:
+    def _missing_ports(self, problem: str) -> DeviceError:
         names = ", ".join(map(str, self.links.values()))
         remedy = "what it printed says why; else look whether this computer is busy"
         return DeviceError(f"the emulation at {names}", problem, remedy)
@@ -356,7 +357,7 @@ def _serve(
     pipe: Connection,
     lockstep: bool,
 ) -> None:
-    """Be the devices until told to stop, or until whoever started this is gone."""
+    """Run the devices until a stop is requested or the parent process has ended."""
     # A request to stop is meant for the loop, which still has to bring the devices to rest.
     ignore()
     first = next(iter(links))
@@ -368,8 +369,8 @@ def _serve(
     start = time.monotonic()
     servers: dict[str, Server] = {}
     for name, link in links.items():
-        own = tuple(fault for fault in faults if (fault.device or first) == name)
-        servers[name] = Server(made[name], link, own, seed, start=start, lockstep=lockstep)
+        of_device = tuple(fault for fault in faults if (fault.device or first) == name)
+        servers[name] = Server(made[name], link, of_device, seed, start=start, lockstep=lockstep)
     pipe.send("ready")
     with open(log, "wb", buffering=0) if log else open(os.devnull, "wb") as record:
         while True:

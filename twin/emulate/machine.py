@@ -30,7 +30,7 @@ class DeviceValue(NamedTuple):
     """A value that a device has to send."""
 
     source: str
-    """The device's own name of the stream."""
+    """Name of the stream in the device."""
     time: float
     """When it was true [s]."""
     value: Array
@@ -59,33 +59,33 @@ class Share:
     """What one device sees and moves of the machine."""
 
     machine: "SimulatedMachine"
-    told: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    commands: Mapping[str, Array] = field(default_factory=dict[str, Array])
     """(columns,) set-points in force, by the device's own names."""
     drive: Callable[[float], Array] | None = None
     """Where the device's own stage drives have brought them at a time [s], (columns,) as its
-    command of stages has them; None: the machine's drives obey `told`."""
+    command of stages has them; None: the machine's drives obey `commands`."""
     shown: list[DeviceValue] = field(default_factory=list[DeviceValue])
 
-    def step(self, told: Mapping[str, Array], now: float) -> list[DeviceValue]:
-        """Advance the machine to `now` [s], if nobody has yet: what this device is to send.
+    def step(self, commands: Mapping[str, Array], time: float) -> list[DeviceValue]:
+        """Advance the machine to `time` [s], if nobody has yet: what this device is to send.
 
         Args:
-            told: (columns,) by the device's own names. What is absent is safe: masses brake and
+            commands: (columns,) by the device's own names. What is absent is safe: masses brake and
                 hold, all else is zero.
             now: device's time, never before that of the last call.
         """
-        self.told = told
-        self.machine.advance(now)
+        self.commands = commands
+        self.machine.advance(time)
         shown, self.shown = sorted(self.shown, key=lambda item: item.time), []
         return shown
 
     def restart(self) -> None:
-        """The device has begun anew: its step counters are at zero, wherever the masses are."""
+        """The device has restarted: its step counters are at zero, wherever the masses are."""
         self.machine.restart(self)
 
 
 class SimulatedMachine:
-    """One machine, moved by what devices tell its actuators."""
+    """One machine, moved by the commands of its devices."""
 
     def __init__(self, made_of: EmulatedMachine) -> None:
         """Compile it.
@@ -110,7 +110,7 @@ class SimulatedMachine:
         self._goal = self.place
         """(stages,) [m] where the masses go, or hold."""
         self._uncounted = np.zeros(len(platform.stages))
-        """(stages,) [m] what a step counter that began anew does not know of."""
+        """(stages,) position at which each step counter was last reset [m]."""
         self._moving = self._driven = False
 
     def share(self, device: str) -> Share:
@@ -122,10 +122,10 @@ class SimulatedMachine:
         """(stages,) where the masses are [m]."""
         return self.plant.state[0][0, self.plant.machine.stage_qpos]
 
-    def advance(self, now: float) -> None:
-        """Simulate up to `now` [s], and lay out for each device what it has to send."""
+    def advance(self, time: float) -> None:
+        """Simulate up to `time` [s], and lay out for each device what it has to send."""
         step = self._platform.step
-        while (self._steps + 1) * step <= now + _EPS:
+        while (self._steps + 1) * step <= time + _EPS:
             self._steps += 1
             self._follow(self._steps * step)
             reading = self.plant.read(self._steps * step)
@@ -144,7 +144,7 @@ class SimulatedMachine:
                 self._uncounted[columns] = self.place[columns]
 
     def _follow(self, time: float) -> None:
-        """Bring the masses to where drives of their own are by then."""
+        """Move the masses to where the drives of the devices are by then."""
         place, driven = self.place, False
         for route in self._commanded:
             drive = self._shares[route.device].drive
@@ -173,21 +173,21 @@ class SimulatedMachine:
     def _command(self) -> Command:
         command = {name: np.zeros((1, width)) for name, width in self._platform.commands.items()}
         goal = self._goal.copy()
-        told_stages = False
+        stages_commanded = False
         for route in self._commanded:
-            told = self._shares[route.device].told
-            if route.source not in told:
+            commands = self._shares[route.device].commands
+            if route.source not in commands:
                 continue
-            value = route.taken(told[route.source])
+            value = route.taken(commands[route.source])
             if route.stream == _STAGES:
                 goal[list(route.columns)] = value + self._uncounted[list(route.columns)]
-                told_stages = True
+                stages_commanded = True
             else:
                 command[route.stream][0, list(route.columns)] = value
         if _STAGES in command:
-            if self._moving and not told_stages:
+            if self._moving and not stages_commanded:
                 goal = self._braked()
-            self._goal, self._moving = goal, told_stages
+            self._goal, self._moving = goal, stages_commanded
             command[_STAGES] = goal[None]
         if self._driven:
             del command[_STAGES]
@@ -200,5 +200,5 @@ class SimulatedMachine:
         ramp = np.array([1.0 / (2.0 * stage.acceleration) for stage in platform.stages])
         late = np.array([stage.response for stage in platform.stages])
         way = speed * late + np.sign(speed) * speed**2 * ramp
-        left = self._goal - self.place
-        return self.place + np.clip(way, np.minimum(left, 0.0), np.maximum(left, 0.0))
+        remaining = self._goal - self.place
+        return self.place + np.clip(way, np.minimum(remaining, 0.0), np.maximum(remaining, 0.0))

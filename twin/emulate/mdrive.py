@@ -97,9 +97,9 @@ class Stretch:
     acceleration: float
     span: float
 
-    def at(self, now: float) -> tuple[float, float]:
+    def at(self, time: float) -> tuple[float, float]:
         """Position and speed."""
-        t = min(max(now - self.start, 0.0), self.span)
+        t = min(max(time - self.start, 0.0), self.span)
         return (
             self.position + (self.speed + 0.5 * self.acceleration * t) * t,
             self.speed + self.acceleration * t,
@@ -118,12 +118,12 @@ class Profile:
         """When it comes to rest; infinite for a slew."""
         return self.stretches[-1].start + self.stretches[-1].span if self.stretches else -math.inf
 
-    def at(self, now: float) -> tuple[float, float]:
+    def at(self, time: float) -> tuple[float, float]:
         """Position and speed."""
-        if now >= self.end:
+        if time >= self.end:
             return self.target, 0.0
-        stretch = next(s for s in self.stretches if now < s.start + s.span)
-        return stretch.at(now)
+        stretch = next(s for s in self.stretches if time < s.start + s.span)
+        return stretch.at(time)
 
 
 def at_rest(position: float) -> Profile:
@@ -152,7 +152,7 @@ def move(position: float, target: float, ramps: Ramps, start: float) -> Profile:
 
 
 def slew(position: float, speed: float, ramps: Ramps, start: float) -> Profile:
-    """From rest to a speed, and on for ever."""
+    """From rest to a speed, which is then kept."""
     sign, high = (1.0 if speed >= 0.0 else -1.0), abs(speed)
     low = min(ramps.initial, high)
     ramp = Stretch(start, position, sign * low, sign * ramps.up, (high - low) / ramps.up)
@@ -160,15 +160,15 @@ def slew(position: float, speed: float, ramps: Ramps, start: float) -> Profile:
     return Profile((ramp, Stretch(start + ramp.span, reached, speed, 0.0, math.inf)), math.inf)
 
 
-def stop(profile: Profile, ramps: Ramps, now: float) -> Profile:
-    """Down the ramp from whatever goes on at `now`; rests on a whole microstep."""
-    position, speed = profile.at(now)
+def stop(profile: Profile, ramps: Ramps, time: float) -> Profile:
+    """Down the ramp from the motion at `time`; rests on a whole microstep."""
+    position, speed = profile.at(time)
     sign, fast = (1.0 if speed >= 0.0 else -1.0), abs(speed)
     if fast <= ramps.initial:
         return at_rest(round(position))
     span = (fast - ramps.initial) / ramps.down
-    ramp = Stretch(now, position, speed, -sign * ramps.down, span)
-    return Profile((ramp,), round(ramp.at(now + span)[0]))
+    ramp = Stretch(time, position, speed, -sign * ramps.down, span)
+    return Profile((ramp,), round(ramp.at(time + span)[0]))
 
 
 LIMIT_PLUS, LIMIT_MINUS, STALLED, NO_HOME, BOTH_LIMITS = 83, 84, 86, 80, 82
@@ -190,7 +190,7 @@ class Axis:
     profile: Profile = field(default_factory=lambda: at_rest(0.0))
     homing: int = 0
     stuck: bool = False
-    """It says that it moves, for ever."""
+    """It reports that it moves, permanently."""
 
     def __post_init__(self) -> None:
         self._offset = self.position
@@ -199,53 +199,53 @@ class Axis:
         self._braking = set[int]()
         """Limit switches on which it brakes."""
 
-    def counter(self, now: float) -> int:
+    def counter(self, time: float) -> int:
         """P."""
-        return round(self.profile.at(now)[0])
+        return round(self.profile.at(time)[0])
 
-    def speed(self, now: float) -> int:
+    def speed(self, time: float) -> int:
         """V [microsteps/s]."""
-        return round(self.profile.at(now)[1])
+        return round(self.profile.at(time)[1])
 
-    def carriage(self, now: float) -> float:
+    def carriage(self, time: float) -> float:
         """Where it really is, from the middle of its travel [microsteps]."""
-        return self.profile.at(now)[0] + self._offset
+        return self.profile.at(time)[0] + self._offset
 
-    def moving(self, now: float) -> bool:
+    def moving(self, time: float) -> bool:
         """MV."""
-        return self.stuck or now < self.profile.end or self.homing > 0
+        return self.stuck or time < self.profile.end or self.homing > 0
 
-    def count_from(self, value: int, now: float) -> None:
+    def count_from(self, value: int, time: float) -> None:
         """P = value, at rest."""
-        self._offset += self.counter(now) - value
+        self._offset += self.counter(time) - value
         self.profile = at_rest(value)
 
-    def go(self, target: int, ramps: Ramps, now: float) -> None:
-        self.profile = move(self.counter(now), target, ramps, now)
+    def go(self, target: int, ramps: Ramps, time: float) -> None:
+        self.profile = move(self.counter(time), target, ramps, time)
 
-    def run(self, speed: float, ramps: Ramps, now: float) -> None:
+    def run(self, speed: float, ramps: Ramps, time: float) -> None:
         if speed:
-            self.profile = slew(self.counter(now), speed, ramps, now)
+            self.profile = slew(self.counter(time), speed, ramps, time)
         else:
             self.homing = 0
-            self.profile = stop(self.profile, ramps, now)
+            self.profile = stop(self.profile, ramps, time)
 
-    def halt(self, now: float) -> None:
+    def halt(self, time: float) -> None:
         """At once, without a ramp."""
         self.homing = 0
-        self.profile = at_rest(self.counter(now))
+        self.profile = at_rest(self.counter(time))
 
-    def seek(self, way: int, ramps: Ramps, now: float) -> None:
+    def seek(self, way: int, ramps: Ramps, time: float) -> None:
         """HM 1..4: 1 and 2 go to minus, 3 and 4 to plus; 1 and 3 creep back, 2 and 4 on."""
         self.homing, self._phase = way, 0
-        self.run(-ramps.maximum if way < 3 else ramps.maximum, ramps, now)
+        self.run(-ramps.maximum if way < 3 else ramps.maximum, ramps, time)
 
-    def watch(self, ramps: Ramps, switches: frozenset[int], now: float) -> int:
-        """Follow switches and stops up to `now`; an error code, or 0.
+    def watch(self, ramps: Ramps, switches: frozenset[int], time: float) -> int:
+        """Follow switches and stops up to `time`; an error code, or 0.
 
         `switches`: kinds of inputs that are set up: 1 home, 2 limit plus, 3 limit minus.
         """
-        carriage, speed = self.carriage(now), self.profile.at(now)[1]
+        carriage, speed = self.carriage(time), self.profile.at(time)[1]
         if abs(carriage) > self.travel + self.margin and speed * carriage > 0.0:
             # the end stop: the motor slips, the counter goes on
             self._offset -= round(carriage - math.copysign(self.travel + self.margin, carriage))
@@ -256,38 +256,38 @@ class Axis:
             elif sign * speed > 0.0 and kind not in self._braking:
                 self._braking.add(kind)
                 self.homing = 0
-                self.profile = stop(self.profile, ramps, now)
+                self.profile = stop(self.profile, ramps, time)
                 return code
         if self.homing:
-            return self._seek_on(ramps, switches, now)
+            return self._seek_on(ramps, switches, time)
         return 0
 
-    def _seek_on(self, ramps: Ramps, switches: frozenset[int], now: float) -> int:
+    def _seek_on(self, ramps: Ramps, switches: frozenset[int], time: float) -> int:
         if 1 not in switches:
-            self.halt(now)
+            self.halt(time)
             return NO_HOME
         to_minus = self.homing < 3
-        closed = self.carriage(now) <= self.home
+        closed = self.carriage(time) <= self.home
         result = closed if to_minus else not closed
         creep = Ramps(ramps.initial, ramps.initial, ramps.up, ramps.down)
         back = 1.0 if to_minus else -1.0
         if self._phase == 0 and result:
-            self.profile = stop(self.profile, ramps, now)
+            self.profile = stop(self.profile, ramps, time)
             self._phase = 1
-        elif self._phase == 1 and now >= self.profile.end:
+        elif self._phase == 1 and time >= self.profile.end:
             fast = ramps if self.homing in (2, 4) else creep
-            self.profile = slew(self.counter(now), back * fast.maximum, fast, now)
+            self.profile = slew(self.counter(time), back * fast.maximum, fast, time)
             self._phase = 2
         elif self._phase == 2 and not result:
-            self.profile = stop(self.profile, ramps, now)
+            self.profile = stop(self.profile, ramps, time)
             self._phase = 3 if self.homing in (2, 4) else 5
-        elif self._phase == 3 and now >= self.profile.end:
-            self.profile = slew(self.counter(now), -back * creep.maximum, creep, now)
+        elif self._phase == 3 and time >= self.profile.end:
+            self.profile = slew(self.counter(time), -back * creep.maximum, creep, time)
             self._phase = 4
         elif self._phase == 4 and result:
-            self.profile = stop(self.profile, ramps, now)
+            self.profile = stop(self.profile, ramps, time)
             self._phase = 5
-        elif self._phase == 5 and now >= self.profile.end:
+        elif self._phase == 5 and time >= self.profile.end:
             self.homing = 0
         return 0
 
@@ -319,11 +319,11 @@ class EmulatedDrive:
         self._chance = random.Random(self.name)
         self.start(0.0)
 
-    def start(self, now: float) -> None:
+    def start(self, time: float) -> None:
         """Power on: factory values but for what is saved; P is lost."""
         self.values = {name: default for name, (default, _, _) in WRITABLE.items()} | self.saved
-        self.axis.halt(now)
-        self.axis.count_from(0, now)
+        self.axis.halt(time)
+        self.axis.count_from(0, time)
         self._sources = dict(self.inputs)
         self._party = False
         self._line = bytearray()
@@ -333,9 +333,9 @@ class EmulatedDrive:
         self._announce = False
         if not self.values["PY"]:
             sign_on = b"Copyright 2001-2010 by Schneider Electric Motion USA\r\n>"
-            self._out.append((now + 0.1, sign_on))
+            self._out.append((time + 0.1, sign_on))
 
-    def inject(self, fault: str, value: float, now: float) -> None:
+    def inject(self, fault: str, value: float, time: float) -> None:
         if fault == "extra_newline":
             self._escaped = True
         elif fault == "late_reply":
@@ -345,70 +345,70 @@ class EmulatedDrive:
         elif fault == "error":
             self._fail(int(value))
             if int(value) == 72:
-                self.axis.halt(now)
+                self.axis.halt(time)
         elif fault == "reboot":
-            self.start(now)
+            self.start(time)
         elif fault == "stuck_moving":
             self.axis.stuck = True
         elif fault == "stall":
-            self.axis.halt(now)
+            self.axis.halt(time)
             self.values["ST"] = 1
             self._fail(STALLED)
         elif fault == "completion":
-            self._out.append((now, self.name.encode()))
+            self._out.append((time, self.name.encode()))
         elif fault == "baud":
             self.baud = int(value)
         else:
             self._counts[fault] += int(value) or 1
 
-    def receive(self, data: bytes, now: float) -> bytes:
+    def receive(self, data: bytes, time: float) -> bytes:
         """Bytes in; the echo out."""
         echo = bytearray()
         for byte in data:
             if byte == ESC:
-                self.axis.halt(now)
+                self.axis.halt(time)
                 self._escaped = True
                 self._line.clear()
             elif byte == BREAK and self.values["CE"]:
-                self.start(now)
+                self.start(time)
             elif byte == (0x0A if self.values["PY"] or self.values["CK"] else 0x0D):
-                self._end_of_line(now)
+                self._end_of_line(time)
             elif len(self._line) >= BUFFER:
                 self._line.clear()
                 self._fail(UNKNOWN)
-                self._out.append((now, b"\r\n"))
+                self._out.append((time, b"\r\n"))
             elif byte not in b"\r\n":
                 self._line.append(byte)
                 if self.values["EM"] == 0 and self._addressed(bytes(self._line)):
                     echo.append(byte)
         return bytes(echo)
 
-    def advance(self, now: float) -> bytes:
-        """What it says up to `now`."""
-        while self._todo and self._todo[0][0] <= now:
+    def advance(self, time: float) -> bytes:
+        """What it says up to `time`."""
+        while self._todo and self._todo[0][0] <= time:
             due, line = self._todo.pop(0)
             self._watch(due)
             self._execute(line, due)
-        self._watch(now)
-        out = b"".join(data for due, data in self._out if due <= now)
-        self._out = [(due, data) for due, data in self._out if due > now]
+        self._watch(time)
+        out = b"".join(data for due, data in self._out if due <= time)
+        self._out = [(due, data) for due, data in self._out if due > time]
         return out
 
-    def _watch(self, now: float) -> None:
+    def _watch(self, time: float) -> None:
         kinds = frozenset(kind for kind, _ in self._sources.values())
-        code = self.axis.watch(self._ramps(), kinds, now)
+        code = self.axis.watch(self._ramps(), kinds, time)
         if code:
             self._fail(code)
-        if self._announce and not self.axis.moving(now):
+        if self._announce and not self.axis.moving(time):
             self._announce = False
-            self._out.append((now, self.name.encode()))
+            self._out.append((time, self.name.encode()))
 
     def _addressed(self, line: bytes) -> bool:
         if not self.values["PY"]:
             return True
         return self._party and line[:1] in (self.name.encode(), self._other.encode() or b"\0")
 
-    def _end_of_line(self, now: float) -> None:
+    def _end_of_line(self, time: float) -> None:
         line = bytes(self._line)
         self._line.clear()
         if self.values["PY"] and not self._party:
@@ -417,25 +417,25 @@ class EmulatedDrive:
         everybody = self.values["PY"] and line[:1] == b"*"
         several = self.values["PY"] and line[:1] == b"^" and self.values["QD"]
         if line and (self._addressed(line) or everybody or several):
-            start = max([now, *(due for due, _ in self._todo)])
+            start = max([time, *(due for due, _ in self._todo)])
             self._todo.append((start + self.execution, line))
 
-    def _execute(self, line: bytes, now: float) -> None:
+    def _execute(self, line: bytes, time: float) -> None:
         silent = bool(self.values["PY"] and line[:1] in (b"*", b"^") and self.values["DG"])
         body = line
         if self.values["CK"]:
             if sum(line) & 0x7F or self._take("not_acknowledged"):
-                self._say(bytes([NAK]) if not silent else b"", now)
+                self._say(bytes([NAK]) if not silent else b"", time)
                 return
             body = line[:-1]
         text = body.decode("ascii", "replace")[1 if self.values["PY"] else 0 :].strip()
         echo, checked, mode = body, bool(self.values["CK"]), self.values["EM"]
-        value = self._obey(text, now)
+        value = self._obey(text, time)
         if silent:
             return
         if value is not None:
             value += bytes([_checksum(value)] if checked else []) + b"\r\n"
-        self._say(self._framed(value, echo, mode, checked), now)
+        self._say(self._framed(value, echo, mode, checked), time)
 
     def _framed(self, value: bytes | None, echo: bytes, mode: int, checked: bool) -> bytes:
         prompt = b"?" if self.values["ER"] else b">"
@@ -451,7 +451,7 @@ class EmulatedDrive:
         check = bytes([_checksum(echo)]) if checked else b""
         return echo + check + done + b"\r\n" + (value or b"")
 
-    def _say(self, reply: bytes, now: float) -> None:
+    def _say(self, reply: bytes, time: float) -> None:
         if not reply or self._take("lost_reply"):
             return
         if self._take("newline_only"):
@@ -464,7 +464,7 @@ class EmulatedDrive:
             reply = b"\r\n" + reply
         if self._take("double_reply"):
             reply += reply
-        self._out.append((now + self._late, reply))
+        self._out.append((time + self._late, reply))
         self._late = 0.0
 
     def _take(self, fault: str) -> bool:
@@ -478,18 +478,18 @@ class EmulatedDrive:
     def _ramps(self) -> Ramps:
         return Ramps(*(float(self.values[name]) for name in ("VI", "VM", "A", "D")))
 
-    def _obey(self, text: str, now: float) -> bytes | None:
+    def _obey(self, text: str, time: float) -> bytes | None:
         """Do it; what is to be printed, or None."""
         if not text:
             return None
         upper = text.upper()
         if upper.startswith("PR"):
             # text in quotes keeps its case
-            return self._print(text[2:], now)
+            return self._print(text[2:], time)
         result = re.fullmatch(r"([A-Z]+[1-4]?)\s*(=|\s)?\s*(.*)", upper)
         word, operand = (result[1], result[3]) if result else (upper, "")
         if word in ("MA", "MR", "SL", "HM"):
-            self._move(word, operand, now)
+            self._move(word, operand, time)
         elif word == "DN" and len(operand) == 3:
             self.name = text.rstrip('" ')[-1]
         elif re.fullmatch("S[1-4]", word) and operand:
@@ -499,18 +499,18 @@ class EmulatedDrive:
             if operand not in BAUDS:
                 self._fail(61)
         elif word in ("S", "IP", "FD"):
-            self._memory(word, now)
+            self._memory(word, time)
         elif word in ("E", "H", "PS", "RS", "EX"):
             if word == "EX":
                 self._escaped = False
                 self._fail(NO_LABEL)
             elif word == "PS":
-                self.axis.run(0.0, self._ramps(), now)
+                self.axis.run(0.0, self._ramps(), time)
         else:
-            self._assign(word, operand, now)
+            self._assign(word, operand, time)
         return None
 
-    def _assign(self, word: str, operand: str, now: float) -> None:
+    def _assign(self, word: str, operand: str, time: float) -> None:
         if word in READ_ONLY_NAMES:
             self._fail(READ_ONLY)
         elif word not in WRITABLE:
@@ -527,12 +527,12 @@ class EmulatedDrive:
             elif word == "VM" and value <= self.values["VI"]:
                 self._fail(SPEEDS_CROSS[1])
             elif word == "P":
-                self.axis.count_from(value, now)
+                self.axis.count_from(value, time)
             else:
                 self.values[word] = value
 
-    def _memory(self, word: str, now: float) -> None:
-        if word in ("S", "IP") and self.axis.moving(now):
+    def _memory(self, word: str, time: float) -> None:
+        if word in ("S", "IP") and self.axis.moving(time):
             self._fail(SAVE_MOVING if word == "S" else LOAD_MOVING)
         elif word == "S":
             self.saved, self.inputs = dict(self.values), dict(self._sources)
@@ -540,9 +540,9 @@ class EmulatedDrive:
             self.values |= self.saved
         else:
             self.saved, self.inputs = {}, {}
-            self.start(now)
+            self.start(time)
 
-    def _move(self, word: str, operand: str, now: float) -> None:
+    def _move(self, word: str, operand: str, time: float) -> None:
         parts = [part.strip() for part in operand.split(",")]
         first = str(self.values.get(parts[0], parts[0]))
         if not re.fullmatch(r"[+-]?\d+", first):
@@ -550,21 +550,21 @@ class EmulatedDrive:
             return
         value = int(first)
         if word == "HM":
-            self.axis.seek(value, self._ramps(), now)
+            self.axis.seek(value, self._ramps(), time)
         elif word == "SL":
-            self.axis.run(float(value), self._ramps(), now)
+            self.axis.run(float(value), self._ramps(), time)
         elif self.axis.homing:
             self._fail(BUSY_HOMING)
         elif self.values["DE"]:
-            if self.axis.moving(now):
+            if self.axis.moving(time):
                 if self.move_while_moving == "ignore":
                     return
-                self.axis.halt(now)
+                self.axis.halt(time)
             self._announce = parts[1:2] == ["1"]
-            here = self.axis.counter(now)
-            self.axis.go(value if word == "MA" else here + value, self._ramps(), now)
+            here = self.axis.counter(time)
+            self.axis.go(value if word == "MA" else here + value, self._ramps(), time)
 
-    def _print(self, text: str, now: float) -> bytes:
+    def _print(self, text: str, time: float) -> bytes:
         out: list[str] = []
         position = 0
         text = text.strip()
@@ -577,14 +577,14 @@ class EmulatedDrive:
             if item[1] is not None:
                 out.append(item[1])
             elif item[2] is not None:
-                shown = self._shown(item[2], now)
+                shown = self._shown(item[2], time)
                 if shown is None:
                     self._fail(NOT_PRINTABLE)
                     break
                 out.append(shown)
         return "".join(out).encode("ascii", "replace")
 
-    def _shown(self, name: str, now: float) -> str | None:
+    def _shown(self, name: str, time: float) -> str | None:
         if name == "ER":
             code, self.values["ER"] = self.values["ER"], 0
             return str(code)
@@ -592,13 +592,13 @@ class EmulatedDrive:
             kind, level = self._sources.get(int(name[1]), (0, 0))
             return f"{kind}, {level}"
         live = {
-            "P": self.axis.counter(now),
-            "C1": self.axis.counter(now),
+            "P": self.axis.counter(time),
+            "C1": self.axis.counter(time),
             "C2": 0,
-            "V": self.axis.speed(now),
+            "V": self.axis.speed(time),
             "VC": 0,
-            "MV": int(self.axis.moving(now)),
-            "MP": int(self.axis.moving(now)),
+            "MV": int(self.axis.moving(time)),
+            "MP": int(self.axis.moving(time)),
             "EF": int(self.values["ER"] != 0),
             "BY": 0,
         }
@@ -621,22 +621,22 @@ class EmulatedMDrives(EmulatedDevice):
     drives: list[EmulatedDrive] = field(default_factory=lambda: [EmulatedDrive()])
 
     def __post_init__(self) -> None:
-        self._now = 0.0
+        self._time = 0.0
 
     @property
     def baud(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.drives[0].baud
 
-    def receive(self, data: bytes, now: float) -> bytes:
-        return _together([drive.receive(data, now) for drive in self.drives])
+    def receive(self, data: bytes, time: float) -> bytes:
+        return _together([drive.receive(data, time) for drive in self.drives])
 
-    def advance(self, now: float) -> bytes:
-        self._now = now
-        return _together([drive.advance(now) for drive in self.drives])
+    def advance(self, time: float) -> bytes:
+        self._time = time
+        return _together([drive.advance(time) for drive in self.drives])
 
-    def power_cycle(self, now: float) -> None:
+    def power_cycle(self, time: float) -> None:
         for drive in self.drives:
-            drive.start(now)
+            drive.start(time)
 
     def inject(self, fault: str, value: float = 0.0) -> None:
         """Upon the first drive; `2:stall` is the drive named 2."""
@@ -644,7 +644,7 @@ class EmulatedMDrives(EmulatedDevice):
         if kind not in FAULTS:
             raise UnknownName("fault of an MDrive", kind, FAULTS)
         drive = next((d for d in self.drives if d.name == name), self.drives[0])
-        drive.inject(kind, value, self._now)
+        drive.inject(kind, value, self._time)
 
 
 def _together(said: list[bytes]) -> bytes:

@@ -32,7 +32,7 @@ class EmulatedStages:
     position: Array = field(default_factory=lambda: np.zeros(0))
     """(count,) where they are [m]."""
     lost: Array = field(default_factory=lambda: np.zeros(0))
-    """(count,) what a counter that began anew does not know of [m]."""
+    """(count,) position at which each counter was last reset [m]."""
 
     def __post_init__(self) -> None:
         if not self.position.size:
@@ -61,7 +61,7 @@ class EmulatedStages:
         self.position = self.position + self.velocity * duration
 
     def restart(self) -> None:
-        """The counter begins at zero, wherever the masses are; they stop."""
+        """Reset the counters, wherever the masses are; the masses stop."""
         self.lost = self.position.copy()
         self.velocity[:] = 0.0
 
@@ -153,31 +153,31 @@ class EmulatedMicrocontroller(EmulatedDevice):
         self._until = dict.fromkeys(FAULTS, -np.inf)
         self._corrupt = 0
         self._last: dict[int, tuple[int, Array]] = {}
-        self._now = 0.0
-        self._told: dict[str, Array] = {}
+        self._time = 0.0
+        self._commands: dict[str, Array] = {}
         """Set-points in force at the last round of the main loop, by stream."""
         self._begin()
 
-    def receive(self, data: bytes, now: float) -> bytes:
-        out = self.advance(now)
+    def receive(self, data: bytes, time: float) -> bytes:
+        out = self.advance(time)
         if not self._is("deaf") and not self._is("hang"):
-            self.far_end.receive(data, self._clock(now))
+            self.far_end.receive(data, self._clock(time))
         return out + self._said()
 
-    def advance(self, now: float) -> bytes:
-        while (self._loops + 1) * LOOP <= now + 1e-9:
+    def advance(self, time: float) -> bytes:
+        while (self._loops + 1) * LOOP <= time + 1e-9:
             self._loops += 1
-            self._now = self._loops * LOOP
+            self._time = self._loops * LOOP
             if not self._is("hang"):
                 self._loop()
             elif self.machine is not None:
                 # nobody lets the outputs go while its main loop stands
-                self.machine.step(self._told, self._now)
-        self._now = max(self._now, now)
+                self.machine.step(self._commands, self._time)
+        self._time = max(self._time, time)
         return self._said()
 
-    def power_cycle(self, now: float) -> None:
-        self.advance(now)
+    def power_cycle(self, time: float) -> None:
+        self.advance(time)
         self._restart()
         self._until = dict.fromkeys(FAULTS, -np.inf)
         self._corrupt = 0
@@ -192,22 +192,22 @@ class EmulatedMicrocontroller(EmulatedDevice):
         elif fault == "corrupt":
             self._corrupt = round(value)
         elif fault == "fault":
-            self.far_end.fault("LIMIT", value, self._clock(self._now))
+            self.far_end.fault("LIMIT", value, self._clock(self._time))
         elif fault == "drift":
-            self._mark_us, self._mark = self._exact_clock(self._now), self._now
+            self._mark_us, self._mark = self._exact_clock(self._time), self._time
             self._drift = value
         else:
-            self._until[fault] = self._now + value
+            self._until[fault] = self._time + value
 
     def _begin(self) -> None:
-        now_us = self._clock(self._now)
-        self.far_end = FarEnd(self.schema, self._name, self._longest, now_us)
-        self._due = dict.fromkeys(self._periods, self._now)
-        self._began = self._now
+        time_us = self._clock(self._time)
+        self.far_end = FarEnd(self.schema, self._name, self._longest, time_us)
+        self._due = dict.fromkeys(self._periods, self._time)
+        self._began = self._time
 
     def _restart(self) -> None:
-        self._mark, self._mark_us = self._now, 0.0
-        self._told = {}
+        self._mark, self._mark_us = self._time, 0.0
+        self._commands = {}
         if self.stages is not None:
             self.stages.restart()
         if self.machine is not None:
@@ -217,27 +217,27 @@ class EmulatedMicrocontroller(EmulatedDevice):
         self._begin()
 
     def _loop(self) -> None:
-        now_us = self._clock(self._now)
-        self.far_end.advance(now_us)
-        told = self._told = {
+        time_us = self._clock(self._time)
+        self.far_end.advance(time_us)
+        commands = self._commands = {
             self.schema.channels[number].stream: value
             for number, value in self.far_end.setpoint.items()
         }
         if self.machine is not None:
-            for shown in self.machine.step(told, self._now):
+            for shown in self.machine.step(commands, self._time):
                 # what was true before a restart has no stamp on the new clock
                 if shown.time >= self._began:
                     number = self.schema.number_of(shown.source)
                     self._send(number, self._clock(shown.time), shown.value)
         if self.stages is not None:
-            self.stages.step(told.get("command_stage_position"), LOOP)
+            self.stages.step(commands.get("command_stage_position"), LOOP)
         if self.wheels is not None:
-            self.wheels.step(told.get("command_wheel_torque"), LOOP)
-        self.dipole = told.get("command_dipole", np.zeros(3))
+            self.wheels.step(commands.get("command_wheel_torque"), LOOP)
+        self.dipole = commands.get("command_dipole", np.zeros(3))
         for number, period in self._periods.items():
-            if self._now + 1e-9 >= self._due[number]:
+            if self._time + 1e-9 >= self._due[number]:
                 self._due[number] += period
-                self._send(number, now_us, self._measured(self.schema.channels[number].stream))
+                self._send(number, time_us, self._measured(self.schema.channels[number].stream))
 
     def _send(self, number: int, time_us: int, value: Array) -> None:
         time_before, before = self._last.get(number, (time_us, value))
@@ -246,7 +246,7 @@ class EmulatedMicrocontroller(EmulatedDevice):
         elif self._is("stuck"):
             value = before
         self._last[number] = (time_us, value)
-        self.far_end.sample(number, time_us, value, self._clock(self._now))
+        self.far_end.sample(number, time_us, value, self._clock(self._time))
 
     def _measured(self, stream: str) -> Array:
         if stream == "stage_position" and self.stages is not None:
@@ -271,10 +271,10 @@ class EmulatedMicrocontroller(EmulatedDevice):
         return said
 
     def _is(self, fault: str) -> bool:
-        return self._now < self._until[fault]
+        return self._time < self._until[fault]
 
-    def _exact_clock(self, now: float) -> float:
-        return self._mark_us + (now - self._mark) * (1.0 + self._drift) * 1e6
+    def _exact_clock(self, time: float) -> float:
+        return self._mark_us + (time - self._mark) * (1.0 + self._drift) * 1e6
 
-    def _clock(self, now: float) -> int:
-        return int(self._exact_clock(now)) % 2**32
+    def _clock(self, time: float) -> int:
+        return int(self._exact_clock(time)) % 2**32

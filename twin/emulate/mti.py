@@ -60,7 +60,7 @@ def number(value: float, code: int) -> bytes:
 
 @dataclass
 class EmulatedMti(EmulatedDevice):
-    """One unit that lies still but for its noise; set `values` to move it."""
+    """One unit at rest, with noise; set `values` to move it."""
 
     baud: int = 115200
     device_id: int = 0x03880011
@@ -72,7 +72,7 @@ class EmulatedMti(EmulatedDevice):
     """From a request to its answer [s]."""
     seed: int = 0
     on_the_beat: bool = False
-    """It samples at whole periods of the time that is told to it, wherever it was started."""
+    """It samples at whole periods of the time of its line, independent of its start."""
     values: dict[int, tuple[float, ...]] = field(
         default_factory=lambda: {
             0x0810: (25.0,),
@@ -99,10 +99,10 @@ class EmulatedMti(EmulatedDevice):
         self._next_baud: int | None = None
         self._boot(0.0)
 
-    def power_cycle(self, now: float) -> None:
+    def power_cycle(self, time: float) -> None:
         self._inbox.clear()
         self._outbox.clear()
-        self._boot(now)
+        self._boot(time)
 
     def inject(self, fault: str, value: float = 0.0) -> None:
         if fault not in FAULTS:
@@ -111,13 +111,13 @@ class EmulatedMti(EmulatedDevice):
             self._ill = "" if fault == "well" else fault
             self._still = dict(self._last)
         elif fault == "time_wrap":
-            self._tick_offset = 0xFFFFFFFF - 500 - round(1e4 * self._now)
+            self._tick_offset = 0xFFFFFFFF - 500 - round(1e4 * self._time)
         elif fault == "time_step_back":
             self._tick_offset -= int(value)
         elif fault == "restart":
-            self._boot(self._now)
+            self._boot(self._time)
         elif fault == "error":
-            self._outbox.append((self._now, frame(0x42, bytes([int(value)]))))
+            self._outbox.append((self._time, frame(0x42, bytes([int(value)]))))
         elif fault == "baud":
             self.baud = int(value)
         elif fault == "inner_preamble":
@@ -125,8 +125,8 @@ class EmulatedMti(EmulatedDevice):
         else:
             self._counts[fault] += int(value) or 1
 
-    def receive(self, data: bytes, now: float) -> bytes:
-        self._now = now
+    def receive(self, data: bytes, time: float) -> bytes:
+        self._time = time
         self._inbox += data
         while self._inbox:
             if self._inbox[0] != 0xFA:
@@ -142,78 +142,78 @@ class EmulatedMti(EmulatedDevice):
                 continue
             if len(self._inbox) < whole:
                 break
-            self._obey(self._inbox[2], bytes(self._inbox[4 : whole - 1]), now)
+            self._obey(self._inbox[2], bytes(self._inbox[4 : whole - 1]), time)
             del self._inbox[:whole]
         return b""
 
-    def advance(self, now: float) -> bytes:
-        self._now = now
-        if self._state == "waking" and now >= self._wakes_until:
-            self._measure(now)
-        while self._state == "measurement" and self._next_packet <= now:
+    def advance(self, time: float) -> bytes:
+        self._time = time
+        if self._state == "waking" and time >= self._wakes_until:
+            self._measure(time)
+        while self._state == "measurement" and self._next_packet <= time:
             self._outbox.append((self._next_packet, self._packet(self._next_packet)))
             self._sent += 1
             self._next_packet = self._first_packet + self._sent / self._rate
-        out = b"".join(data for due, data in self._outbox if due <= now)
-        self._outbox = [(due, data) for due, data in self._outbox if due > now]
+        out = b"".join(data for due, data in self._outbox if due <= time)
+        self._outbox = [(due, data) for due, data in self._outbox if due > time]
         return out
 
-    def _boot(self, now: float) -> None:
-        self._now = now
+    def _boot(self, time: float) -> None:
+        self._time = time
         self._state = "waking"
         # a new rate holds from the next start on
         self.baud, self._next_baud = self._next_baud or self.baud, None
         self._outputs = list(self._stored)
-        self._wakes_until = now + self.wake_window
-        self._packets, self._started = 0, now
+        self._wakes_until = time + self.wake_window
+        self._packets, self._started = 0, time
         self._last: dict[int, tuple[float, ...]] = {}
         self._still: dict[int, tuple[float, ...]] = {}
-        self._outbox.append((now, frame(0x3E)))
+        self._outbox.append((time, frame(0x3E)))
 
-    def _measure(self, now: float) -> None:
+    def _measure(self, time: float) -> None:
         self._state = "measurement"
         rates = [rate for _, rate in self._outputs if 0 < rate < 0xFFFF]
         self._rate = max(rates, default=100)
-        first = now + 1.0 / self._rate
+        first = time + 1.0 / self._rate
         if self.on_the_beat:
             first = math.ceil(first * self._rate - 1e-6) / self._rate
         self._first_packet = self._next_packet = first
         self._sent = 0
 
-    def _obey(self, message: int, data: bytes, now: float) -> None:
+    def _obey(self, message: int, data: bytes, time: float) -> None:
         if message == 0x3F and self._state == "waking":
             self._state = "config"
             return
         if message == 0x30:
             self._state = "config"
-            self._answer(now, 0x31)
+            self._answer(time, 0x31)
         elif message == 0x40:
-            self._answer(now, 0x41)
-            self._boot(now + self.latency)
+            self._answer(time, 0x41)
+            self._boot(time + self.latency)
         elif self._state != "config":
             # outside Config such requests are not valid
             return
         elif message == 0x10:
-            self._answer(now, 0x11)
+            self._answer(time, 0x11)
             self._stored = list(self._outputs)
-            self._measure(now + self.latency)
+            self._measure(time + self.latency)
         elif message == 0x00:
-            self._answer(now, 0x01, self.device_id.to_bytes(4, "big"))
+            self._answer(time, 0x01, self.device_id.to_bytes(4, "big"))
         elif message == 0x12:
-            self._answer(now, 0x13, bytes([1, 9, 0]))
+            self._answer(time, 0x13, bytes([1, 9, 0]))
         elif message == 0x18:
             known = len(data) == 1 and data[0] in _BAUD
-            self._answer(now, 0x19 if known else 0x42, b"" if known else b"\x20")
+            self._answer(time, 0x19 if known else 0x42, b"" if known else b"\x20")
             self._next_baud = _BAUD.get(data[0]) if known else None
         elif message == 0xC0:
-            self._configure(data, now)
+            self._configure(data, time)
         else:
-            self._answer(now, 0x42, bytes([_NOT_KNOWN]))
+            self._answer(time, 0x42, bytes([_NOT_KNOWN]))
 
-    def _answer(self, now: float, message: int, data: bytes = b"") -> None:
-        self._outbox.append((now + self.latency, frame(message, data)))
+    def _answer(self, time: float, message: int, data: bytes = b"") -> None:
+        self._outbox.append((time + self.latency, frame(message, data)))
 
-    def _configure(self, data: bytes, now: float) -> None:
+    def _configure(self, data: bytes, time: float) -> None:
         if data and len(data) % 4 == 0:
             wanted = [struct.unpack_from(">HH", data, k) for k in range(0, len(data), 4)]
             kinds = [identifier & 0xFFF0 for identifier, _ in wanted]
@@ -221,19 +221,19 @@ class EmulatedMti(EmulatedDevice):
             if not self.has_orientation:
                 lacking += [k for k in kinds if k & 0xF000 == 0x2000]
             if lacking or len(wanted) > 32:
-                self._answer(now, 0x42, bytes([_NOT_A_PARAMETER]))
+                self._answer(time, 0x42, bytes([_NOT_A_PARAMETER]))
                 return
             rates = [rate for _, rate in wanted if 0 < rate < 0xFFFF]
             size = 5 + sum(3 + self._size(identifier) for identifier, _ in wanted)
             if size * 10 * max(rates, default=100) > self.baud:
-                self._answer(now, 0x42, bytes([_TOO_MUCH]))
+                self._answer(time, 0x42, bytes([_TOO_MUCH]))
                 return
             self._outputs = [
                 (identifier, 0xFFFF if identifier & 0xFFF0 in _WITH_EVERY_PACKET else rate)
                 for identifier, rate in wanted
             ]
         listed = b"".join(struct.pack(">HH", *each) for each in self._outputs)
-        self._answer(now, 0xC1, listed)
+        self._answer(time, 0xC1, listed)
 
     @staticmethod
     def _size(identifier: int) -> int:
@@ -242,7 +242,7 @@ class EmulatedMti(EmulatedDevice):
             return _SIZES[kind]
         return _REAL_ITEMS[kind] * (4, 4, 6, 8)[identifier & 3]
 
-    def _packet(self, now: float) -> bytes:
+    def _packet(self, time: float) -> bytes:
         self._packets += 1
         data = b""
         for identifier, rate in self._outputs:
@@ -250,7 +250,7 @@ class EmulatedMti(EmulatedDevice):
             every = 1 if rate in (0, 0xFFFF) else max(1, round(self._rate / rate))
             if self._sent % every:
                 continue
-            inner = self._whole(kind, now) if kind in _SIZES else self._reals(identifier)
+            inner = self._whole(kind, time) if kind in _SIZES else self._reals(identifier)
             data += struct.pack(">HB", identifier, len(inner)) + inner
         if self._take("drop_packets"):
             return b""
@@ -266,8 +266,8 @@ class EmulatedMti(EmulatedDevice):
         self._counts[fault] -= due
         return due
 
-    def _whole(self, kind: int, now: float) -> bytes:
-        ticks = round((now - self._started) * 1e4) + self._tick_offset
+    def _whole(self, kind: int, time: float) -> bytes:
+        ticks = round((time - self._started) * 1e4) + self._tick_offset
         value = {
             0x1020: self._packets & 0xFFFF,
             0x10B0: self._packets & 0xFFFFFFFF,

@@ -69,11 +69,11 @@ class _Attached(EmulatedDevice, Generic[Inner]):
     def baud(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self._inner.baud
 
-    def receive(self, data: bytes, now: float) -> bytes:
-        return self._inner.receive(data, now)
+    def receive(self, data: bytes, time: float) -> bytes:
+        return self._inner.receive(data, time)
 
-    def power_cycle(self, now: float) -> None:
-        self._inner.power_cycle(now)
+    def power_cycle(self, time: float) -> None:
+        self._inner.power_cycle(time)
 
     def inject(self, fault: str, value: float = 0.0) -> None:
         self._inner.inject(fault, value)
@@ -94,13 +94,13 @@ class AttachedMti(_Attached[EmulatedMti]):
             noise={},
         )
 
-    def advance(self, now: float) -> bytes:
+    def advance(self, time: float) -> bytes:
         said = b""
-        for shown in self._share.step({}, now):
+        for shown in self._share.step({}, time):
             # a packet that is due before this sample has those before it
             said += self._inner.advance(max(shown.time - 1e-6, 0.0))
             self._show(shown)
-        return said + self._inner.advance(now)
+        return said + self._inner.advance(time)
 
     def _show(self, shown: DeviceValue) -> None:
         value = shown.value
@@ -112,7 +112,7 @@ class AttachedMti(_Attached[EmulatedMti]):
 
 
 class AttachedSolar2(_Attached[EmulatedSolar2]):
-    """A SOLAR-2 on the machine, which shows its newest angles whenever it is asked."""
+    """A SOLAR-2 on the machine, which answers each request with its newest angles."""
 
     def __init__(self, settings: Solar2Settings, share: Share) -> None:
         """Switch it on, in the mode in which it is expected."""
@@ -126,11 +126,11 @@ class AttachedSolar2(_Attached[EmulatedSolar2]):
             streaming=settings.mode == "stream",
         )
 
-    def advance(self, now: float) -> bytes:
-        for shown in self._share.step({}, now):
+    def advance(self, time: float) -> bytes:
+        for shown in self._share.step({}, time):
             if np.isfinite(shown.value).all():
                 self._inner.show(*np.degrees(shown.value).tolist())
-        return self._inner.advance(now)
+        return self._inner.advance(time)
 
 
 class AttachedMDrives(_Attached[EmulatedMDrives]):
@@ -165,9 +165,9 @@ class AttachedMDrives(_Attached[EmulatedMDrives]):
             self._inner.drives.append(made)
         share.drive = self._places
 
-    def advance(self, now: float) -> bytes:
-        said = self._inner.advance(now)
-        self._share.step({}, now)
+    def advance(self, time: float) -> bytes:
+        said = self._inner.advance(time)
+        self._share.step({}, time)
         return said
 
     def _places(self, time: float) -> Array:

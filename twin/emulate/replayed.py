@@ -15,7 +15,7 @@ from twin.errors import UnknownName, UsageError
 
 @dataclass(frozen=True)
 class Said:
-    """Bytes that went one way together."""
+    """Bytes that were sent together in one direction."""
 
     time: float
     """[s]."""
@@ -66,11 +66,11 @@ class ReplayedDevice(EmulatedDevice):
         self._said = tuple(said)
         self.power_cycle(0.0)
 
-    def receive(self, data: bytes, now: float) -> bytes:
+    def receive(self, data: bytes, time: float) -> bytes:
         self._heard += len(data)
-        return self.advance(now)
+        return self.advance(time)
 
-    def advance(self, now: float) -> bytes:
+    def advance(self, time: float) -> bytes:
         out = bytearray()
         while self._next < len(self._said):
             item = self._said[self._next]
@@ -78,16 +78,16 @@ class ReplayedDevice(EmulatedDevice):
                 if self._heard < len(item.data):
                     break
                 self._heard -= len(item.data)
-                self._later = now - item.time
-            elif item.time + self._later > now:
+                self._later = time - item.time
+            elif item.time + self._later > time:
                 break
             else:
                 out += item.data
             self._next += 1
         return bytes(out)
 
-    def power_cycle(self, now: float) -> None:
-        self._next, self._heard, self._later = 0, 0, now
+    def power_cycle(self, time: float) -> None:
+        self._next, self._heard, self._later = 0, 0, time
 
     def inject(self, fault: str, value: float = 0.0) -> None:
         raise UnknownName("fault of a replayed device", fault, ())

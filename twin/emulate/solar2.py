@@ -57,7 +57,7 @@ class EmulatedSolar2(EmulatedDevice):
         self._heard = -1.0
         self._outbox: list[tuple[float, bytes]] = []
         self._short, self._ill, self._nmea = 0, "", False
-        self._now = 0.0
+        self._time = 0.0
         self._zero = (0.0, 0.0)
         self._filtered = (self.x, self.y)
         self._still = (self.x, self.y)
@@ -68,11 +68,11 @@ class EmulatedSolar2(EmulatedDevice):
         self.x, self.y = x, y
         self._filtered = (x, y)
 
-    def power_cycle(self, now: float) -> None:
+    def power_cycle(self, time: float) -> None:
         self._inbox = b""
         self._outbox.clear()
         self._filtered = (self.x, self.y)
-        self._next = now + self.interval
+        self._next = time + self.interval
 
     def inject(self, fault: str, value: float = 0.0) -> None:
         if fault not in FAULTS:
@@ -89,10 +89,10 @@ class EmulatedSolar2(EmulatedDevice):
             self._ill = "" if fault == "well" else fault
             self._still = self._filtered
 
-    def receive(self, data: bytes, now: float) -> bytes:
-        if now - self._heard > _FORGET:
+    def receive(self, data: bytes, time: float) -> bytes:
+        if time - self._heard > _FORGET:
             self._inbox = b""
-        self._heard = now
+        self._heard = time
         self._inbox += data
         if self._nmea:
             if b"$PLDL100,1*38\r\n" in self._inbox:
@@ -104,19 +104,19 @@ class EmulatedSolar2(EmulatedDevice):
             reply = self._obey(command)
             if self._short and reply:
                 self._short, reply = self._short - 1, reply[:-1]
-            self._outbox.append((now + self.latency, reply))
+            self._outbox.append((time + self.latency, reply))
         return b""
 
-    def advance(self, now: float) -> bytes:
-        self._settle(now - self._now)
-        self._now = now
-        while (self.streaming or self._nmea) and self._next <= now:
+    def advance(self, time: float) -> bytes:
+        self._settle(time - self._time)
+        self._time = time
+        while (self.streaming or self._nmea) and self._next <= time:
             x, y = self._measure()
             sentence = b"$PLDL1,%.3f,%.3f*00\r\n" % (x, y)
             self._outbox.append((self._next, sentence if self._nmea else self._in_text(x, y)))
             self._next += self.interval
-        out = b"".join(data for due, data in self._outbox if due <= now)
-        self._outbox = [(due, data) for due, data in self._outbox if due > now]
+        out = b"".join(data for due, data in self._outbox if due <= time)
+        self._outbox = [(due, data) for due, data in self._outbox if due > time]
         return out
 
     def _settle(self, span: float) -> None:
@@ -162,7 +162,7 @@ class EmulatedSolar2(EmulatedDevice):
             self.text = True
         elif text in ("setcasc", "stpcasc"):
             self.streaming = text == "setcasc"
-            self._next = self._now + self.interval
+            self._next = self._time + self.interval
         elif text[:3] == "str" and text[3:].isdigit() and int(text[3:]) >= 50:
             self.interval = int(text[3:]) / 1e3
         else:

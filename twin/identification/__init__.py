@@ -1,4 +1,4 @@
-"""Inertia and mass moment from logs, with intervals and what the logs cannot tell."""
+"""Inertia and mass moment from logs, with intervals and identifiability."""
 
 from twin.identification.identification import METHODS as METHODS
 from twin.identification.identification import Identification as Identification

@@ -57,7 +57,7 @@ class Scale:
 
     @property
     def known(self) -> bool:
-        """Whether the logs tell it."""
+        """Whether the logs determine it."""
         return self.high - self.value < UNKNOWN * self.value
 
     def document(self) -> Mapping[str, Any]:
@@ -206,7 +206,7 @@ _NAMES = {
 
 @dataclass(frozen=True)
 class Excitation:
-    """What the logs went through, and how evenly it shows the base."""
+    """Excitation of the logs, and how evenly it determines the base."""
 
     rate: Array
     """(k,) rms over all logs, about the joint's axes [rad/s]."""
@@ -303,7 +303,7 @@ def common_scale(machine: Machine, recordings: list[Recording]) -> list[str]:
 
 
 def scale_unknown(scales: Sequence[Scale]) -> list[str]:
-    """Sentences for the streams whose scale the logs do not tell."""
+    """Sentences for the streams whose scale the logs do not determine."""
     return [
         f"scale of {scale.stream}: these motions look the same at any amplitude; "
         f"{scale.value:.3g} {scale.unit} was taken; needs a wider swing, a known start, "

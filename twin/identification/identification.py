@@ -85,15 +85,15 @@ def as_measured(recording: Recording, machine: Machine) -> tuple[Recording, tupl
     gimbals = machine.platform.gimbals
     if not gimbals or STREAM not in recording or ANGLE not in recording:
         return recording, ()
-    told, seen = recording[STREAM], recording[ANGLE]
-    if not len(told) or not len(seen):
+    command, measured = recording[STREAM], recording[ANGLE]
+    if not len(command) or not len(measured):
         return recording, ()
-    there, _ = profile(machine, STREAM, told)
-    digit = digits_of(seen, machine.platform, ANGLE)
-    error = _beyond(seen.value - there.interpolated_at(seen.time), digit)
-    left = _beyond(less_drive_faults(machine, told, there, seen).value, digit)
+    path, _ = profile(machine, STREAM, command)
+    digit = digits_of(measured, machine.platform, ANGLE)
+    error = _beyond(measured.value - path.interpolated_at(measured.time), digit)
+    unexplained = _beyond(less_drive_faults(machine, command, path, measured).value, digit)
     noise = noise_of(recording, machine.platform, ANGLE)
-    explained = 0.5 * np.sum(np.square(error) - np.square(left), axis=0) / np.square(noise)
+    explained = 0.5 * np.sum(np.square(error) - np.square(unexplained), axis=0) / np.square(noise)
     astray = explained > WORTHWHILE
     if not astray.any():
         return recording, ()
@@ -224,12 +224,12 @@ class Misfit:
 
     @property
     def is_noise(self) -> bool:
-        """Whether no more is left than noise."""
+        """Whether the residual is noise."""
         return self.chi2_per_sample <= self.high
 
     @property
     def strays(self) -> bool:
-        """Whether so much more than noise is left that no interval knows of it."""
+        """Whether the residual is so much more than noise that no interval covers it."""
         sigma = (self.high - 1.0) / NORMAL
         return self.chi2_per_sample > 1.0 + STRAYS * sigma
 
@@ -254,12 +254,12 @@ class Identification(Shown):
     misfit: tuple[Misfit, ...] = ()
     """Of a motion that follows the model exactly: of all innovations, then stream by stream; empty
     for a method that has none."""
-    left: tuple[Misfit, ...] = ()
+    unexplained: tuple[Misfit, ...] = ()
     """The same under the white torque that was fitted; `misfit` where none was."""
     fit: Fit | None = None
     """Of the prediction-error method."""
     scales: tuple[Scale, ...] = ()
-    """Of the streams whose log.toml asks for them."""
+    """Scales of the streams that state `scale = "fit"`."""
     not_used: tuple[str, ...] = ()
     """A sentence for each stream of which nothing was used."""
     not_rigid: str = ""
@@ -275,7 +275,7 @@ class Identification(Shown):
     def doubt(self) -> str:
         """Why half widths are no 95 % intervals; empty where they are. A torque that stands for
         what the model lacks explains no misfit of one sensor or one clock."""
-        total, *streams = self.left or (None,)
+        total, *streams = self.unexplained or (None,)
         worst = max(
             (stream for stream in streams if stream.strays),
             key=lambda item: item.chi2_per_sample,
@@ -365,7 +365,7 @@ def identify(
 
 @dataclass(frozen=True)
 class Ground:
-    """What every method begins with."""
+    """Input of every method."""
 
     scaled: list[Scaled]
     """The logs, with first guesses of scales that nobody stated."""
@@ -420,20 +420,20 @@ def by_method(
 def _by_prediction_error(ground: Ground) -> Identification:
     base, full, scaled, scales = ground.logs.base, ground.full, ground.scaled, ground.scales
     platform = base.machine.platform
-    result, misfit, left = _fitted(base, full, scaled, scales)
-    told = scales_of(result, scales, scaled)
+    result, misfit, unexplained = _fitted(base, full, scaled, scales)
+    factors = scales_of(result, scales, scaled)
     for _ in range(ROUNDS if scales else 0):
-        if not all(scale.known for scale in told):
+        if not all(scale.known for scale in factors):
             # nothing tells them: as guessed, so that the rest may be told under that guess
-            result, misfit, left = _fitted(base, full, scaled, ())
-            told = as_taken(told, scaled)
+            result, misfit, unexplained = _fitted(base, full, scaled, ())
+            factors = as_taken(factors, scaled)
             break
-        change, settled = change_of(result, told)
+        change, settled = change_of(result, factors)
         if settled:
             break
         scaled = [log.by({n: f for n, f in change.items() if n in log.factor}) for log in scaled]
-        result, misfit, left = _fitted(base, full, scaled, scales, result.at.theta)
-        told = scales_of(result, scales, scaled)
+        result, misfit, unexplained = _fitted(base, full, scaled, scales, result.at.theta)
+        factors = scales_of(result, scales, scaled)
     covariance, quantile = result.covariance()
     motions = [motion_of(log.recording, platform) for log in scaled]
     half = quantile * np.sqrt(np.diag(covariance))
@@ -447,11 +447,11 @@ def _by_prediction_error(ground: Ground) -> Identification:
         covariance,
         quantile,
         excitation_of(motions, full, covariance, quantile),
-        (*not_excited(full, result.at.theta, half), *scale_unknown(told), *ground.unseen),
+        (*not_excited(full, result.at.theta, half), *scale_unknown(factors), *ground.unseen),
         misfit,
-        left,
+        unexplained,
         result,
-        told,
+        factors,
         ground.not_used,
         nearest.sentence,
     )
@@ -494,8 +494,8 @@ def _fitted(
     thetas = [base.as_stated] if theta is None else [theta]
     if theta is None:
         first = first_theta(plain, momentum_fit(pairs, plain))
-        told = np.concatenate([first, base.as_stated[len(first) :]])
-        thetas = thetas if np.array_equal(told, base.as_stated) else [told, *thetas]
+        first_guess = np.concatenate([first, base.as_stated[len(first) :]])
+        thetas = thetas if np.array_equal(first_guess, base.as_stated) else [first_guess, *thetas]
     bodies = [body_of(base.machine, log, motion) for log, motion in pairs]
     problem, biases = Problem(bodies, base, scales), [first_biases(body) for body in bodies]
     tries: list[tuple[Fit, Unknowns]] = []
@@ -515,8 +515,8 @@ def _fitted(
     disturbed = fit_disturbed(problem, result, start) if result.converged else (strayed or result)
     if strayed is not None and strayed.innovations.cost < disturbed.innovations.cost:
         disturbed = strayed
-    left = _misfit(problem, disturbed) if disturbed.innovations.intensity else misfit
-    return disturbed, misfit, left
+    unexplained = _misfit(problem, disturbed) if disturbed.innovations.intensity else misfit
+    return disturbed, misfit, unexplained
 
 
 def _refuse_guesses(

@@ -107,8 +107,8 @@ class _Motion:
         first, last = track.carried[ends]
         rate = _rate(inertia, begin - 0.5 * (first + last))
         for _ in range(2):
-            there = rotation.multiply(q, rotation.from_rotation_vector(0.5 * step * rate))
-            gravity = rotation.rotate(rotation.conjugate(there), self._down)
+            turned = rotation.multiply(q, rotation.from_rotation_vector(0.5 * step * rate))
+            gravity = rotation.rotate(rotation.conjugate(turned), self._down)
             swept = rotation.cross(rate, 0.5 * (begin + end))
             end = begin + step * (rotation.cross(moment, gravity) + torque - swept)
             rate = 0.5 * (_rate(inertia, begin - first) + _rate(inertia, end - last))
@@ -124,7 +124,7 @@ class _Extended(ExtendedKalmanFilter):  # pyright: ignore[reportUntypedBaseClass
         """The mean, and the slopes there."""
         self.x, self.F = self._sloped(self.motion.after)
 
-    def seen(self, z: Array) -> None:
+    def observe(self, z: Array) -> None:
         """Update by a turn and a rate."""
         value, slope = self._sloped(self.motion.read)
         self.update(z, lambda _: slope, lambda _: value)
@@ -148,7 +148,7 @@ class _Unscented(UnscentedKalmanFilter):  # pyright: ignore[reportUntypedBaseCla
         """All at once."""
         self.sigmas_f = self.motion.after(self.points_fn.sigma_points(self.x, self.P))
 
-    def seen(self, z: Array) -> None:
+    def observe(self, z: Array) -> None:
         """Update by a turn and a rate."""
         self.update(z)
 
@@ -202,7 +202,7 @@ def _run(
         follow.R = block_diag(turn, rate + slip)
         follow.predict()
         off = rotation.multiply(rotation.conjugate(motion.next), track.attitude[place + 1])
-        follow.seen(np.concatenate([rotation.to_rotation_vector(off), track.rate[place + 1]]))
+        follow.observe(np.concatenate([rotation.to_rotation_vector(off), track.rate[place + 1]]))
         onward = rotation.from_rotation_vector(follow.x[TURN])
         motion.attitude = rotation.multiply(motion.next, onward)
         follow.x[TURN] = 0.0

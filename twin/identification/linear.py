@@ -55,7 +55,7 @@ class Equations:
     """(m, k)."""
 
     def every(self, stride: int) -> "Equations":
-        """Each so many instants."""
+        """Instants per block."""
         return Equations(self.time[::stride], self.rows[::stride], self.target[::stride])
 
     def about(self, axis: Array | None) -> "Equations":
@@ -243,11 +243,11 @@ def least_squares(
     stacked = np.concatenate([columns, weak])
     right = np.concatenate([target - columns @ base.as_stated, np.zeros(len(weak))])
     change = np.linalg.lstsq(stacked * base.scale, right, rcond=None)[0] * base.scale
-    left = right[: len(target)] - columns @ change
+    residual = right[: len(target)] - columns @ change
     scaled = stacked * base.scale
     inverse = np.linalg.inv(scaled.T @ scaled) * np.outer(base.scale, base.scale)
     scores = np.zeros((int(places[-1]) + 1, len(change)))
-    np.add.at(scores, places, columns * left[:, None])
+    np.add.at(scores, places, columns * residual[:, None])
     freedom = max(len(scores) - len(change) - constants * len(logs), 1)
     # what only the weak rows hold is as unsure as they are
     unsure = np.diag(np.square(np.square(np.diag(weak)) * UNSURE * base.scale))
@@ -266,20 +266,20 @@ def _blocks(logs: Sequence[Equations], block: float) -> NDArray[np.intp]:
     """(rows,) to which block of which log each belongs."""
     blocks, first = list[NDArray[np.intp]](), 0
     for log in logs:
-        own = ((log.time - log.time[0]) / block).astype(np.intp) + first
-        blocks.append(np.repeat(own, log.target.shape[1]))
-        first = int(own[-1]) + 1
+        of_block = ((log.time - log.time[0]) / block).astype(np.intp) + first
+        blocks.append(np.repeat(of_block, log.target.shape[1]))
+        first = int(of_block[-1]) + 1
     return np.concatenate(blocks)
 
 
 STANDING = 1e-5
 """[kg m/s]: masses stand still while d changes no faster."""
-APART = 1e-5
+RESOLUTION = 1e-5
 """[kg m] between two places of the masses."""
 SETTLING = 1.0
 """[s] left out after a move."""
 FEWEST = 3
-"""Places of the masses that tell m r."""
+"""Positions of the masses that determine m r."""
 
 
 def equilibria(tracks: Sequence[Track], base: BaseParameters) -> LinearEstimate:
@@ -290,7 +290,7 @@ def equilibria(tracks: Sequence[Track], base: BaseParameters) -> LinearEstimate:
     """
     logs = [_hanging(track) for track in tracks]
     places = np.concatenate([moved for _, moved in logs])
-    count = len(np.unique(np.round(places / APART), axis=0))
+    count = len(np.unique(np.round(places / RESOLUTION), axis=0))
     if count < FEWEST:
         raise UsageError(
             f"the sliding masses stand still for {BLOCK + SETTLING:g} s in {count} places; "
@@ -347,7 +347,7 @@ def recursive(tracks: Sequence[Track], base: BaseParameters, forgetting: float) 
             theta = theta + gain @ (b - a @ theta)
             p = (p - gain @ across.T) / forgetting
             p = 0.5 * (p + p.T)
-            left = b - a @ theta
-            squares = forgetting * squares + float(left @ left)
+            residual = b - a @ theta
+            squares = forgetting * squares + float(residual @ residual)
             weight = forgetting * weight + k
     return LinearEstimate(theta, p * squares / max(weight, 1.0), NORMAL)

@@ -68,7 +68,7 @@ def levenberg_marquardt(
     Raises:
         UsageError: the trajectory from there loses the logs.
     """
-    bodies = [_in_one(recording, motion, base) for recording, motion in logs]
+    bodies = [_unsegmented(recording, motion, base) for recording, motion in logs]
     trajectories = _Trajectories(bodies, base, theta)
     start = np.zeros(len(trajectories.scale))
     if trajectories.at(start) is None:
@@ -96,23 +96,23 @@ class _Trajectories:
     def __init__(self, bodies: Sequence[Body], base: BaseParameters, theta: Array) -> None:
         self.bodies, self.base, self.theta = bodies, base, theta
         self.biases = [first_biases(body) for body in bodies]
-        own = [
+        scales = [
             np.concatenate([np.full(body.start.width, START), body.bias_scale]) for body in bodies
         ]
-        self.scale = np.concatenate([base.scale, *own])
-        self._edges = np.cumsum([len(theta), *map(len, own)])
+        self.scale = np.concatenate([base.scale, *scales])
+        self._edges = np.cumsum([len(theta), *map(len, scales)])
         self._last: tuple[bytes, tuple[Array, Array] | None] = (b"", None)
 
     def residual(self, x: Array) -> Array:
         """Of all readings, in units of their noise."""
-        now = self.at(x)
-        return np.full(len(self._rows), LOST) if now is None else now[0]
+        result = self.at(x)
+        return np.full(len(self._rows), LOST) if result is None else result[0]
 
     def slope(self, x: Array) -> Array:
         """d residual / d x."""
-        now = self.at(x)
-        assert now is not None, "a step to nowhere was taken"
-        return now[1]
+        result = self.at(x)
+        assert result is not None, "a step to nowhere was taken"
+        return result[1]
 
     def at(self, x: Array) -> tuple[Array, Array] | None:
         """Residual and slope; None where the trajectory has no end."""
@@ -145,7 +145,7 @@ class _Trajectories:
         return np.concatenate(residuals), np.concatenate(slopes)
 
 
-def _in_one(recording: Recording, motion: Motion, base: BaseParameters) -> Body:
+def _unsegmented(recording: Recording, motion: Motion, base: BaseParameters) -> Body:
     """The predictor of a log as one segment."""
     machine = base.machine
     step = command_step(machine, recording)

@@ -34,7 +34,7 @@ OFTEN = 5.0
 """Correlation times that a log must last: of one that is longer it shows little more than a
 constant."""
 WITHIN = 0.1
-"""To which the logarithms of rms and time are found."""
+"""Tolerance of the logarithms of rms and correlation time."""
 ROUNDS = 4
 """Of processes and white noise in turns."""
 SURE, SAME = 4.0, 0.02
@@ -86,14 +86,14 @@ def _processes(problem: Problem, innovations: Innovations, noise: NoiseProcess) 
         noise, best = _sharpened(noise, best, cost, longest)
         noise, best = _pruned(noise, best, cost)
     streams = [s for s in innovations.exact[0].local.errors if s not in dict(noise.errors)]
-    asked = [TORQUE] * (noise.torque is None) + streams
-    while asked:
-        tries = {name: _begun(problem, noise, name, cost, longest) for name in asked}
+    candidates = [TORQUE] * (noise.torque is None) + streams
+    while candidates:
+        tries = {name: _begun(problem, noise, name, cost, longest) for name in candidates}
         name = min(tries, key=lambda entry: tries[entry][1])
         tried, reached = tries[name]
         if reached > best - WORTHWHILE:
             break
-        asked.remove(name)
+        candidates.remove(name)
         noise, best = _sharpened(tried, reached, cost, longest)
     return noise
 
@@ -103,14 +103,14 @@ def _scales(
 ) -> tuple[tuple[str, float], ...]:
     """By how much the white noise of each stream must be larger for its innovations to have the
     variance 1; as it was where they nearly have, and 1 where noise alone could leave as much."""
-    there = problem.whiten(innovations.at, innovations.exact, noise)
+    whitened = problem.whiten(innovations.at, innovations.exact, noise)
     known = dict(noise.scales)
     squares: dict[str, list[float]] = {}
     # what was fitted under other noise moves with it
-    for item, rows in zip(there.exact, there.left(there.step()), strict=True):
-        for stream, seen in item.local.errors.items():
-            own = rows[np.any(seen != 0.0, axis=-1)]
-            squares.setdefault(stream, []).extend([float(own @ own), float(own.size)])
+    for item, rows in zip(whitened.exact, whitened.left(whitened.step()), strict=True):
+        for stream, error in item.local.errors.items():
+            shown = rows[np.any(error != 0.0, axis=-1)]
+            squares.setdefault(stream, []).extend([float(shown @ shown), float(shown.size)])
     result: list[tuple[str, float]] = []
     for stream, parts in squares.items():
         square, count = sum(parts[::2]), sum(parts[1::2])
@@ -157,10 +157,10 @@ def _sharpened(
     names = [*([TORQUE] if noise.torque else []), *(stream for stream, _ in noise.errors)]
 
     def at(logs: Array) -> NoiseProcess:
-        there = noise
+        whitened = noise
         for name, (rms, time) in zip(names, np.exp(logs).reshape(-1, 2).tolist(), strict=True):
-            there = _with(there, name, Wander(rms, float(np.clip(time, SHORTEST, longest))))
-        return there
+            whitened = _with(whitened, name, Wander(rms, float(np.clip(time, SHORTEST, longest))))
+        return whitened
 
     first = np.log([[item.rms, item.time] for item in map(lambda n: _of(noise, n), names)]).ravel()
     simplex = np.concatenate([first[None], first + 0.7 * np.eye(len(first))])
@@ -184,9 +184,9 @@ def _pruned(noise: NoiseProcess, reached: float, cost: Cost) -> tuple[NoiseProce
     """Without the processes that no longer pay."""
     for name in [*([TORQUE] if noise.torque else []), *(stream for stream, _ in noise.errors)]:
         fewer = _with(noise, name, None)
-        there = cost(fewer)
-        if there < reached + WORTHWHILE:
-            noise, reached = fewer, there
+        whitened = cost(fewer)
+        if whitened < reached + WORTHWHILE:
+            noise, reached = fewer, whitened
     return noise, reached
 
 

@@ -38,12 +38,12 @@ walk of the rate [rad^2/s^3]."""
 NEAR = 2.0
 """How far from its first value, in decades, the intensity is sought again."""
 ROUGH, SHARP = 0.5, 0.05
-"""To which it is found, in decades, where it may be none; and where it counts."""
+"""Tolerance of its logarithm in decades, where it may be zero and where it matters."""
 WORTHWHILE = 10.0
 """By how much a disturbance must lower twice the negative log-likelihood to be believed: by chance
 it does so once in a thousand logs."""
 CLOSE = 1.0
-"""Decades to which the least intensity that does harm is found."""
+"""Tolerance in decades of the smallest intensity that matters."""
 HARDLY = 0.1
 """Part of what is worthwhile that a tenth of a worthwhile torque gains in any case; a tenth of that
 is nothing."""
@@ -82,14 +82,14 @@ class Fit:
         there the scatter of the segments' own gradients is a second opinion (sandwich estimate,
         segments as clusters), and the wider of the two is kept, if there are segments enough.
         """
-        now = self.innovations
-        inverse = now.covariance
-        _, cluster = np.unique(now.cluster, return_inverse=True)
+        current = self.innovations
+        inverse = current.covariance
+        _, cluster = np.unique(current.cluster, return_inverse=True)
         clusters = int(cluster.max()) + 1
-        if not now.noise.any or clusters < ENOUGH * len(inverse):
+        if not current.noise.any or clusters < ENOUGH * len(inverse):
             return inverse, NORMAL
         scores = np.zeros((clusters, len(inverse)))
-        np.add.at(scores, cluster, now.columns * now.residual[:, None])
+        np.add.at(scores, cluster, current.columns * current.residual[:, None])
         freedom = clusters - len(inverse)
         sandwich = inverse @ (scores.T @ scores) @ inverse * clusters / freedom
         wider = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(inverse), 1.0))
@@ -126,17 +126,17 @@ def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
         exact: their fit without that torque; returned as it is if the torque explains nothing.
         start: where to begin if that fit has not converged.
     """
-    now = exact.innovations if exact.converged else problem.innovations(start)
-    if exact.converged and not _strays(problem, now):
+    current = exact.innovations if exact.converged else problem.innovations(start)
+    if exact.converged and not _strays(problem, current):
         return exact
-    roughly = most_likely(problem, now, DECADES, ROUGH)
-    if exact.converged and roughly.cost > now.cost - 0.5 * WORTHWHILE:
+    roughly = most_likely(problem, current, DECADES, ROUGH)
+    if exact.converged and roughly.cost > current.cost - 0.5 * WORTHWHILE:
         return exact
     size = float(np.max(problem.base.scale)) ** 2
     decade = float(np.log10(roughly.intensity / size))
     near = (max(decade - NEAR, DECADES[0]), min(decade + NEAR, DECADES[1]))
-    first = most_likely(problem, now, near)
-    if exact.converged and first.cost > now.cost - WORTHWHILE:
+    first = most_likely(problem, current, near)
+    if exact.converged and first.cost > current.cost - WORTHWHILE:
         return exact
 
     def innovations(at: Unknowns) -> Innovations:
@@ -150,7 +150,7 @@ def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
 
 def _iterate(
     problem: Problem,
-    now: Innovations,
+    current: Innovations,
     innovations: Callable[[Unknowns], Innovations],
 ) -> Fit:
     """Gauss-Newton; the slope of the log-determinant joins where that has converged.
@@ -159,41 +159,41 @@ def _iterate(
     Where a late clock moves a sample from one step of the grid to the next, the slope jumps, and
     steps go to and fro between two places: of those the likelier is kept, and is not converged.
     """
-    if not now.columns.shape[1]:
-        return _along_itself(now, innovations)
+    if not current.columns.shape[1]:
+        return _along_itself(current, innovations)
     tilted, freed = False, False
-    size = _size(now)
-    best, idle, smallest, before = now, 0, np.inf, None
+    size = _size(current)
+    best, idle, smallest, before = current, 0, np.inf, None
     for _ in range(ITERATIONS):
         check()
         if (size < CONVERGED and not tilted) or (tilted and size > SETTLED):
             # far from where it was taken that slope is another one
-            now, tilted, before = problem.tilted(now), True, None
-            size, idle, smallest = _size(now), 0, np.inf
+            current, tilted, before = problem.tilted(current), True, None
+            size, idle, smallest = _size(current), 0, np.inf
         if size < CONVERGED:
-            return Fit(now, converged=True)
-        step = now.step()
-        share = 1.0 if before is None else _share(now, step, *before)
-        moved = _moved(now, share * step, innovations)
-        if moved is None and now.tilt.any():  # as likely as it becomes
-            return Fit(now, converged=True)
+            return Fit(current, converged=True)
+        step = current.step()
+        share = 1.0 if before is None else _share(current, step, *before)
+        moved = _moved(current, share * step, innovations)
+        if moved is None and current.tilt.any():  # as likely as it becomes
+            return Fit(current, converged=True)
         if moved is None and not freed:
             # columns mislead along states that are far from their best: those go there first
-            moved, freed = _moved(now, 0.0 * step, innovations), True
+            moved, freed = _moved(current, 0.0 * step, innovations), True
             step = None
         if moved is None:
             break
-        now, taken = moved
+        current, taken = moved
         before = None if step is None else (step, share * taken)
-        likelier = now.chi2 + now.logarithm < best.chi2 + best.logarithm
-        best = now if likelier else best
-        size = _size(now)
+        likelier = current.chi2 + current.logarithm < best.chi2 + best.logarithm
+        best = current if likelier else best
+        size = _size(current)
         idle = 0 if size < SHRINKING * smallest else idle + 1
         smallest = min(size, smallest)
-        if idle > 3 and not now.noise.any and size < SETTLED:
-            now = best
+        if idle > 3 and not current.noise.any and size < SETTLED:
+            current = best
             break
-    return Fit(now, converged=now.noise.any and size < SETTLED)
+    return Fit(current, converged=current.noise.any and size < SETTLED)
 
 
 def _size(innovations: Innovations) -> float:
@@ -201,40 +201,40 @@ def _size(innovations: Innovations) -> float:
     return float(np.max(np.abs(innovations.step()) / np.sqrt(np.diag(innovations.covariance))))
 
 
-def _along_itself(now: Innovations, innovations: Callable[[Unknowns], Innovations]) -> Fit:
+def _along_itself(current: Innovations, innovations: Callable[[Unknowns], Innovations]) -> Fit:
     """Of a machine that is known whole: only the states of the motion are fitted."""
     for _ in range(ITERATIONS):
-        moved = innovations(now.moved(np.zeros(0)))
-        fallen = now.chi2 + now.logarithm - moved.chi2 - moved.logarithm
-        now = moved
+        moved = innovations(current.moved(np.zeros(0)))
+        fallen = current.chi2 + current.logarithm - moved.chi2 - moved.logarithm
+        current = moved
         if abs(fallen) < CONVERGED:
-            return Fit(now, converged=True)
-    return Fit(now, converged=False)
+            return Fit(current, converged=True)
+    return Fit(current, converged=False)
 
 
 def _share(innovations: Innovations, step: Array, before: Array, taken: float) -> float:
     """Of a step, where the last ones overshot: the secant through it and the one before, of which
     so much was taken, ends there."""
-    own, last = innovations.columns @ step, innovations.columns @ before
-    curvature = (1.0 - float(own @ last) / float(last @ last)) / taken
+    step_change, last = innovations.columns @ step, innovations.columns @ before
+    curvature = (1.0 - float(step_change @ last) / float(last @ last)) / taken
     return 1.0 / max(curvature, 1.0)
 
 
 def _moved(
-    now: Innovations, step: Array, innovations: Callable[[Unknowns], Innovations]
+    current: Innovations, step: Array, innovations: Callable[[Unknowns], Innovations]
 ) -> tuple[Innovations, float] | None:
     """After the largest part of a step that does not make things worse, and that part; None
     without any."""
     for halving in range(HALVINGS if step.any() else 1):
         try:
-            tried = replace(innovations(now.moved(0.5**halving * step)), tilt=now.tilt)
+            tried = replace(innovations(current.moved(0.5**halving * step)), tilt=current.tilt)
         except TwinError:
             continue
-        before, after = now.chi2 + now.logarithm, tried.chi2 + tried.logarithm
+        before, after = current.chi2 + current.logarithm, tried.chi2 + tried.logarithm
         # Paths that follow the model exactly may part from the logs first; disturbed ones need not,
         # nor those that are there already.
-        settled = now.noise.any or bool(now.tilt.any())
-        room = 0.0 if settled else (WORSE - 1.0) * max(now.chi2, float(now.samples))
+        settled = current.noise.any or bool(current.tilt.any())
+        room = 0.0 if settled else (WORSE - 1.0) * max(current.chi2, float(current.samples))
         if after <= before + room:
             return tried, 0.5**halving
     return None
@@ -273,13 +273,13 @@ def _strays(problem: Problem, exact: Innovations) -> bool:
     Between these two it is looked for by halves.
     """
     none, (low, high) = restricted(exact), DECADES
-    least = HARDLY * WORTHWHILE
+    threshold = HARDLY * WORTHWHILE
     while high - low > CLOSE:
         middle = 0.5 * (low + high)
         worse = restricted(_under(problem, exact, middle)) - none
-        if worse < -least:
+        if worse < -threshold:
             return True
-        low, high = (middle, high) if worse < HARDLY * least else (low, middle)
+        low, high = (middle, high) if worse < HARDLY * threshold else (low, middle)
     return False
 
 

@@ -54,7 +54,7 @@ class Track:
         return float(self.time[1] - self.time[0])
 
     def every(self, stride: int) -> "Track":
-        """Each so many instants."""
+        """Instants per block."""
         parts = (self.time, self.attitude, self.rate, self.carried, self.moved, self.torque)
         return Track(*(part[::stride] for part in (*parts, self.gravity)), axis=self.axis)
 

@@ -1,4 +1,4 @@
-"""Balancing as a laboratory does it: phases, checks before each, a statement of what is left."""
+"""Balancing as a laboratory does it: phases, checks before each, a statement of the result."""
 
 from twin.procedures.balancing import Balancing as Balancing
 from twin.procedures.fits import Fits as Fits

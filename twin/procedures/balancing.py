@@ -26,8 +26,8 @@ NEAR = 0.9
 """Part of that way beyond which the stop may touch: what is recorded there is worth nothing."""
 STILL = 0.6
 """Of the rate that a nudge gives: a body that is slower has come to rest."""
-LEAST_RATE = 1e-3
-"""[rad/s]: nothing more still is asked for."""
+SMALLEST_RATE = 1e-3
+"""Smallest rate that a phase waits for [rad/s]."""
 NUDGED = 4.0
 """For which the masses stand aside at most [s]."""
 CROSSWISE = 0.6
@@ -61,7 +61,7 @@ class Kit:
 
     def still(self, amplitude: Array, stiffness: Array) -> Array:
         """(n,) rate below which the body has come to rest [rad/s]."""
-        return STILL * np.maximum(amplitude * self.frequency(stiffness), LEAST_RATE)
+        return STILL * np.maximum(amplitude * self.frequency(stiffness), SMALLEST_RATE)
 
     def aside_for(self, stiffness: Array) -> Array:
         """(n,) for how long a nudge lasts [s]: a sixth of a period or less."""
@@ -96,11 +96,11 @@ class BalancingProgress:
     since: Array
     """(n,) when it began [s]."""
     moving_until: Array
-    """(n,) when the body was last seen to move too much for the next phase [s]."""
+    """(n,) time at which the body last moved too much for the next phase [s]."""
     swinging_until: Array
-    """(n,) when it was last seen to swing [s]."""
+    """(n,) time of its last swing [s]."""
     away_until: Array
-    """(n,) when a mass was last seen away from its goal [s]."""
+    """(n,) time at which a mass was last away from its goal [s]."""
     rate: Array
     """(n, 3) of the body, smoothed [rad/s]."""
     goal: Array
@@ -125,7 +125,7 @@ class BalancingProgress:
     """(n,) whether the law of the level phase has had its turn in this round."""
     log_start: Array
     """(n,) from when on the log is needed [s]; inf: not."""
-    seen: Mask
+    estimated: Mask
     """(n,) whether the masses' first positions are known."""
     kit: Kit
     states: dict[str, Any]
@@ -153,7 +153,7 @@ class BalancingProgress:
             base=np.zeros((n, 3)),
             levelled=np.zeros(n, dtype=np.bool_),
             log_start=np.full(n, np.inf),
-            seen=np.zeros(n, dtype=np.bool_),
+            estimated=np.zeros(n, dtype=np.bool_),
             kit=kit,
             states=states,
         )
@@ -317,7 +317,7 @@ SLOWLY = 0.25
 noisy gyro hardly shows."""
 SETTLED = 2e-3
 """[rad/s]: a body that leans and turns no faster hangs there, or lies on its stop."""
-THERE = 1.0
+HELD_FOR = 1.0
 """For which the masses have been where they are to be [s]."""
 REST = 5.0
 """For which the body has been still [s]."""
@@ -357,7 +357,7 @@ class Balancing(Controller[BalancingProgress]):
     aim: Aim
     lab: Lab
     level: AnyController | None = None
-    """The law of the level phase; None: there is none."""
+    """The law of the level phase; None: no such phase."""
     level_reference: Reference = field(default_factory=Hold)
     """What it follows, from the start of its phase."""
     level_for: float = 240.0
@@ -377,11 +377,11 @@ class Balancing(Controller[BalancingProgress]):
             laws["level"] = self.level
         reach = Reach.of(platform)
         states = {name: law.init(platform, n) for name, law in laws.items()}
-        now = BalancingProgress.start(Kit(platform, reach, laws), n, states)
-        now.amplitude[:] = min(SWING, 0.125 * platform.stop_angle)
-        now.watch[:] = SHORTEST
-        now.stiffness[:] = platform.gravity * reach.depth
-        return now
+        progress = BalancingProgress.start(Kit(platform, reach, laws), n, states)
+        progress.amplitude[:] = min(SWING, 0.125 * platform.stop_angle)
+        progress.watch[:] = SHORTEST
+        progress.stiffness[:] = platform.gravity * reach.depth
+        return progress
 
     def finished(self, state: BalancingProgress) -> Mask:
         """(n,) the runs that are balanced or stopped."""
@@ -391,22 +391,22 @@ class Balancing(Controller[BalancingProgress]):
         self, state: BalancingProgress, estimate: Estimate, target: Target, time: float
     ) -> tuple[Command, BalancingProgress]:
         """The phases' commands, and the phases after this tick."""
-        now = state.copied()
-        self._begin(now, estimate, time)
-        self._watch(now, estimate, time)
-        self._advance(now, estimate, time)
-        command = self._command(now, estimate, target, time)
-        self.lab.logbook.forget(float(np.min(now.log_start, initial=np.inf)))
-        return command, now
+        progress = state.copied()
+        self._begin(progress, estimate, time)
+        self._watch(progress, estimate, time)
+        self._advance(progress, estimate, time)
+        command = self._command(progress, estimate, target, time)
+        self.lab.logbook.forget(float(np.min(progress.log_start, initial=np.inf)))
+        return command, progress
 
     def _begin(self, progress: BalancingProgress, estimate: Estimate, time: float) -> None:
         """Runs that are seen for the first time: their vertical mass goes to its lower end."""
-        fresh = estimate.valid & ~progress.seen
+        fresh = estimate.valid & ~progress.estimated
         if not fresh.any():
             return
         lowest = progress.kit.reach.lowest(estimate.stage_position)
         progress.goal = np.where(fresh[:, None], lowest, progress.goal)
-        progress.seen = progress.seen | fresh
+        progress.estimated = progress.estimated | fresh
         self._enter(progress, fresh, Phase.lower, time)
 
     def _watch(self, progress: BalancingProgress, estimate: Estimate, time: float) -> None:
@@ -429,12 +429,12 @@ class Balancing(Controller[BalancingProgress]):
     def _advance(self, progress: BalancingProgress, estimate: Estimate, time: float) -> None:
         """From phase to phase; every run at most once a tick."""
         kit, was, lasted = progress.kit, progress.phase.copy(), time - progress.since
-        there = progress.seen & (time - progress.away_until > THERE)
+        arrived = progress.estimated & (time - progress.away_until > HELD_FOR)
         still = time - progress.moving_until > REST
         touching = kit.lean(estimate) > NEAR
 
-        self._enter(progress, (was == Phase.lower) & there, Phase.settle, time)
-        rested = (was == Phase.settle) & still & there
+        self._enter(progress, (was == Phase.lower) & arrived, Phase.settle, time)
+        rested = (was == Phase.settle) & still & arrived
         levelling = rested & (progress.rounds > 0) & ~progress.levelled & (self.level is not None)
         self._level(progress, levelling, time)
         self._nudge(progress, rested & ~levelling, estimate, time)
@@ -443,10 +443,12 @@ class Balancing(Controller[BalancingProgress]):
             progress.goal = np.where(over[:, None], progress.smooth, progress.goal)
         progress.levelled = progress.levelled | over
         self._enter(progress, over, Phase.settle, time)
-        aside = (was == Phase.nudge) & there & (lasted > THERE + kit.aside_for(progress.stiffness))
+        aside = (
+            (was == Phase.nudge) & arrived & (lasted > HELD_FOR + kit.aside_for(progress.stiffness))
+        )
         progress.goal = np.where(aside[:, None], progress.rest, progress.goal)
         self._enter(progress, aside, Phase.back, time)
-        self._record(progress, (was == Phase.back) & there, Phase.swing, time)
+        self._record(progress, (was == Phase.back) & arrived, Phase.swing, time)
 
         recorded = (was == Phase.swing) | (was == Phase.verify)
         for run in np.flatnonzero(recorded & touching):
@@ -455,10 +457,10 @@ class Balancing(Controller[BalancingProgress]):
         long_enough = np.where(was == Phase.verify, FLOAT, progress.watch)
         for run in np.flatnonzero(recorded & ~touching & (lasted >= long_enough)):
             self._ask(progress, int(run), time)
-        asked = (was == Phase.identify) | (was == Phase.judge)
-        for run in np.flatnonzero(asked & (lasted >= THINKING)):
+        fitting = (was == Phase.identify) | (was == Phase.judge)
+        for run in np.flatnonzero(fitting & (lasted >= THINKING)):
             self._answered(progress, int(run), estimate, time)
-        self._enter(progress, (was == Phase.move) & there, Phase.settle, time)
+        self._enter(progress, (was == Phase.move) & arrived, Phase.settle, time)
         late = among(was, WAITING) & (progress.phase == was) & (lasted > PATIENCE)
         for run in np.flatnonzero(late):
             self._stop(progress, int(run), _unrest(progress, int(run), estimate), estimate, time)

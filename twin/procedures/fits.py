@@ -1,4 +1,4 @@
-"""Identification between phases, in another process, while the loop goes on."""
+"""Identification between phases, in another process, while the loop runs."""
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
@@ -40,7 +40,7 @@ class MomentFit:
     """A sentence; empty when all is well."""
 
 
-def found_in(recordings: Sequence[Recording], platform: Platform, guesses: Array) -> MomentFit:
+def fit_moment(recordings: Sequence[Recording], platform: Platform, guesses: Array) -> MomentFit:
     """J and m r by prediction error from some logs, together.
 
     Args:
@@ -60,10 +60,10 @@ def found_in(recordings: Sequence[Recording], platform: Platform, guesses: Array
         if identification.fit is None or not identification.fit.converged:
             failure = "the fit of J and m r did not settle"
             continue
-        left = identification.misfit[0].chi2_per_sample
-        least = np.inf if best is None else best.misfit[0].chi2_per_sample
-        best = identification if left < least else best
-        if identification.misfit[0].is_noise or np.isclose(left, least, rtol=SAME):
+        misfit = identification.misfit[0].chi2_per_sample
+        smallest = np.inf if best is None else best.misfit[0].chi2_per_sample
+        best = identification if misfit < smallest else best
+        if identification.misfit[0].is_noise or np.isclose(misfit, smallest, rtol=SAME):
             break
     if best is None:
         return _failed(failure)
@@ -94,22 +94,22 @@ class Fits:
         self._wait = wait
         self._workers = workers
         self._pool = Pool(workers) if workers else None
-        self._asked: dict[int, Future[MomentFit]] = {}
+        self._waiting: dict[int, Future[MomentFit]] = {}
 
     def ask(self, run: int, recordings: Sequence[Recording], guesses: Array) -> None:
         """Begin to identify a run's logs, all together, from guesses (k, 3) of m r [kg m]."""
         logs = tuple(recordings)
         if self._pool is None:
             future: Future[MomentFit] = Future()
-            future.set_result(found_in(logs, self._platform, guesses))
+            future.set_result(fit_moment(logs, self._platform, guesses))
         else:
             try:
-                future = self._pool.submit(found_in, logs, self._platform, guesses)
+                future = self._pool.submit(fit_moment, logs, self._platform, guesses)
             except BrokenProcessPool:
                 self._pool.end()
                 self._pool = Pool(self._workers)
-                future = self._pool.submit(found_in, logs, self._platform, guesses)
-        self._asked[run] = future
+                future = self._pool.submit(fit_moment, logs, self._platform, guesses)
+        self._waiting[run] = future
 
     def answer(self, run: int) -> MomentFit | None:
         """What was found for a run; None while it is being looked for.
@@ -120,21 +120,21 @@ class Fits:
         Raises:
             Stopped: a stop was requested while an answer was waited for.
         """
-        future = self._asked[run]
+        future = self._waiting[run]
         if self._wait:
             first_completed([future])
         elif not future.done():
             return None
-        del self._asked[run]
+        del self._waiting[run]
         try:
             return future.result()
         except BrokenProcessPool:
             return _failed("the process that fits died")
 
     @property
-    def asked(self) -> Mapping[int, object]:
+    def waiting(self) -> Mapping[int, object]:
         """The runs that wait for an answer."""
-        return self._asked
+        return self._waiting
 
     def close(self) -> None:
         """End the processes; what they still do is not waited for."""

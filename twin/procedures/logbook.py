@@ -22,7 +22,7 @@ ROOM = 256
 
 
 class Kept:
-    """Grows as it must; what nobody will ask for makes room."""
+    """Rows of one stream; grows as needed, and drops rows that are no longer needed."""
 
     def __init__(self, runs: int, width: int) -> None:
         self._time = np.empty((runs, ROOM))
@@ -37,7 +37,7 @@ class Kept:
             time: (n or 1, m) [s].
             value: (n or 1, m, k).
             valid: (n or 1, m), False where a run has no such row.
-            since: what is older will not be asked for [s].
+            since: older rows are no longer needed [s].
         """
         if self._count + value.shape[1] > self._time.shape[1]:
             self._make_room(value.shape[1], since)
@@ -48,13 +48,13 @@ class Kept:
     def rows(self, run: int, start: float) -> tuple[Array, Array]:
         """Times (m,) and values (m, k) of a run from a time on [s], in the order of the times."""
         time, value = self._time[run, : self._count], self._value[run, : self._count]
-        there = np.flatnonzero(self._valid[run, : self._count] & (time >= start))
-        there = there[np.argsort(time[there], kind="stable")]
-        return time[there], value[there]
+        rows = np.flatnonzero(self._valid[run, : self._count] & (time >= start))
+        rows = rows[np.argsort(time[rows], kind="stable")]
+        return time[rows], value[rows]
 
     def _make_room(self, more: int, since: float) -> None:
-        asked = (self._time[:, : self._count] >= since).any(axis=0)
-        first = int(np.argmax(asked)) if asked.any() else self._count
+        recent = (self._time[:, : self._count] >= since).any(axis=0)
+        first = int(np.argmax(recent)) if recent.any() else self._count
         live = slice(first, self._count)
         self._count -= first
         room = max(self._time.shape[1], 2 * (self._count + more))
@@ -98,26 +98,26 @@ class Logbook:
 
     def collect(self, tick: Tick) -> None:
         """One tick."""
-        now = tick.reading.time
-        if now < self._since:
+        time = tick.reading.time
+        if time < self._since:
             return
         valid = tick.estimate.valid
         for name, samples in tick.reading.streams.items():
             self._keep(name, len(valid), samples.time, samples.value, samples.valid)
-        stamp, every = np.full((1, 1), now), np.ones((1, 1), dtype=np.bool_)
+        stamp, every = np.full((1, 1), time), np.ones((1, 1), dtype=np.bool_)
         for name, value in tick.applied.items():
             self._keep(name, len(valid), stamp, value[:, None], every)
         bias = tick.estimate.gyro_bias[:, None]
         self._keep("estimate_gyro_bias", len(valid), stamp, bias, valid[:, None])
 
     def forget(self, before: float) -> None:
-        """Nothing from before that time [s] will be asked for; inf: nothing at all."""
+        """Rows before that time are no longer needed [s]; inf: none are."""
         self._since = before
         if before == np.inf:
             self._kept.clear()
 
     def recording(self, run: int, start: float) -> Recording:
-        """What a run measured and was told from `start` [s] until now."""
+        """Measurements and commands of a run since `start` [s]."""
         streams: dict[str, Series] = {}
         for name, kept in self._kept.items():
             # Samples from before the start may arrive after it: under another command.

@@ -156,13 +156,13 @@ OVER = (Phase.done, Phase.stopped)
 """A run leaves these no more."""
 
 
-def among(now: NDArray[np.int64], phases: tuple[Phase, ...]) -> NDArray[np.bool_]:
-    """(n,) which of some runs' phases are of these; asked of every tick."""
-    return _is_one(phases)[now]
+def among(phase: NDArray[np.int64], phases: tuple[Phase, ...]) -> NDArray[np.bool_]:
+    """(n,) mask of the runs whose phase is one of these; called at every tick."""
+    return _mask_of(phases)[phase]
 
 
 @cache
-def _is_one(phases: tuple[Phase, ...]) -> NDArray[np.bool_]:
+def _mask_of(phases: tuple[Phase, ...]) -> NDArray[np.bool_]:
     return np.isin(np.arange(len(Phase)), phases)
 
 
@@ -319,7 +319,7 @@ class Notes:
         self._tell = tell
 
     def begin(self, run: int, phase: Phase, time: float) -> None:
-        """A phase begins."""
+        """A phase starts."""
         notes = self.runs[run]
         notes.phase, notes.since = phase, time
         if phase not in OVER:
@@ -342,5 +342,5 @@ class Notes:
 
     @property
     def over(self) -> bool:
-        """Whether no run goes on."""
+        """Whether all runs have ended."""
         return all(run.phase in OVER for run in self.runs)

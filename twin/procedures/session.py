@@ -38,7 +38,7 @@ _DAMPING = ("command_dipole", "command_gimbal_rate", "command_wheel_torque")
 
 @dataclass(frozen=True)
 class BalancingSession:
-    """What is asked of a balancing. Names of options in its errors are those of `twin balance`."""
+    """Options of a balancing; errors name them as `twin balance` does."""
 
     procedure: str = "direct"
     """Of `WAYS`."""
@@ -59,9 +59,9 @@ class BalancingSession:
     stages: Triple = (0.0, 0.0, 0.0)
     """Where the masses stand at the start [m]; the offset is meant there."""
     runs: int = 1
-    """So many machines at once, each with its own random offset and noise."""
+    """Number of machines flown at once, each with a random offset and noise."""
     duration: float = 7200.0
-    """After which it is given up [s]."""
+    """Time limit [s]."""
     seed: int = 0
     """Of all random numbers."""
 
@@ -238,35 +238,35 @@ class Balanced(Shown):
 
     def run(self, run: int) -> dict[str, Any]:
         """What is said of a run: how and why it ended, and its statement's numbers (SI)."""
-        outcome, told = self.outcome, self.notes.runs[run]
-        if told.phase is Phase.done:
+        outcome, note = self.outcome, self.notes.runs[run]
+        if note.phase is Phase.done:
             ended, reason = "done", None
         elif run in outcome.stopped and outcome.stopped[run] != outcome.reason:
             ended, reason = "failed", outcome.stopped[run]
-        elif told.phase is Phase.stopped or outcome.ended.value == "safe_stop":
-            ended, reason = "safe_stop", told.reason or outcome.reason
+        elif note.phase is Phase.stopped or outcome.ended.value == "safe_stop":
+            ended, reason = "safe_stop", note.reason or outcome.reason
         elif run in outcome.stopped:
             ended, reason = "failed", outcome.stopped[run]
         else:
             ended = "failed"
             reason = (
                 f"not balanced within {self.session.duration:g} s; it was in phase "
-                f"{told.phase.name}"
+                f"{note.phase.name}"
             )
-        stated = {} if told.statement is None else told.statement.document()
+        stated = {} if note.statement is None else note.statement.document()
         unknown = dict.fromkeys(
             ("residual_torque", "residual_torque_in_plane", "residual_torque_observed",
              "center_of_mass_offset", "stage_position", "chi2_per_sample")
         )  # fmt: skip
-        over = told.phase in (Phase.done, Phase.stopped)
+        over = note.phase in (Phase.done, Phase.stopped)
         return {
             "ended": ended,
             "reason": reason,
-            "duration": told.since if over else outcome.duration,
+            "duration": note.since if over else outcome.duration,
             "overruns": outcome.timing.overruns,
             "procedure": self.session.procedure,
             "target": self.target,
-            "identified": told.identified,
+            "identified": note.identified,
             **unknown,
             **stated,
             "recording": self.rrd,

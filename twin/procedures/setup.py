@@ -75,7 +75,7 @@ REACH = 0.8
 
 
 def usual_target(platform: Platform) -> float:
-    """Residual torque [N m] where nobody asks for another."""
+    """Default target: residual torque [N m]."""
     name = platform.name.partition(":")[0]
     return STATED.get(name, ASSUMED * platform.mass * platform.gravity)
 
@@ -170,7 +170,7 @@ def refuse(platform: Platform, way: str, target: float, base: Array) -> None:
 def random_offsets(platform: Platform, seed: int, runs: int) -> Array:
     """(runs, 3) m r at stage position 0 [kg m] that the masses can undo, each from its own seed.
 
-    What is undone by masses anywhere in the inner part of their travel, about its middle.
+    The masses balance it at positions in the inner part of their travel, about its middle.
     """
     reach = Reach.of(platform)
     stages = len(platform.stages)

@@ -66,8 +66,8 @@ def cramer_rao(
     machine = compile_model(platform)
     base = base_parameters(machine)
     facts = {"streams": {name: {"noise": sigma} for name, sigma in noise.items()}}
-    told = replace(log.without_truth(), provenance=facts)
-    body = body_of(machine, told, motion_of(told, platform))
+    stated = replace(log.without_truth(), provenance=facts)
+    body = body_of(machine, stated, motion_of(stated, platform))
     true = (
         log[name].interpolated_at(body.grid.starts)
         for name in ("truth_attitude", "truth_rate", "truth_wheel_speed")
@@ -83,7 +83,7 @@ def cramer_rao(
     return np.asarray(np.sqrt(np.diag(covariance)[:9]), dtype=np.float64)
 
 
-def seen_of(platform: Platform, trials: Sequence[Trial]) -> NDArray[np.bool_]:
+def identifiable_of(platform: Platform, trials: Sequence[Trial]) -> NDArray[np.bool_]:
     """(9,) which parameters the bound says can be seen: as an identification says it of its own
     intervals."""
     bound = np.sqrt(np.mean([np.square(trial.bound) for trial in trials], axis=0))
@@ -103,20 +103,20 @@ def judged(platform: Platform, trials: Sequence[Trial], note: str) -> tuple[Ours
         trials: at least one.
         note: about the experiment; what cannot be seen is added.
     """
-    seen, ratio = seen_of(platform, trials), ratios_of(trials)
+    identifiable, ratio = identifiable_of(platform, trials), ratios_of(trials)
     held = np.array([np.abs(trial.error) <= trial.half for trial in trials])
-    unseen = [name for name, item in zip(NAMES, seen, strict=True) if not item]
-    worst = NAMES[int(np.argmax(np.where(seen, ratio, 0.0)))]
-    shown = ", ".join(f"{name} {ratio[i]:.2f}" for i, name in enumerate(NAMES) if seen[i])
+    unseen = [name for name, item in zip(NAMES, identifiable, strict=True) if not item]
+    worst = NAMES[int(np.argmax(np.where(identifiable, ratio, 0.0)))]
+    shown = ", ".join(f"{name} {ratio[i]:.2f}" for i, name in enumerate(NAMES) if identifiable[i])
     hidden = f" Not seen: {', '.join(unseen)}." if unseen else " All nine can be seen."
-    each = held[:, seen].mean(axis=0)
+    each = held[:, identifiable].mean(axis=0)
     return (
         Ours(
-            float(ratio[seen].max()),
+            float(ratio[identifiable].max()),
             note=f"{len(trials)} seeds; {shown}; the largest is {worst}'s.{hidden} {note}",
         ),
         Ours(
-            float(held[:, seen].mean()),
+            float(held[:, identifiable].mean()),
             note=f"{len(trials)} seeds; of one parameter {each.min():.0%} to {each.max():.0%}.",
         ),
     )

@@ -32,7 +32,7 @@ class Flown:
     """(m,) [s]."""
     true: Mapping[str, Array]
     """`attitude`, `rate`, `stage_position`, ..., (m, n, k)."""
-    seen: Mapping[str, Array]
+    estimated: Mapping[str, Array]
     """`attitude` and `rate` as estimated, (m, n, k)."""
     applied: Mapping[str, Array]
     """By command stream, (m, n, k)."""
@@ -61,7 +61,7 @@ class Flown:
             self,
             time=self.time[first:last],
             true=cut(self.true),
-            seen=cut(self.seen),
+            estimated=cut(self.estimated),
             applied=cut(self.applied),
         )
 
@@ -113,7 +113,7 @@ def flown(
         platform,
         np.array(rows.time),
         {name: np.array(values) for name, values in rows.true.items()},
-        {name: np.array(values) for name, values in rows.seen.items()},
+        {name: np.array(values) for name, values in rows.estimated.items()},
         {name: np.array(values) for name, values in rows.applied.items()},
         tuple(memory.recording(run).without_truth() for run in range(len(runs)) if record),
     )
@@ -150,7 +150,7 @@ class _Rows:
     def __init__(self) -> None:
         self.time: list[float] = []
         self.true: dict[str, list[Array]] = {}
-        self.seen: dict[str, list[Array]] = {"attitude": [], "rate": []}
+        self.estimated: dict[str, list[Array]] = {"attitude": [], "rate": []}
         self.applied: dict[str, list[Array]] = {}
 
     def collect(self, tick: Tick) -> None:
@@ -158,7 +158,7 @@ class _Rows:
         for name, samples in tick.truth.items():
             row = samples.value[:, -1].copy()
             self.true.setdefault(name.removeprefix("truth_"), []).append(row)
-        self.seen["attitude"].append(tick.estimate.attitude.copy())
-        self.seen["rate"].append(tick.estimate.rate_body.copy())
+        self.estimated["attitude"].append(tick.estimate.attitude.copy())
+        self.estimated["rate"].append(tick.estimate.rate_body.copy())
         for name, value in tick.applied.items():
             self.applied.setdefault(name, []).append(value.copy())

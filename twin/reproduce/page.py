@@ -54,8 +54,8 @@ def write_html(path: Path, reproduceds: Sequence[Reproduced], order: Sequence[st
 def summary(rows: Sequence[Judged]) -> str:
     """How many agree."""
     count = Counter(row.verdict for row in rows)
-    told = ", ".join(f"{verdict} {count[verdict]}" for verdict in sorted(count))
-    return f"{len(rows)} rows: {told}."
+    counts = ", ".join(f"{verdict} {count[verdict]}" for verdict in sorted(count))
+    return f"{len(rows)} rows: {counts}."
 
 
 def cells(judged: Judged) -> tuple[str, ...]:

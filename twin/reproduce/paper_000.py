@@ -111,16 +111,16 @@ class RollPitch(Reference):
 
     def at(self, time: float | Array) -> Target:
         """Rate and acceleration; no step in either."""
-        now = np.asarray(time, dtype=np.float64)
-        turn, part = self.pace * now, 0.5 * np.pi * np.clip(now / self.ramp, 0.0, 1.0)
+        times = np.asarray(time, dtype=np.float64)
+        turn, part = self.pace * times, 0.5 * np.pi * np.clip(times / self.ramp, 0.0, 1.0)
         size = np.sin(part)[..., None] ** 2
         growth = 0.5 * np.pi / self.ramp * np.sin(2.0 * part)[..., None]
         along = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=-1)
         across = np.stack([-np.sin(turn), np.cos(turn), 0.0 * turn], axis=-1)
-        most = self.angle * self.pace
+        peak = self.angle * self.pace
         level = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (*turn.shape, 4))
-        acceleration = most * (growth * along + self.pace * size * across)
-        return Target(level, most * size * along, acceleration)
+        acceleration = peak * (growth * along + self.pace * size * across)
+        return Target(level, peak * size * along, acceleration)
 
 
 def side_by_side(time: Array, panels: Mapping[str, Array]) -> str:
@@ -199,9 +199,10 @@ def which_effect(say: Say) -> Computed:
     (log,) = tracked(noisy).recordings
     errors["noise of 1 mrad and 1 mrad/s"] = _worst([log], with_noise(stated, MIDDLE), truth)
     name, worst = max(errors.items(), key=lambda item: abs(item[1]))
-    told = ", ".join(f"{cause} {error:+.2g}" for cause, error in errors.items())
+    listed = ", ".join(f"{cause} {error:+.2g}" for cause, error in errors.items())
     note = (
-        f"The largest comes from {name}. Errors of Jzz [kg m^2], the worse of both filters: {told}."
+        f"The largest comes from {name}. Errors of Jzz [kg m^2], the worse of both filters: "
+        f"{listed}."
     )
     return Computed({"000.eq43.which_effect": Ours(float(abs(worst)), note=note)})
 
@@ -250,7 +251,7 @@ def fig_3_compute(say: Say) -> Computed:
     kept = float(length[-1] / length[0])
     with_it = np.linalg.norm(offset(moving), axis=1)
     last = moving.time > moving.time[-1] - 2.0 * np.pi / RollPitch().pace
-    left = float(with_it[last].mean() / with_it[0])
+    ratio = float(with_it[last].mean() / with_it[0])
     wrong = np.linalg.norm(momentum_error(moving, RollPitch())[last], axis=1).mean()
     whole = np.linalg.norm(RollPitch().at(MOVING).rate_body @ machine.inertia)
     rows = {
@@ -262,7 +263,7 @@ def fig_3_compute(say: Say) -> Computed:
             note=f"The CM keeps {100.0 * kept:.3g} % of its distance from the CR.",
         ),
         "000.fig3.offset_with_excitation": Ours(
-            left,
+            ratio,
             note=f"Mean of the last turn of {MOVING:g} s of rolling and pitching by 10 deg at "
             f"{RollPitch().pace:g} rad/s; reference and gains are ours. What is left goes with a "
             f"momentum error of {wrong:.2g} in {whole:.2g} N m s: drives and a loop of 20 Hz are "
@@ -437,7 +438,7 @@ def fig_8_compute(say: Say) -> Computed:
     logs = tracked(machine, runs=FIG_8_RUNS)
     true = logs.true["center_of_mass_offset"].mean(axis=0)  # its masses stand at 0
     pairs = zip(logs.recordings, true, strict=True)
-    left = np.array([_directly(shipped, log, moment) for log, moment in pairs])
+    ratio = np.array([_directly(shipped, log, moment) for log, moment in pairs])
     say("adaptive balancing")
     run = _adapting(machine, FIG_8_RUNS)
     end, adapted = _end(run)
@@ -451,7 +452,7 @@ def fig_8_compute(say: Say) -> Computed:
         if not name:
             sound = 1e3 * float(last.true["stage_position"][..., 2].mean())
     first = np.linalg.norm(machine.center_of_mass_offset)
-    torques = machine.gravity * np.array([adapted.mean(), left.mean(), first])
+    torques = machine.gravity * np.array([adapted.mean(), ratio.mean(), first])
     stood = end.true["stage_position"].mean(axis=0)
     sides = np.abs(stood[:, :2]).max(axis=1)
     friction = next(e for e in effects_of(machine) if isinstance(e, GimbalFriction))

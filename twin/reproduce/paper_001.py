@@ -253,13 +253,13 @@ def _answers(run: FlownRuns, sizes: Array) -> dict[str, Array]:
         {name: values[1:, part] for name, values in run.true.items()}
         for part in (slice(0, count), slice(count, None))
     )
-    apart = {
+    differences = {
         "attitude": to_rotation_vector(multiply(conjugate(down["attitude"]), up["attitude"])),
         "gyro": up["rate"] - down["rate"],
         "wheel_speed": up["wheel_speed"] - down["wheel_speed"],
     }
     answers = {}
-    for stream, difference in apart.items():
+    for stream, difference in differences.items():
         slope = (difference / (2.0 * sizes[:, None])).transpose(0, 2, 1)
         answers[stream] = np.concatenate([slope, np.zeros((*slope.shape[:2], 3))], axis=2)
     return answers
@@ -487,10 +487,10 @@ def reach(say: Say) -> Computed:
     say("the vertical mass's reach")
     platform = astros()
     vertical = max(platform.stages, key=lambda stage: abs(stage.axis[2]))
-    asked = abs(float(platform.center_of_mass_offset[2]))
+    needed = abs(float(platform.center_of_mass_offset[2]))
     half = vertical.mass * vertical.travel[1]
-    note = f"Asked {asked:.4f} kg m, from mid-travel {half:.4f}, from the end {2 * half:.4f}."
-    return Computed({"001.reach": Ours(half >= asked, note=note)})
+    note = f"Asked {needed:.4f} kg m, from mid-travel {half:.4f}, from the end {2 * half:.4f}."
+    return Computed({"001.reach": Ours(half >= needed, note=note)})
 
 
 AWAY = 0.3
@@ -729,7 +729,7 @@ def _figures(run: FlownRuns) -> dict[str, str]:
     }
 
 
-LEFT = 5e-6
+IMBALANCE = 5e-6
 """In the plane, along x and along y [m]."""
 BIAS = 1e-3
 """1 sigma of the gyro's constant error about each axis, drawn for each run [rad/s]."""
@@ -740,7 +740,7 @@ THREE_OFFSETS_SEEDS = 100
 
 def three_offsets(say: Say) -> Computed:
     """The better filter, and the paper's on the same machine."""
-    platform = machine(-LEFT, LEFT)
+    platform = machine(-IMBALANCE, IMBALANCE)
     gyro = replace(platform.sensors["gyro"], bias=np.full(3, BIAS))
     platform = replace(platform, sensors={**platform.sensors, "gyro": gyro})
     say(f"the Cramer-Rao bound after {THREE_OFFSETS_DURATION:g} s of free swing")
@@ -751,7 +751,7 @@ def three_offsets(say: Say) -> Computed:
     names = ("center_of_mass_offset", "offset_covariance")
     run = swing(platform, known, THREE_OFFSETS_DURATION, THREE_OFFSETS_SEEDS, names)
     say("the printed filter")
-    printed = swing(machine(-LEFT, LEFT), VerticalOffsetFilter(), seeds=2)
+    printed = swing(machine(-IMBALANCE, IMBALANCE), VerticalOffsetFilter(), seeds=2)
     short = 1.0 - averaged(printed).value / BELOW
     error = (run.believed["center_of_mass_offset"] - platform.center_of_mass_offset)[-1]
     sigma = np.sqrt(np.diagonal(run.believed["offset_covariance"][-1], axis1=1, axis2=2))
@@ -778,7 +778,7 @@ def _figure(run: FlownRuns, printed: FlownRuns) -> dict[str, str]:
     panels = [
         Panel(f"{axis} [m]", {"three offsets": moment[:, i]}, (truth,), limit=limit)
         for i, (axis, truth, limit) in enumerate(
-            (("x", -LEFT, 2e-5), ("y", LEFT, 2e-5), ("z", -BELOW, 1e-4))
+            (("x", -IMBALANCE, 2e-5), ("y", IMBALANCE, 2e-5), ("z", -BELOW, 1e-4))
         )
     ]
     panels[2] = replace(panels[2], curves={**panels[2].curves, "as printed": old[:, 2]})

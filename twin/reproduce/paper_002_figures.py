@@ -624,12 +624,12 @@ def _turn(diagnosis: Diagnosis) -> Ours:
         for cause in diagnosis.causes
         if cause.effect.name == "wheel_misalignment"
     ]
-    told = [half for *_, half in turns if np.isfinite(half)]
-    if not told:
+    known = [half for *_, half in turns if np.isfinite(half)]
+    if not known:
         return Ours(np.inf, note=f"Found instead: {named}.")
     shown = ", ".join(f"{name} {value:.2f} ({half:.2f}) deg" for name, value, half in turns)
     return Ours(
-        float(max(told)),
+        float(max(known)),
         note=f"Found: {shown} about z, half intervals in brackets; nan: a turn about the wheel's "
         "own axis makes up for it, and that one was fitted.",
     )

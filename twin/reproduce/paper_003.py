@@ -50,7 +50,7 @@ FLOAT = 120.0
 RUNS = range(4)
 """As many tests as in the paper."""
 BENCH_SEED = 3
-ONE_MOTOR, ALL_MOTORS = 0.041, 0.123
+SINGLE_MOTOR, ALL_MOTORS = 0.041, 0.123
 """m_b [kg], by section 2 and by section 3 of the paper."""
 OFFSET = 0.5e-3
 """[m], of every mass at the start; Table 1 has it negative."""
@@ -134,7 +134,7 @@ class Tests:
 
 def in_plane(run: Flown) -> Array:
     """Rms of gravity's direction in the body's horizontal plane, as the law sees it, (n,)."""
-    up = vertical_body(run.seen["attitude"])
+    up = vertical_body(run.estimated["attitude"])
     return np.sqrt(np.mean(np.sum(np.square(up[..., :2]), axis=2), axis=0))
 
 
@@ -169,7 +169,7 @@ def momentum_change(run: Flown) -> Array:
     The ends, where filter and derivative lack a side, are left out.
     """
     tick = run.platform.tick
-    measured = run.seen["rate"] - run.seen["rate"].mean(axis=0)
+    measured = run.estimated["rate"] - run.estimated["rate"].mean(axis=0)
     filtered = butter(2, CUTOFF, fs=1.0 / tick, output="sos")
     rate = np.asarray(sosfiltfilt(filtered, measured[1:], axis=0))
     momentum = rate @ run.platform.inertia
@@ -299,19 +299,19 @@ DIPOLE = "residual_dipole=0.01/0/0"
 """Of the table itself: 6 uN m in the cage's field."""
 
 
-def one_motor(say: Say) -> Computed:
+def single_motor(say: Say) -> Computed:
     """Table 1 with the mass of section 2."""
-    machine = table(-1.0, ONE_MOTOR)
+    machine = table(-1.0, SINGLE_MOTOR)
     (value, low, high), alone, both = _readings_compared(machine, say)
-    wide = _with_play(machine, PLAY * ALL_MOTORS / ONE_MOTOR)
-    say(f"with a play of {1e6 * PLAY * ALL_MOTORS / ONE_MOTOR:.0f} um")
+    wide = _with_play(machine, PLAY * ALL_MOTORS / SINGLE_MOTOR)
+    say(f"with a play of {1e6 * PLAY * ALL_MOTORS / SINGLE_MOTOR:.0f} um")
     (wider, *_), *_ = _readings_compared(wide, say)
     noise = float(np.linalg.norm(machine.sensors["attitude"].noise[:2]))
     note = (
         f"{both:.3g} over {alone:.3g}: with a third of the mass the same play moves the CM a third "
         f"as far, and both laws come to rest in the IMU's noise, {noise:.3g}. With three times the "
-        f"play, {1e6 * PLAY * ALL_MOTORS / ONE_MOTOR:.0f} um, the ratio is {wider:.2f}: the play, "
-        "which the paper does not print, decides."
+        f"play, {1e6 * PLAY * ALL_MOTORS / SINGLE_MOTOR:.0f} um, the ratio is {wider:.2f}: the "
+        "play, which the paper does not print, decides."
     )
     return Computed({"003.mass.one_motor": Ours(value, low, high, note)})
 
@@ -345,8 +345,8 @@ def field_reversed(say: Say) -> Computed:
     say("masses and magnetorquers, field upwards")
     other = fly_tests(upright, mixed())
     value, low, high = ratio(both.in_plane, alone.in_plane)
-    apart = (both.steady.true["stage_position"] - other.steady.true["stage_position"])[..., :2]
-    hidden = 1e6 * float(np.linalg.norm(apart.mean(axis=(0, 1)))) / 2.0
+    difference = (both.steady.true["stage_position"] - other.steady.true["stage_position"])[..., :2]
+    hidden = 1e6 * float(np.linalg.norm(difference.mean(axis=(0, 1)))) / 2.0
     note = (
         f"{both.in_plane.mean():.3g} over {alone.in_plane.mean():.3g}. With a dipole of 0.01 A m^2 "
         f"on the table the masses end {hidden:.3g} um to either side as the field points up or "
@@ -378,7 +378,7 @@ def _only_gyro_noise(machine: Platform) -> Platform:
 
 
 READINGS_PARTS = (
-    PaperPart(("003.mass.one_motor",), one_motor),
+    PaperPart(("003.mass.one_motor",), single_motor),
     PaperPart(("003.field.reversed",), field_reversed),
     PaperPart(("003.datasheet_noise",), datasheet_noise),
 )
@@ -393,10 +393,12 @@ def first(say: Say) -> Computed:
     say("with twice the IMU's noise")
     noisy = _with_imu_noise(alone.run.platform, 2.0)
     twice = [fly_tests(noisy, law).in_plane for law in (mixed(), mechanical())]
-    told = f" With twice that noise, which the paper does not print, it is {ratio(*twice)[0]:.2f}."
+    remark = (
+        f" With twice that noise, which the paper does not print, it is {ratio(*twice)[0]:.2f}."
+    )
     in_plane = _in_plane(alone, both)
     rows = {
-        "003.table1.in_plane": replace(in_plane, note=in_plane.note + told),
+        "003.table1.in_plane": replace(in_plane, note=in_plane.note + remark),
         "003.table1.peak_to_peak": _tables_compared(*steps, 1e6, "um"),
         "003.table1.deviation": _tables_compared(*spread, 1e6, "um"),
         "003.table1.torque": _torque(alone, both),
@@ -410,7 +412,7 @@ def first(say: Say) -> Computed:
             alone, both, lambda run: 1e3 * run.true["stage_position"][:, 0, :2], "[mm]", ("x", "y")
         ),
         "Fig. 4: gravity in the plane, by masses alone (lines) and mixed (dashes)": _drawn(
-            alone, both, lambda run: -vertical_body(run.seen["attitude"])[:, 0, :2], "[-]",
+            alone, both, lambda run: -vertical_body(run.estimated["attitude"])[:, 0, :2], "[-]",
             ("x", "y"),
         ),
         "Fig. 5: dipole of the magnetorquers, mixed": _dipoles(both),

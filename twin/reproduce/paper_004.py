@@ -227,8 +227,8 @@ def fig10_compute(say: Say) -> Computed:
     platform = machine("sads:table3")
     motion = Multisine(np.radians(15.0), 0.02)
     (log,) = flown(platform, motion, duration=FIG10_DURATION, runs=1, seed=FIG10_SEED)
-    told = as_guessed(platform)
-    theta = identify([log.without_truth()], told, "levenberg-marquardt").theta
+    assumed = as_guessed(platform)
+    theta = identify([log.without_truth()], assumed, "levenberg-marquardt").theta
     simulated = resimulated(platform, theta, log)
     gyro = log["gyro"]
     again = simulated.interpolated_at(gyro.time)
@@ -276,8 +276,8 @@ def fig11_compute(say: Say) -> Computed:
     pull = np.array([stage.mass * stage.axis for stage in platform.stages])
     place, torques = np.zeros(len(pull)), list[float]()
     for number in range(ITERATIONS + 1):
-        left = platform.center_of_mass_offset + place @ pull
-        torques.append(platform.gravity * float(np.linalg.norm(left)))
+        remaining = platform.center_of_mass_offset + place @ pull
+        torques.append(platform.gravity * float(np.linalg.norm(remaining)))
         if number == ITERATIONS:
             break
         say(f"Fig. 11: iteration {number + 1}, {torques[-1]:.2g} N m left")
@@ -291,8 +291,8 @@ def fig11_compute(say: Say) -> Computed:
             seed=FIG11_SEED + number,
             start=start,
         )
-        told = as_guessed(platform)
-        moment = identify([log.without_truth()], told, "levenberg-marquardt").theta[6:9]
+        assumed = as_guessed(platform)
+        moment = identify([log.without_truth()], assumed, "levenberg-marquardt").theta[6:9]
         step = np.array([stage.resolution for stage in platform.stages])
         place = np.rint(-np.linalg.solve(pull.T, moment) / step) * step
     shown = ", ".join(f"{1e3 * torque:.3g}" for torque in torques)
@@ -475,15 +475,17 @@ def five(platform: Platform, seed: int, torque: float) -> list[Recording]:
     logs: list[Recording] = []
     for number, (amplitude, frequency) in enumerate(MANOEUVRES):
         motion = Multisine(np.radians(amplitude), frequency)
-        own = 10 * seed + number
-        logs += flown(platform, motion, duration=TABLE2_DURATION, runs=1, seed=own, torque=torque)
+        flight_seed = 10 * seed + number
+        logs += flown(
+            platform, motion, duration=TABLE2_DURATION, runs=1, seed=flight_seed, torque=torque
+        )
     return logs
 
 
 def _ratio(logs: list[Recording], platform: Platform) -> Array:
     """(9,) spread by recursion over that by trajectory."""
-    told = as_guessed(platform)
-    return _spread(logs, told, "recursive") / _spread(logs, told, "levenberg-marquardt")
+    assumed = as_guessed(platform)
+    return _spread(logs, assumed, "recursive") / _spread(logs, assumed, "levenberg-marquardt")
 
 
 def _spread(logs: list[Recording], platform: Platform, method: str) -> Array:

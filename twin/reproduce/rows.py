@@ -70,13 +70,13 @@ def read_papers(path: Path | None = None) -> tuple[Paper, ...]:
     rows = [_row(table) for table in whole.tables("row")]
     tables = whole.table("paper")
     papers = tuple(_paper(number, tables.table(number), rows) for number in tables.keys)
-    seen = set[str]()
+    known = set[str]()
     for table, row in zip(whole.tables("row"), rows, strict=True):
-        if row.id in seen:
+        if row.id in known:
             raise table.fail("id", f"is {row.id!r} a second time", "rename one of the two")
         if row.paper not in tables:
             raise table.fail("id", f"is {row.id!r}", "begin it with the number of a [paper]")
-        seen.add(row.id)
+        known.add(row.id)
     whole.close()
     return papers
 

@@ -1,4 +1,4 @@
-"""Folders to begin a lab's own machine with: they check, fly and open in a viewer at once."""
+"""Template folders for a new machine: they pass the check, fly and open in a viewer."""
 
 from twin.scaffold.new import KINDS as KINDS
 from twin.scaffold.new import new_platform as new_platform

@@ -21,7 +21,7 @@ KINDS = {
 _STEP, _CONTROL = r"(?m)^step = ([\d.]+)", r"(?m)^control_rate = ([\d.]+)"
 _HERE = Path(__file__).parent
 _TEMPLATE_NAME = "my-machine"
-"""What the templates are called in their own files."""
+"""Name of the machine inside the templates' files."""
 
 
 SENSORS = {

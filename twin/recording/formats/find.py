@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +25,13 @@ COLUMNS = (".parquet", ".feather", ".arrow", ".jsonl", ".ndjson")
 """Of files that PyArrow reads as columns."""
 Reader = Callable[[Path], Mapping[str, ArrayLike]]
 """Arrays by name, (m,) or (m, k), of a file."""
-READERS: Registry[Reader] = Registry("twin.readers", {}, lambda it: it if callable(it) else None)
+
+
+def _callable(brought: Any) -> Reader | None:
+    return cast(Reader, brought) if callable(brought) else None
+
+
+READERS: Registry[Reader] = Registry("twin.readers", {}, _callable)
 """Of installed packages: an ending without its dot -> what gives the arrays of such a file."""
 ENDINGS = (*TEXTS, *COLUMNS, *ARRAYS, *TOPICS, *(f".{ending}" for ending in READERS))
 """Of the files that can be read."""
