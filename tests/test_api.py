@@ -1,5 +1,9 @@
 """The Python interface says what the command line says, and its results show themselves."""
 
+import ast
+import dataclasses
+import importlib
+import inspect
 import json
 import re
 import subprocess
@@ -10,7 +14,7 @@ import numpy as np
 import pytest
 
 import twin
-from twin.cli.main import main
+from twin.cli.main import VERBS, main
 from twin.flight import Run
 from twin.library import library
 
@@ -141,3 +145,96 @@ def test_mistakes_are_twin_errors_with_the_sentence_of_the_command_line():
         twin.diagnose([])
     with pytest.raises(twin.TwinError, match="give a torque above zero"):
         twin.balance("cubesat", target=-1.0)
+
+
+CALLED = {
+    "run": {"fly"},
+    "balance": {"balance"},
+    "import": {"imported", "show"},
+    "show": {"show", "check_log"},
+    "identify": {"identify", "identify_by_all"},
+    "compare": {"compare", "transfer"},
+    "diagnose": {"diagnose", "extend", "validate", "machine_of"},
+    "campaign": {"fly_campaign", "forecast"},
+    "replay": {"replay"},
+    "report": {"results"},
+    "new": {"new"},
+}
+"""Functions of the interface that each verb calls."""
+BELOW = re.compile(
+    r"twin\.(flight|loop|bench|clock|estimators|identification|comparison|strapdown|intake"
+    r"|campaigns|procedures|conventions)\b"
+)
+"""What the interface puts together, so that verbs need not."""
+MAY = {("twin.identification", "Settings"), ("twin.loop", "Ended"), ("twin.flight", "Run")}
+"""What they take from there all the same: types of options and results."""
+
+
+@pytest.mark.parametrize("verb", CALLED)
+def test_a_verb_calls_the_interface_and_puts_nothing_together_itself(verb: str):
+    module, class_name, _ = VERBS[verb]
+    tree = ast.parse(inspect.getsource(importlib.import_module(module)))
+    (body,) = (
+        node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == class_name
+    )
+    taken = {
+        (node.module, alias.name)
+        for node in ast.walk(body)
+        if isinstance(node, ast.ImportFrom) and node.module
+        for alias in node.names
+    }
+    assert CALLED[verb] <= {name for source, name in taken if source == "twin.api"}
+    itself = {(s, n) for s, n in taken if BELOW.match(s)} - MAY
+    # a campaign that was stopped counts the shards that it wrote
+    assert itself <= {("twin.campaigns.folder", "METRICS")}
+
+
+def test_a_run_that_is_not_kept_is_read_from_its_file_or_not_at_all(run, tmp_path: Path):
+    words = {"duration": 4.0, "seed": 5, "keep": False}
+    recorded = twin.fly("sads", "quaternion_pd", rrd=tmp_path / "run.rrd", **words)
+    np.testing.assert_array_equal(recorded.recording["gyro"].value, run.recording["gyro"].value)
+    assert str(recorded) == str(run)
+    with pytest.raises(twin.TwinError, match="fly it with keep=True"):
+        _ = twin.fly("sads", "quaternion_pd", **words).recording
+
+
+def test_a_file_of_another_kind_is_written_over_by_no_function(tmp_path: Path):
+    notes = tmp_path / "notes.md"
+    notes.write_text("precious")
+    for refused in (
+        lambda: twin.fly("sads", duration=1.0, rrd=notes),
+        lambda: twin.balance("cubesat", rrd=notes),
+        lambda: twin.replay(tmp_path, 0, rrd=notes),
+    ):
+        with pytest.raises(twin.TwinError, match=r"say .*notes\.rrd"):
+            refused()
+    assert notes.read_text() == "precious"
+
+
+def test_a_forecast_says_what_a_dry_run_says(tmp_path: Path, capsys):
+    spec = tmp_path / "campaign.toml"
+    spec.write_text(
+        'platform = "sads"\ncontroller = "quaternion_pd"\nruns = 2\nseed = 1\nduration = 1.0\n'
+    )
+    assert main(["campaign", str(spec), "--dry-run", "--workers", "1"]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    said = str(twin.forecast(spec)).splitlines()
+    assert [line for line in printed if not line.startswith("about")] == [
+        line for line in said if not line.startswith("about")
+    ]
+    assert json.loads(twin.shown.as_json(twin.forecast(spec).document()))["runs"] == 2
+
+
+def test_a_comparison_is_saved_with_its_prediction(tmp_path: Path):
+    log = twin.read(SWING, start=0.0, stop=4.0)
+    saved = twin.read(twin.compare(log, as_built=True).save(tmp_path / "swing.rrd"))
+    assert {"joint_angle", "predicted_joint_angle"} <= set(saved)
+
+
+def test_a_log_that_identify_would_refuse_is_refused_by_a_check(run):
+    twin.check_log(run.recording)
+    empty = dataclasses.replace(
+        run.recording, streams={**run.recording, "gyro": run.recording["gyro"].between(90.0, 91.0)}
+    )
+    with pytest.raises(twin.TwinError, match="gyro holds no rows"):
+        twin.check_log(empty)
