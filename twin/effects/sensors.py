@@ -1,6 +1,7 @@
 """Effects on sensors: bias, scale, mounting, drift and lag; and on the clocks of streams."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from twin.effects.on_series import (
     Recursion,
     ScaleEffect,
     SeriesEffect,
+    VibrationEffect,
     with_time,
     with_value,
 )
@@ -262,6 +264,92 @@ class GyroDrift(SeriesEffect):
 
     def undo(self, samples: Samples, platform: Platform) -> Samples:
         return with_value(samples, samples.value - samples.time[..., None] * np.array(self.drift))
+
+
+@dataclass(frozen=True)
+class GyroVibration(VibrationEffect):
+    """It shows w + s sin(2 pi f t) + c cos(2 pi f t), its own axes: a pump shakes its mount."""
+
+    name = "gyro_vibration"
+    observable = "a line in the spectrum of the gyro that no other stream shows"
+    streams = ("gyro",)
+    acts_on = "gyro"
+
+    sine: tuple[float, ...] = parameter(
+        "amplitude with the sine of the time, its own axes",
+        "rad/s",
+        (6e-4, 4e-4, 2e-4),
+        source="ASSUMED: 0.04 deg/s beside a pump",
+        low=-1.0,
+        high=1.0,
+    )
+    cosine: tuple[float, ...] = parameter(
+        "amplitude with its cosine",
+        "rad/s",
+        (2e-4, 6e-4, 4e-4),
+        source="ASSUMED: likewise",
+        low=-1.0,
+        high=1.0,
+    )
+    frequency: float = parameter(
+        "of the sinusoid",
+        "Hz",
+        25.0,
+        source="ASSUMED: a motor of 1500 turns a minute",
+        low=1.0,
+        high=1e4,
+        amplitude=False,
+    )
+
+    def sinusoid(self) -> tuple[Array, Array, float]:
+        return np.array(self.sine), np.array(self.cosine), self.frequency
+
+    def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
+        del gravity
+        return (replace(self, frequency=hertz),)
+
+
+@dataclass(frozen=True)
+class JointRateVibration(VibrationEffect):
+    """It shows w + s sin(2 pi f t) + c cos(2 pi f t): the frame shakes, and the sensor with it."""
+
+    name = "joint_rate_vibration"
+    observable = "a line in the spectrum of the rate that no other stream shows"
+    streams = ("joint_rate",)
+    acts_on = "joint_rate"
+
+    sine: float = parameter(
+        "amplitude with the sine of the time",
+        "rad/s",
+        6e-4,
+        source="ASSUMED: 0.04 deg/s beside a pump",
+        low=-1.0,
+        high=1.0,
+    )
+    cosine: float = parameter(
+        "amplitude with its cosine",
+        "rad/s",
+        4e-4,
+        source="ASSUMED: likewise",
+        low=-1.0,
+        high=1.0,
+    )
+    frequency: float = parameter(
+        "of the sinusoid",
+        "Hz",
+        25.0,
+        source="ASSUMED: a motor of 1500 turns a minute",
+        low=1.0,
+        high=1e4,
+        amplitude=False,
+    )
+
+    def sinusoid(self) -> tuple[Array, Array, float]:
+        return np.array([self.sine]), np.array([self.cosine]), self.frequency
+
+    def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
+        del gravity
+        return (replace(self, frequency=hertz),)
 
 
 @dataclass(frozen=True)
