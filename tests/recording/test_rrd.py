@@ -11,8 +11,8 @@ import pytest
 from tests.processes import PATIENCE
 from twin.errors import RecordingError
 from twin.recording import Recording, Series, read_recording
-from twin.recording.read import SCHEMA
 from twin.recording.rrd import RrdFile
+from twin.recording.rrd_reader import SCHEMA
 from twin.stream.runfile import write_recording
 
 FACTS = {"schema": SCHEMA, "platform": "sads", "seed": 3, "note": "näher als 1 µm"}
@@ -247,3 +247,18 @@ def test_of_two_recordings_in_a_file_one_is_chosen_by_its_name(tmp_path: Path):
     for recording in recordings:
         one = found[len(recording["gyro"])]
         assert one["gyro"].value.tobytes() == recording["gyro"].value.tobytes()
+
+
+def test_a_file_that_ends_the_process_of_reruns_reader_is_refused_and_the_next_is_read(tmp_path):
+    """Arrow's names end at a zero byte, and Rerun's reader aborts where one stands inside."""
+    import rerun as rr
+
+    file = RrdFile(tmp_path / "bad.rrd")
+    file.provenance(FACTS)
+    file.rerun.log("note", rr.AnyValues(**{"a\0name": [1.0]}), static=True)
+    file.close()
+    with pytest.raises(RecordingError, match="nothing of a recording that could be used"):
+        read_recording(tmp_path / "bad.rrd")
+    recording = any_recording(fresh_rng(), rows=5)
+    write_recording(recording, tmp_path / "good.rrd")
+    assert_same(recording, read_recording(tmp_path / "good.rrd"))

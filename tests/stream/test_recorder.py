@@ -20,7 +20,7 @@ from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.recording import read_recording
-from twin.recording.read import TIMELINE
+from twin.recording.rrd_reader import TIMELINE
 from twin.signals import Command, Estimate, Reading, Samples, Target, Tick, stream_named
 from twin.stream.blueprint import SAID
 from twin.stream.provenance import provenance

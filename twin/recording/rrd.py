@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rerun.chunk import Chunk
 
 from twin.errors import RecordingError
-from twin.recording.read import (
+from twin.recording.rrd_reader import (
     APPLICATION,
     COLUMNS,
     ENDING,

@@ -18,8 +18,8 @@ from rerun.chunk import Chunk
 from twin import rotation
 from twin.platform import Platform
 from twin.platform.mjcf import load_mjcf
-from twin.recording.read import TIMELINE
 from twin.recording.rrd import PALETTE, entity, timeline
+from twin.recording.rrd_reader import TIMELINE
 from twin.signals import PREDICTED, RESIDUAL
 from twin.stream.rows import Header
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from twin.library import findable
 from twin.platform import Platform
-from twin.recording.read import SCHEMA
+from twin.recording.rrd_reader import SCHEMA
 
 
 def provenance(

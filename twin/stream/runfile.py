@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.platform import Platform
-from twin.recording.read import SCHEMA
 from twin.recording.recording import Recording
 from twin.recording.rrd import RrdFile, scalars
+from twin.recording.rrd_reader import SCHEMA
 from twin.stream.blueprint import SAID, Plots, Scene, blueprint
 from twin.stream.rows import Block, Header, decode
 
