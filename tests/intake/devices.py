@@ -658,6 +658,83 @@ def _timeseries(path: Path, m: Motion) -> None:
     path.write_bytes(content)
 
 
+# Measuring systems, ground stations and exports of scripts
+
+
+def _controldesk_csv(path: Path, m: Motion) -> None:
+    """A column of labels before the signals, the first row of which has one too."""
+    names = [*(f"gyro_{a}" for a in "xyz"), *(f"acc_{a}" for a in "xyz")]
+    head = [["format", "ASCII"], ["origin", "ControlDesk 7.1"], []]
+    head += [["path", "", *(f"Platform()://DS1202/Model Root/IMU/{name}" for name in names)]]
+    head += [["unit", "s", *["rad/s"] * 3, *["m/s^2"] * 3], ["trace_name", "time", *names]]
+    rows = [["", *row] for row in _gyro_acc(m)]
+    rows[0][0] = "trace_values"
+    path.write_text(_text([*head, *rows]))
+
+
+def _timetable(path: Path, m: Motion) -> None:
+    """As MATLAB's `writetimetable` has durations."""
+    names = ["Time", *(f"AngularVelocity_{i}" for i in (1, 2, 3))]
+    names += [f"Acceleration_{i}" for i in (1, 2, 3)]
+    times = [f"{time:.5g} sec" for time in m.time]
+    path.write_text(_text([names, *_stamped(times, _numbers(m.gyro, m.accelerometer))]))
+
+
+def _grafana(path: Path, m: Motion) -> None:
+    """Units in every cell, as a panel shows them."""
+    rows = [[f'"{cell} rad/s"' for cell in row] for row in _numbers(m.gyro)]
+    stamps = [f'"{stamp}"' for stamp in _moments(m, "%Y-%m-%d %H:%M:%S.{ms}")]
+    path.write_text(_text([["Time", *(f'"gyro_{a}"' for a in "xyz")], *_stamped(stamps, rows)]))
+
+
+def _plotjuggler(path: Path, m: Motion) -> None:
+    turn, push = "/imu/data/angular_velocity/", "/imu/data/linear_acceleration/"
+    names = ["__time", *(turn + a for a in "xyz"), "/imu/data/header/stamp"]
+    names += [*(push + a for a in "xyz"), *(f"/imu/data/orientation/{a}" for a in "wxyz")]
+    stamps = EPOCH + m.time
+    columns = (stamps, m.gyro, stamps, m.accelerometer, m.attitude)
+    path.write_text(_text([names, *_numbers(*columns)]))
+
+
+def _bagpy(path: Path, m: Motion) -> None:
+    names = ["Time", "header.seq", "header.stamp.secs", "header.stamp.nsecs", "header.frame_id"]
+    parts, none = [], np.zeros((len(m.time), 9))
+    for name, axes in (("orientation", "xyzw"), ("angular_velocity", "xyz")):
+        parts += [f"{name}.{a}" for a in axes] + [f"{name}_covariance_{i}" for i in range(9)]
+    parts += [f"linear_acceleration.{a}" for a in "xyz"]
+    rows = _numbers(m.attitude[:, [1, 2, 3, 0]], none, m.gyro, none, m.accelerometer)
+    stamps = np.round(1e9 * m.time).astype(np.int64) + int(1e9 * EPOCH)
+    body = [
+        [f"{stamp / 1e9:.6f}", str(i), str(stamp // 10**9), str(stamp % 10**9), "imu_link", *row]
+        for i, (stamp, row) in enumerate(zip(stamps.tolist(), rows, strict=True))
+    ]
+    path.write_text(_text([names + parts, *body]))
+
+
+def _openlog_artemis(path: Path, m: Motion) -> None:
+    names = ["rtcDate", "rtcTime", *(f"{kind}{a}" for kind in "agm" for a in "XYZ"), "imu_degC"]
+    columns = (1e3 * m.accelerometer / G, m.gyro / DEG, 1e6 * m.magnetometer)
+    rows = _numbers(*columns, np.full(len(m.time), 24.0))
+    stamps = [f"02/03/2026,{stamp}" for stamp in _moments(m, "%H:%M:%S.{ms}")]
+    path.write_text(_text([names, *_stamped(stamps, rows)]))
+
+
+def _cosmos(path: Path, m: Motion) -> None:
+    names = ["TIME", *(f"ADCS IMU GYRO_{a}" for a in "XYZ"), *(f"ADCS IMU ACC_{a}" for a in "XYZ")]
+    stamps = _moments(m, "%Y/%m/%d %H:%M:%S.{f}")
+    path.write_text(_text([names, *_stamped(stamps, _numbers(m.gyro, m.accelerometer))], "\t"))
+
+
+def _natnet(path: Path, m: Motion) -> None:
+    names = ["frame", "timestamp", "rb_id", "x", "y", "z", "qx", "qy", "qz", "qw"]
+    rows = _numbers(m.position, m.attitude[:, [1, 2, 3, 0]])
+    body = [
+        [str(i), f"{time:.4f}", "1", *row]
+        for i, (time, row) in enumerate(zip(m.time, rows, strict=True))
+    ]
+    path.write_text(_text([names, *body]))
+
+
 BOTH = ("attitude", "gyro")
 POSE = ("attitude", "position")
 
@@ -705,6 +782,14 @@ DEVICES = (
     Maker("Feather", "a.feather", _feather, ("gyro",)),
     Maker("Simulink structure with time", "a.mat", _simulink, INERTIAL),
     Maker("dSPACE ControlDesk", "a.mat", _dspace, INERTIAL),
+    Maker("dSPACE ControlDesk, CSV", "a.csv", _controldesk_csv, INERTIAL),
+    Maker("MATLAB writetimetable", "a.csv", _timetable, INERTIAL),
+    Maker("Grafana", "a.csv", _grafana, ("gyro",)),
+    Maker("PlotJuggler", "a.csv", _plotjuggler, ("attitude", *INERTIAL)),
+    Maker("bagpy", "a.csv", _bagpy, ("attitude", *INERTIAL)),
+    Maker("SparkFun OpenLog Artemis", "a.TXT", _openlog_artemis, ALL_THREE),
+    Maker("OpenC3 COSMOS", "a.txt", _cosmos, INERTIAL),
+    Maker("NatNet, a script's CSV", "a.csv", _natnet, POSE),
     Maker(
         "MATLAB timeseries object",
         "a.mat",

@@ -94,6 +94,51 @@ def test_a_version_above_a_table_is_no_rate(motion, tmp_path: Path):
     np.testing.assert_allclose(done.recording["gyro"].time, motion.time, atol=1e-9)
 
 
+@pytest.mark.parametrize("ending", ["csv", "mat"])
+def test_a_body_that_the_cameras_see_late_has_its_attitude(motion, ending, tmp_path: Path):
+    """Five thousand rows without one, more than are looked at of a file that has all."""
+    blank = np.full((5000, 4), np.nan)
+    time = np.arange(len(blank) + len(motion.time)) / makers.RATE
+    rate = np.concatenate([np.zeros((len(blank), 3)), motion.gyro])
+    attitude = np.concatenate([blank, motion.attitude])
+    path = tmp_path / f"a.{ending}"
+    if ending == "mat":
+        from scipy.io import savemat
+
+        savemat(path, {"t": time, "gyro": rate, "quat": attitude})
+    else:
+        table = np.column_stack([time, rate, attitude])
+        names = "t,gyro_x,gyro_y,gyro_z,qw,qx,qy,qz"
+        np.savetxt(path, table, "%.9f", delimiter=",", header=names, comments="")
+    log = import_files([path], tmp_path / "log", None, None).recording
+    assert len(log["attitude"]) == len(motion.time)
+    np.testing.assert_allclose(np.abs(log["attitude"].value), np.abs(motion.attitude), atol=1e-8)
+
+
+def test_columns_that_are_in_no_stream_are_said(motion, tmp_path: Path):
+    table = np.column_stack([motion.time, motion.gyro, motion.time % 3.0, motion.time % 5.0])
+    names = "t,gyro_x,gyro_y,gyro_z,valve,lamp"
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=names, comments="")
+    done = import_files([tmp_path / "a.csv"], tmp_path / "log", None, None)
+    assert done.unread == ("a.csv: in no stream: valve, lamp",)
+
+
+def test_an_angle_and_a_rate_alone_ask_for_the_machine_on_its_hinge(motion, tmp_path: Path):
+    table = np.column_stack([motion.time, motion.euler[:, 0], motion.gyro[:, 0]])
+    names = "time,position,velocity"
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=names, comments="")
+    with pytest.raises(LogError, match="--platform tells which are its angle, rate and torque"):
+        import_files([tmp_path / "a.csv"], tmp_path / "log", None, None)
+
+
+def test_rates_that_are_called_after_the_angles_are_the_gyros(motion, tmp_path: Path):
+    table = np.column_stack([motion.time, np.degrees(motion.euler), np.degrees(motion.gyro)])
+    names = "t,yaw [deg],pitch [deg],roll [deg],rollRate,pitchRate,yawRate"
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=names, comments="", fmt="%.9f")
+    done = import_files([tmp_path / "a.csv"], tmp_path / "log", None, None)
+    np.testing.assert_allclose(done.recording["gyro"].value, motion.gyro, atol=1e-6)
+
+
 @pytest.mark.parametrize(("log", "machine"), makers.REAL)
 def test_a_real_file_is_read_as_its_shipped_log_states_it(log, machine, tmp_path: Path):
     shipped = read_log(makers.MODELS / log)

@@ -13,7 +13,7 @@ import numpy as np
 from twin.conventions import ConventionAdvice, convention_advice
 from twin.errors import LogError, TwinError
 from twin.files import write_whole
-from twin.intake.streams import UNIT_BY_SIZE, Proposal, streams_among
+from twin.intake.streams import UNIT_BY_SIZE, Proposal, hinged_among, streams_among
 from twin.intake.tables import DataTable, tables_in
 from twin.platform import Platform
 from twin.recording import Recording, read_log
@@ -136,7 +136,8 @@ def _running(table: DataTable) -> str:
     clocks = sorted(table.file.clocks, key=lambda name: name != first)
     for name in clocks:
         column = table.column(name)
-        if column is not None and (np.diff(column[np.isfinite(column)]) > 0.0).mean() > 0.5:
+        steps = np.zeros(0) if column is None else np.diff(column[np.isfinite(column)])
+        if len(steps) and (steps > 0.0).mean() > 0.5:
             return name
     return clocks[0]
 
@@ -222,6 +223,8 @@ MOVES = 0.05
 """Rate from which on a unit that is wrong shows against an attitude [rad/s]."""
 ROUNDS = 2
 """Times that a log is mended and read again."""
+LISTED = 8
+"""Columns that a sentence names; of more it says how many."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +235,8 @@ class Imported:
     recording: Recording
     proposals: tuple[Proposal, ...]
     unread: tuple[str, ...]
-    """A sentence for each table of which nothing is a stream that we know."""
+    """A sentence for each table of which nothing is a stream that we know, and for the columns of
+    the others that are in none."""
     advice: ConventionAdvice
     """What still looks misread, or is open."""
 
@@ -281,7 +285,7 @@ def import_files(
             column = None if clock is None else clock.column
             proposals = streams_among(table, column, platform)
             if clock is None or not proposals:
-                unread.append(_sentence(path, table, clock, bool(proposals)))
+                unread.append(_sentence(path, table, clock, platform, result=bool(proposals)))
                 continue
             for proposal in proposals:
                 known_frame(proposal)
@@ -293,6 +297,7 @@ def import_files(
                     unread.append(f"{_where(path, table)}: another {proposal.stream}, left out")
                     continue
                 entries[proposal.stream] = _Entry(proposal, clock)
+            unread += _unused(path, table, clock, proposals)
     if not entries:
         raise LogError(
             paths[0].parent if len(paths) > 1 else paths[0],
@@ -450,8 +455,15 @@ def _where(path: Path, table: DataTable) -> str:
     return f"{path.name}{f' ({part})' if part else ''}"
 
 
-def _sentence(path: Path, table: DataTable, clock: RowClock | None, result: bool) -> str:
-    listed = ", ".join(list(table.names)[:8]) + (", ..." if len(table.names) > 8 else "")
+def _sentence(
+    path: Path,
+    table: DataTable,
+    clock: RowClock | None,
+    platform: Platform | None,
+    *,
+    result: bool,
+) -> str:
+    listed = ", ".join(table.names[:LISTED]) + (", ..." if len(table.names) > LISTED else "")
     if result and clock is None:
         return f"{_where(path, table)}: no column of times, and no rate: state it by --rate"
     if table.file.numbered:
@@ -459,4 +471,23 @@ def _sentence(path: Path, table: DataTable, clock: RowClock | None, result: bool
             f"{_where(path, table)}: no names above its {len(table.names)} columns: write a first "
             "line of names with units (t,gyro_x [deg/s],...)"
         )
-    return f"{_where(path, table)}: no stream among {listed}"
+    said = f"{_where(path, table)}: no stream among {listed}"
+    if platform is None and hinged_among(table):
+        said += "; of a machine on a hinge --platform tells which are its angle, rate and torque"
+    return said
+
+
+def _unused(
+    path: Path, table: DataTable, clock: RowClock, proposals: Sequence[Proposal]
+) -> Iterator[str]:
+    """A sentence that names the columns with numbers that are in no stream, if there are any."""
+    used = {clock.column, *table.file.clocks}
+    used |= {column.removeprefix("-") for item in proposals for column in item.columns}
+    left = [
+        name
+        for name in table.names
+        if {name, f"-{name}"}.isdisjoint(used) and table.column(name) is not None
+    ]
+    if left:
+        more = f" and {len(left) - LISTED} more" if len(left) > LISTED else ""
+        yield f"{_where(path, table)}: in no stream: {', '.join(left[:LISTED])}{more}"

@@ -95,6 +95,7 @@ def streams_among(
         *_matrices(table, names),
         *_angles(table, names),
         *_triads(table, names),
+        *_turn_rates(table, names),
         *_parts(table, names),
         *(_of_hinge(table, names) if platform is not None and _hinged(platform) else ()),
     ):
@@ -234,6 +235,8 @@ def _angles(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
         if not _texts(proposal) and not steep and "unit" not in proposal.keys:
             proposal.unsure.append("whether the angles are in rad")
         proposal.unsure.append("the order in which the angles turn, and their signs")
+        if word == "heading":
+            proposal.unsure.append("whether the axes are NED, for a heading counts clockwise")
         yield proposal
     for _, columns in _groups(names, ("rx", "ry", "rz")):
         values = table.columns(columns)
@@ -256,8 +259,10 @@ def _triads(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
         if values is None or re.search(_SKIPPED, stem):
             continue
         kind = _LETTERS.get(stem) or _kind(stem) or _kind(table.keys.get("topic", ""))
-        if not kind and not stem:  # programs of phones write a file a sensor
-            kind = _kind(table.file.path.stem)
+        if not kind and not stem:
+            posed = any(True for _ in _quaternions(table, names))
+            # programs of phones write a file a sensor
+            kind = "position" if posed else _kind(table.file.path.stem)
         if not kind and table.preamble and stem:  # motion capture names them after the body
             kind = "position"
         text = next((t for name in columns if (t := table.unit(name) or stated_unit(name))), "")
@@ -289,6 +294,25 @@ def _triads(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
                     )
         else:
             _unit(proposal, values, (("mm", 20.0), ("m", 0.0)))
+        yield proposal
+
+
+def _turn_rates(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
+    """Rates that are called after the angles: `rollRate`, `pitchRate`, `yawRate`."""
+    for word in ("rate", "speed"):
+        plain = {re.sub(r"[ _.-]", "", _plain(name)).lower(): name for name in names}
+        columns = tuple(plain.get(f"{angle}{word}", "") for angle in ("roll", "pitch", "yaw"))
+        values = table.columns(columns) if all(columns) else None
+        if values is None:
+            continue
+        proposal = Proposal("gyro", table, columns)
+        proposal.reasons.append(
+            f"{', '.join(columns)}: rates about the body's axes, by their names"
+        )
+        proposal.unsure.append("whether they are rates about the body's axes, or of the angles")
+        _unit(proposal, values, (("deg/s", 35.0), ("rad/s", 0.0)))
+        if not _texts(proposal):
+            proposal.unsure.append(UNIT_BY_SIZE)
         yield proposal
 
 
@@ -357,6 +381,12 @@ _HINGE = (
 
 def _hinged(platform: Platform) -> bool:
     return platform.base.kind == "hinge"
+
+
+def hinged_among(table: DataTable) -> bool:
+    """Whether a table has columns that are called as an angle and a rate of one hinge are."""
+    found = {proposal.stream for proposal in _of_hinge(table, table.names)}
+    return {"joint_angle", "joint_rate"} <= found
 
 
 def _of_hinge(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:

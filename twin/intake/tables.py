@@ -43,7 +43,15 @@ class DataTable:
     _seen: dict[str, Array | None] | None = None
 
     def column(self, name: str) -> Array | None:
-        """The first rows of a column; None where it holds no numbers."""
+        """The first rows of a column, from its first number on; None where it holds none."""
+        rows = self._rows(name)
+        if rows is None:
+            return None
+        first = int(np.argmax(np.isfinite(rows)))
+        return rows[first : first + LOOKED_AT]
+
+    def _rows(self, name: str) -> Array | None:
+        """As many as were read, of a text at least from where it holds numbers."""
         if self._seen is None:
             self._seen = self._look()
         return self._seen.get(name)
@@ -52,28 +60,33 @@ class DataTable:
         file = self.file.beginning()
         try:
             together = file.numbers(self.names)
+            found = {name: column for name, column in zip(self.names, together.T, strict=True)}
         except LogError:  # text among them, or columns of several lengths
-            return {name: _some(_whole(file, name)) for name in self.names}
-        return {name: _some(column) for name, column in zip(self.names, together.T, strict=True)}
+            found = {name: _whole(file, name) for name in self.names}
+        late = [name for name, rows in found.items() if rows is not None and not _any(rows)]
+        if late and file is not self.file:  # a camera that sees nothing for the first minutes
+            found |= {name: _whole(self.file, name) for name in late}
+        return {name: rows if _any(rows) else None for name, rows in found.items()}
 
     def columns(self, names: Sequence[str]) -> Array | None:
         """The first rows of some columns (m, k), those that are whole; None without any."""
-        result = [self.column(name) for name in names]
-        if any(item is None for item in result):
+        result = [rows for name in names if (rows := self._rows(name)) is not None]
+        if not result or len(result) < len(names):
             return None
-        stacked = np.stack([item for item in result if item is not None], axis=-1)
-        whole = stacked[np.isfinite(stacked).all(axis=1)]
-        return whole if len(whole) > 1 else None
+        shortest = min(map(len, result))
+        finite = np.logical_and.reduce([np.isfinite(rows[:shortest]) for rows in result])
+        (whole,) = np.nonzero(finite)
+        if len(whole) < 2:
+            return None
+        return np.stack([rows[whole[:LOOKED_AT]] for rows in result], axis=-1)
 
     def unit(self, name: str) -> str:
         """The unit's text that the file states beside a column's name."""
         return self.file.units.get(name, "").strip("[]() ")
 
 
-def _some(values: Array | None) -> Array | None:
-    if values is None or not np.isfinite(values).any():
-        return None
-    return values[:LOOKED_AT]
+def _any(values: Array | None) -> bool:
+    return values is not None and bool(np.isfinite(values).any())
 
 
 def tables_in(path: Path) -> Iterator[DataTable]:

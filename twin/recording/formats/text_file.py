@@ -25,6 +25,7 @@ from twin.recording.formats.text_layout import (
     layout_of,
     seconds_of,
     split,
+    unit_behind,
 )
 from twin.stop import check
 
@@ -101,6 +102,7 @@ class TextFile(NumberFile):
         self._below = layout.first_line - 1
         above_row = next(self._text.lines(layout.names_line - 1, layout.names_line), "")
         self._names = above_row.encode() if layout.named else b""
+        self._behind = _units_behind(layout.behind)
         self._again = 0
         self._end = None if variable is None else self._text.end_of_table(self._below)
         self._cut = 0
@@ -244,6 +246,8 @@ class TextFile(NumberFile):
             if self._layout.separator == " ":
                 block = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", block)
                 block = re.sub(rb"[ \t]+", b"\t", block)
+            if self._behind is not None:
+                block = self._behind.sub(b"", block)
             if self._grouped:
                 block = re.sub(rb"(?<=\d),(?=\d{3})", b"", block)
             yield block
@@ -384,7 +388,7 @@ class TextFile(NumberFile):
             text = text.replace(",", "")
         if self._point == ",":
             text = text.replace(".", "?").replace(",", ".")
-        return is_number(text)
+        return is_number(text) and unit_behind(text) in ("", *self._layout.behind)
 
 
 class _Text:
@@ -573,6 +577,14 @@ _MARKS = {
 }
 _WINDOWS = set("°µ²³·±×äöüÄÖÜßéèàçñ".encode("cp1252"))
 """Letters of units and names as Windows programs write them."""
+
+
+def _units_behind(units: Sequence[str]) -> re.Pattern[bytes] | None:
+    """What cells have behind their numbers; None where they have nothing."""
+    if not units:
+        return None
+    listed = "|".join(map(re.escape, units))
+    return re.compile(rf"(?m)(?<=[\d.]) +(?:{listed})(?=[ \t]*(?:[\",;\t\r]|$))".encode())
 
 
 def _without_lines(block: bytes, line: bytes) -> tuple[bytes, int]:

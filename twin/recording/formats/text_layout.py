@@ -122,6 +122,8 @@ COMMENTS = ("#", "%", "//")
 """Marks of a line of free text."""
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|[+-]?inf(inity)?$", re.IGNORECASE)
+_WITH_UNIT = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)? +([^\s\d].*)$")
+"""A number with its unit in one cell: `0.02 sec`, as MATLAB writes a duration."""
 _NO_UNIT = ("na", "n/a", "none", "-", "--", "no_units", "unitless", "a.u.", "counts", "lsb")
 """What stands in a row of units where a column has none, in small letters."""
 _NUMBERED_NAME = re.compile(
@@ -159,6 +161,8 @@ class TextLayout:
     """Lines above all that, without blank ones."""
     repeated: tuple[str, ...]
     """Names that stand above several columns, which are numbered: `x.1`, `x.2`."""
+    behind: tuple[str, ...]
+    """Units that cells have behind their numbers."""
 
 
 def layout_of(lines: Sequence[str], above: int = 0) -> TextLayout:
@@ -181,13 +185,17 @@ def layout_of(lines: Sequence[str], above: int = 0) -> TextLayout:
     heading = [_of_width(row, width) for row in rows[top:first]]
     if not heading and first > 0 and _could_name(rows[first - 1]):
         top, heading = first - 1, [rows[first - 1]]  # of another width: the rows will say so
-    units = heading.pop() if len(heading) > 1 and _are_units(heading[-1]) else []
+    units = _row_of_units(heading)
     units = [_unit_in(cell) for cell in units]
     listed = _listed(lines[:top], width)
     names = _joined(heading) if heading else listed or tuple(str(i) for i in range(1, width + 1))
     units = units or _labelled(rows[:top], names)
     names, repeated = _numbered(names)
     cells = rows[first] if first < len(rows) else []
+    behind = tuple(unit_behind(cell) for cell in cells)
+    if any(behind):
+        behind = (*behind, *[""] * len(names))[: len(names)]
+        units = [one or other for one, other in zip(behind, units or behind, strict=True)]
     empty = [not any(row[i : i + 1] and row[i] for row in rows[top:]) for i in range(len(names))]
     return TextLayout(
         separator=separator,
@@ -200,6 +208,7 @@ def layout_of(lines: Sequence[str], above: int = 0) -> TextLayout:
         first_line=above + first + 1,
         preamble=tuple(line for line in lines[:top] if line.strip()),
         repeated=repeated,
+        behind=tuple(sorted({unit for unit in behind if unit})),
     )
 
 
@@ -224,9 +233,15 @@ def is_number(text: str, separator: str = ",") -> bool:
     """Whether a cell is a number, or says that there is none; with a decimal comma where commas
     separate no columns."""
     text = text.strip()
-    if text in BLANKS or _NUMBER.match(text):
+    if text in BLANKS or _NUMBER.match(text) or unit_behind(text):
         return True
     return separator != "," and bool(_COMMA.match(text) or _THOUSANDS.match(text))
+
+
+def unit_behind(cell: str) -> str:
+    """The unit in a cell behind its number; empty where there is none that we know."""
+    result = _WITH_UNIT.match(cell.strip())
+    return result[1] if result and known_unit(result[1]) is not None else ""
 
 
 def _separator(lines: Sequence[str]) -> str:
@@ -265,10 +280,13 @@ def _width(rows: Sequence[Sequence[str]], separator: str) -> tuple[int, tuple[bo
         return 0, ()
     width = max(widths, key=lambda item: widths[item])
     usual = [row for row in rows if len(row) == width]
-    counts = [
-        sum(is_number(row[i], separator) or is_date(row[i]) for row in usual) for i in range(width)
-    ]
-    return width, tuple(2 * count > len(usual) for count in counts)
+    columns = list(zip(*usual, strict=True))
+    counts = [sum(is_number(c, separator) or is_date(c) for c in cells) for cells in columns]
+    # a column without a single value may hold words on some row
+    valued = [any(_is_value(cell, separator) for cell in cells) for cells in columns]
+    return width, tuple(
+        2 * count > len(usual) and value for count, value in zip(counts, valued, strict=True)
+    )
 
 
 def _is_row(row: Sequence[str], width: int, numeric: Sequence[bool], separator: str) -> bool:
@@ -301,6 +319,18 @@ def _of_width(row: Sequence[str], width: int) -> list[str]:
     return [*row, ""][:width] if len(row) < width else list(row[:width])
 
 
+def _row_of_units(heading: list[list[str]]) -> list[str]:
+    """Takes the row of units out of the heading: the last one, or one that calls itself so;
+    empty without any."""
+    if len(heading) > 1 and _are_units(heading[-1]):
+        return heading.pop()
+    for row in heading:
+        if row[0].lower() in ("unit", "units") and _are_units(row[1:]):
+            heading.remove(row)
+            return ["", *row[1:]]
+    return []
+
+
 def _are_units(row: Sequence[str]) -> bool:
     texts = [text for cell in row if (text := _unit_in(cell))]
     return bool(texts) and all(map(known_unit, texts))
@@ -324,8 +354,10 @@ def _joined(heading: Sequence[Sequence[str]]) -> tuple[str, ...]:
             current = "" if alone else cell or current
             filled.append(current)
         inside = {cell for cell in filled if cell}
-        # what stands above all columns tells none from another, and nobody knows a serial number
-        if len(inside) > 1 and not all(map(_IDENTIFIER.match, inside)):
+        # what stands above all columns tells none from another, and nobody knows a serial number;
+        # where each column has its own (a signal's path), its name says the rest
+        each = len(inside) == len(filled) - single.count(True) and len(set(last)) == len(last)
+        if len(inside) > 1 and not each and not all(map(_IDENTIFIER.match, inside)):
             levels.append(filled)
     parts = zip(*levels, last, strict=True)
     return tuple(".".join(cell for cell in column if cell) for column in parts)
