@@ -91,6 +91,9 @@ def test_an_attitude_that_is_reset_is_named_and_turned_back(log):
     back, right = found["attitude"].value, recording["attitude"].value
     off = 2.0 * np.arccos(np.clip(np.abs(np.sum(back * right, axis=1)), 0.0, 1.0))
     assert off.max() < 2e-3
+    up = np.broadcast_to([0.0, 0.0, 1.0], back[:, 1:].shape)
+    down, true = (rotation.rotate(rotation.conjugate(q), up) for q in (back, right))
+    np.testing.assert_allclose(down, true, atol=1e-12, err_msg="gravity turned with the heading")
 
 
 def test_a_leap_that_tilts_the_body_is_left_as_it_is(log):

@@ -28,6 +28,7 @@ from twin.conventions.turning import (
     turning_of,
 )
 from twin.conventions.vertical import vertical_findings, vertical_of
+from twin.noise.cleaning import without_steps
 from twin.platform import Platform, field_world
 from twin.recording import Recording
 from twin.recording.pauses import longest_of
@@ -78,7 +79,8 @@ def check_conventions(
         kept = {name: series for name, series in recording.items() if name != "gyro"}
         recording = replace(recording, streams=kept)
     unit = _gyro_unit(recording)
-    scaled = apply_all(recording, unit)
+    # a clock that steps and a heading that is reset are undone before a fit, and no conventions
+    scaled, _ = without_steps(apply_all(recording, unit))
     turning = turning_of(scaled)
     strange = no_common_motion(scaled, turning) if turning is not None else None
     if strange is None:  # a unit is a ratio of two motions, and means nothing where they differ

@@ -248,7 +248,7 @@ def _earlier(series: Series, start: float, step: float) -> Series:
 
 
 def _resets(recording: Recording) -> Iterator[tuple[float, Array]]:
-    """Time of the first sample after each reset, and the turn of the world that it is."""
+    """Time of the first sample after each reset, and the turn of the world about its vertical."""
     if "attitude" not in recording or "gyro" not in recording:
         return
     attitude, gyro = recording["attitude"], recording["gyro"]
@@ -286,7 +286,8 @@ def _resets(recording: Recording) -> Iterator[tuple[float, Array]]:
         turn = rotation.multiply(result, rotation.conjugate(base))
         about = rotation.to_rotation_vector(turn)
         if np.hypot(about[0], about[1]) < max(UPRIGHT * np.linalg.norm(about), SURE * sigma):
-            yield float(time[row + 1]), turn
+            # the lean that noise gives it would bend gravity from there on
+            yield float(time[row + 1]), rotation.from_rotation_vector(about * [0.0, 0.0, 1.0])
 
 
 def _integral(time: Array, value: Array, at: Array) -> Array:
