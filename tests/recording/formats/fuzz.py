@@ -151,17 +151,20 @@ def _inside_zip(content: bytes, chance: random.Random, others: list[bytes]) -> b
 
 def write_seeds(folder: Path, *, layouts: bool = True) -> None:
     """Logs in folders of their own: one of each layout of each format, or of each format only."""
-    from tests.intake import makers
+    sys.path.insert(0, str(ROOT / "tests" / "intake"))  # its modules name each other
+    import devices
+    import makers
+
     from twin.intake import import_files
     from twin.recording import read_log
     from twin.stream.runfile import write_recording
 
     motion = makers.motion(7, 3.0)
     known = set[str]()
-    for maker in makers.MAKERS:
-        ending = Path(maker.file).suffix
+    for maker in (*makers.MAKERS, *devices.DEVICES):
+        ending = Path(maker.file).suffix.lower()
         kind = maker.name if layouts else ending
-        if maker.refused or kind in known:
+        if maker.refused or kind in known or not ending:  # a folder of files
             continue
         known.add(kind)
         with tempfile.TemporaryDirectory() as place:

@@ -114,6 +114,57 @@ def _parquet(path: Path) -> None:
             file.write_table(part)
 
 
+def _feather(path: Path) -> None:
+    import pyarrow as pa
+    from pyarrow import feather
+
+    table = pa.table({name: np.zeros(WIDTH // 8) for name in "txyz"})
+    feather.write_feather(table, path, compression="zstd")
+
+
+def _stepped_json(path: Path) -> None:
+    """Every row has a key of its own, so that the table is as wide as long."""
+    path.write_text("".join(f'{{"k{i}": 1}}\n' for i in range(9_000)))
+
+
+def _numpy_zip(path: Path) -> None:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as parts:
+        shape = f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({WIDTH},), }}"
+        head = b"\x93NUMPY\x01\x00v\x00" + shape.encode().ljust(117) + b"\n"
+        with parts.open("gyr.npy", "w", force_zip64=True) as part:
+            part.write(head)
+            for _ in range(8 * WIDTH >> 24):
+                part.write(bytes(1 << 24))
+
+
+def _numpy_objects(path: Path) -> None:
+    """A pickle, which would run code."""
+    np.save(path, np.array([{"a": 1}] * 8, dtype=object), allow_pickle=True)
+
+
+def _message_zstd(path: Path) -> None:
+    """A message of ROS 2 that is compressed by itself, and unpacks to 600 MB."""
+    import sqlite3
+
+    import zstandard
+
+    packer = zstandard.ZstdCompressor().compressobj()
+    zeros = (packer.compress(bytes(1 << 24)) for _ in range(36))
+    message = b"".join([*zeros, packer.flush()])
+    base = sqlite3.connect(path)
+    base.execute(
+        "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT, "
+        "offered_qos_profiles TEXT)"
+    )
+    base.execute(
+        "CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB)"
+    )
+    base.execute("INSERT INTO topics VALUES(1, '/g', 'std_msgs/msg/Float64', 'cdr', '')")
+    base.execute("INSERT INTO messages VALUES(1, 1, 1, ?)", (message,))
+    base.commit()
+    base.close()
+
+
 def _bag(path: Path) -> None:
     """A chunk of a good message, and then of 600 MB of zeros."""
     import bz2
@@ -172,6 +223,11 @@ def _wide(path: Path) -> None:
     path.write_text(",".join(f"c{i}" for i in range(100_000)) + "\n" + "1," * 99_999 + "1\n")
 
 
+def _wider(path: Path) -> None:
+    """A million columns: a line longer than any row."""
+    path.write_text(",".join(f"c{i}" for i in range(1_000_000)) + "\n" + "1," * 999_999 + "1\n")
+
+
 def _external(path: Path) -> None:
     import h5py
 
@@ -208,7 +264,13 @@ print(open("/proc/self/status").read().split("VmHWM:")[1].split()[0])
         ("parquet", _parquet, "would unpack to"),
         ("bag", _bag, "would unpack to"),
         ("xlsx", _laughs, "cannot be read as Excel"),
+        ("feather", _feather, "would unpack to"),
+        ("jsonl", _stepped_json, "would unpack to"),
+        ("npz", _numpy_zip, "would unpack to"),
+        ("npy", _numpy_objects, "cannot be read as a NumPy file"),
+        ("db3", _message_zstd, "would unpack to"),
         ("csv", _wide, "has 100000 columns"),
+        ("csv", _wider, "a line of more than 1 MiB"),
         ("h5", _external, "no numeric variable"),
     ],
     ids=lambda value: getattr(value, "__name__", None),

@@ -1,5 +1,7 @@
 """A Parquet or Feather file, or JSON a line; the fields of a struct are columns by dotted names."""
 
+import re
+import struct
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,6 +19,9 @@ _KINDS = {".parquet": "Parquet", ".feather": "Feather", ".arrow": "Arrow"}
 _REMEDY = "write it again"
 WORD = 8
 """Of a number [bytes]."""
+MOST_COLUMNS = 10_000
+_ARROW = b"ARROW1"
+_KEY = re.compile(rb'"((?:[^"\\]|\\.){0,200})"\s*:')
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 """Ticks a second of Arrow's time units."""
 
@@ -86,11 +91,75 @@ def _table_in(path: Path) -> pa.Table:
         case ".feather" | ".arrow":
             from pyarrow import feather
 
+            check_unpacked(path, _unpacked_size(path))
             return feather.read_table(path)
         case _:
             from pyarrow import json
 
+            _check_keys(path)
             return json.read_json(path)
+
+
+def _unpacked_size(path: Path) -> int:
+    """Of the compressed buffers of an Arrow file, each of which begins with its size [bytes]."""
+    total = 0
+    with pa.memory_map(str(path)) as file:
+        if not file.read(len(_ARROW)).startswith(_ARROW):
+            return 0  # Feather's first version, which compresses nothing, or no such file
+        file.seek(8)
+        for message in pa.ipc.MessageReader.open_stream(file):
+            body = message.body
+            if body is None or message.type not in ("record batch", "dictionary"):
+                continue
+            places = _compressed(memoryview(message.metadata), message.type == "dictionary")
+            for place, size in places:
+                if size >= WORD:
+                    total += max(
+                        int.from_bytes(body[place : place + WORD], "little", signed=True), 0
+                    )
+    return total
+
+
+def _compressed(metadata: memoryview, dictionary: bool) -> list[tuple[int, int]]:
+    """Places and sizes of the compressed buffers in the body of an Arrow message [bytes], by its
+    header (github.com/apache/arrow, format/Message.fbs); none of one that is not compressed."""
+
+    def number(kind: str, place: int) -> int:
+        return int(struct.unpack_from(f"<{kind}", metadata, place)[0])
+
+    def field(table: int, index: int) -> int:
+        """The place of a field of a flatbuffer's table; 0 where it is not there."""
+        names = table - number("i", table)
+        offset = number("H", names + 4 + 2 * index) if 4 + 2 * index < number("H", names) else 0
+        return table + offset if offset else 0
+
+    def behind(place: int) -> int:
+        return place + number("I", place)
+
+    batch = behind(field(behind(0), 2))
+    if dictionary:
+        batch = behind(field(batch, 1))
+    if not field(batch, 3):
+        return []
+    buffers = behind(field(batch, 2))
+    return [
+        (number("q", buffers + 4 + 16 * i), number("q", buffers + 12 + 16 * i))
+        for i in range(number("I", buffers))
+    ]
+
+
+def _check_keys(path: Path) -> None:
+    """Refuse JSON whose table would fill the memory: each key is a column of as many rows."""
+    keys, rows = set[bytes](), 0
+    with path.open("rb") as file:
+        for line in file:
+            rows += 1
+            keys.update(_KEY.findall(line))
+            if len(keys) > MOST_COLUMNS:
+                raise LogError(
+                    path, f"has more than {MOST_COLUMNS} keys", "write those of the log only"
+                )
+    check_unpacked(path, WORD * rows * len(keys))
 
 
 def _kinds(table: pa.Table) -> list[tuple[str, pa.DataType]]:

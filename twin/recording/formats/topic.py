@@ -183,6 +183,8 @@ def _short(problem: Exception) -> str:
 
 _BAG_MESSAGE = b"\x02"
 """Kind of a record of a ROS 1 bag."""
+_ZSTD = b"\x28\xb5\x2f\xfd"
+"""Begins what Zstandard has compressed."""
 _WORD, _TIME = struct.Struct("<I"), struct.Struct("<II")
 
 
@@ -246,7 +248,8 @@ class BagMessages(Messages):
                     if number % CHECKED == 0:
                         check()
                         progress.at(number, count)
-                    yield TopicMessage(connection.topic, bytes(message), time, time)
+                    data = _unpacked_message(self.path, bytes(message))
+                    yield TopicMessage(connection.topic, data, time, time)
             elif asked:
                 names = {item.id: item.topic for item in asked}
                 (bag,) = reader.readers
@@ -255,6 +258,23 @@ class BagMessages(Messages):
                     check()
                     progress.at(number, len(chunks))
                     yield from _in_chunk(self.path, bag, bag.chunks[chunk.pos], names)
+
+
+def _unpacked_message(path: Path, data: bytes) -> bytes:
+    """A message of a bag of ROS 2, which may be compressed by itself; CDR begins otherwise."""
+    if not data.startswith(_ZSTD):
+        return data
+    library = imported("zstandard", path)
+    most = max(SMALL, UNPACKED * len(data))
+    with library.ZstdDecompressor().stream_reader(data) as reader:
+        unpacked = reader.read(most + 1)
+    if len(unpacked) > most:
+        raise LogError(
+            path,
+            f"has a message of {len(data)} bytes that would unpack to more than {most >> 20} MiB",
+            "copy it again from where it was recorded",
+        )
+    return unpacked
 
 
 def _in_chunk(path: Path, bag: Any, chunk: Any, names: Mapping[int, str]) -> Iterator[TopicMessage]:
