@@ -124,8 +124,10 @@ def read(
     """
     from twin.recording import Recording, open_log, restricted
 
-    recording = log if isinstance(log, Recording) else open_log(log, say)
-    return restricted(recording, start=start, stop=stop, rate=rate)
+    if isinstance(log, Recording):
+        return restricted(log, start=start, stop=stop, rate=rate)
+    recording = open_log(log, say, start=start, stop=stop)
+    return restricted(recording, start=None, stop=None, rate=rate)
 
 
 def import_log(

@@ -69,8 +69,8 @@ class LogPart:
         if self.rate is not None and self.rate <= 0.0:
             raise UsageError(f"--rate is {self.rate:g} Hz; it must be above 0")
         with progress() as say:
-            recording = open_log(path, say)
-        return restricted(recording, start=self.start, stop=self.stop, rate=self.rate)
+            recording = open_log(path, say, start=self.start, stop=self.stop)
+        return restricted(recording, start=None, stop=None, rate=self.rate)
 
 
 Restricted = Annotated[LogPart, tyro.conf.arg(name="")]

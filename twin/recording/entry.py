@@ -230,6 +230,28 @@ class Selection:
 
 
 @dataclass(frozen=True)
+class Timeline:
+    """When the rows of a stream were, as its file says."""
+
+    time: Array
+    """(m,) [s], in the order of the file."""
+    rows: NDArray[np.intp]
+    """(m,) of the file."""
+    lost: tuple[str, ...]
+    """What a counter says."""
+    has: NDArray[np.bool_]
+    """(m,) whether the stream has a number there."""
+    late: float
+    """[s] by which the times are late."""
+
+    def series(self) -> Series:
+        """Where the stream has rows, in order; the values are the rows' numbers."""
+        time, rows = self.time[self.has] - self.late, self.rows[self.has].astype(np.float64)
+        order = np.argsort(time, kind="stable")
+        return Series(time[order], rows[order, None], ("row",), "1")
+
+
+@dataclass(frozen=True)
 class Entry:
     """What log.toml says of one stream."""
 
@@ -262,6 +284,13 @@ class Entry:
     def si(self) -> str:
         """The SI unit of the series."""
         return self.canonical.unit if self.canonical else self.unit.si
+
+    @property
+    def is_of_whole(self) -> bool:
+        """Whether a part of the file does not do: angles count turns from the log's start, or show
+        by the largest of them that they are degrees."""
+        unstated = {"unit", "scale"}.isdisjoint(self.table.keys)
+        return self.name in CONTINUOUS or (unstated and self.layout.startswith("euler"))
 
     def facts(self, selection: "Selection") -> dict[str, Any]:
         """What the recording says of where the stream is from, and how it was read."""
@@ -325,8 +354,9 @@ class Entry:
         table.close()
         return entry
 
-    def select(self, files: OpenFiles) -> "Selection":
-        """Find the stream's columns in the file, and tell the file which numbers it will give.
+    def select(self, files: OpenFiles, *, whole: bool = True) -> "Selection":
+        """Find the stream's columns in the file, and tell the file which numbers it will give: all
+        that the stream has, or what `timeline` asks for.
 
         Raises:
             LogError: the file cannot be read, or does not have what the entry says.
@@ -350,11 +380,34 @@ class Entry:
             file, clock, columns, signs, layout, names, kinds=kinds, kind_of_row=kind_of_row
         )
         for table in selection.tables:
-            file.expect(table)
+            if whole or table != columns:
+                file.expect(table)
+        if not whole:
+            file.expect_filled(columns)
         return selection
 
-    def series(self, selection: "Selection") -> tuple[Series, tuple[str, ...]]:
+    def timeline(self, selection: "Selection") -> "Timeline":
+        """When each row was, before any number of the stream is kept.
+
+        Raises:
+            LogError: the file cannot be read, or does not hold what the entry says.
+        """
+        file = selection.file
+        filled = file.filled(selection.columns)
+        time, rows, lost = self._timed(selection, len(filled))
+        has = filled[rows] > 0
+        if selection.layout in QUATERNIONS:  # zeros before the sensor started
+            has &= np.maximum.accumulate(filled[rows]) > 1
+        return Timeline(time, rows, lost, has & np.isfinite(time), self.clock_lag)
+
+    def series(
+        self, selection: "Selection", timeline: "Timeline | None" = None
+    ) -> tuple[Series, tuple[str, ...]]:
         """Read the numbers, mend what can be mended; a sentence for each repair.
+
+        Args:
+            selection: where they are.
+            timeline: when the file's rows were, of which it then gives some (`NumberFile.only`).
 
         Raises:
             LogError: the file cannot be read, or does not hold what the entry says.
@@ -362,7 +415,7 @@ class Entry:
         file, columns, layout = selection.file, selection.columns, selection.layout
         names = selection.names
         where = f"{self.name} ({self.path.name})"
-        time, value, origin, lost = self._numbers(selection)
+        time, value, origin, lost = self._numbers(selection, timeline)
         rows = mended(time, value, file, columns, selection.clock, where, origin)
         if layout in QUATERNIONS:
             rows = started(rows, where)
@@ -527,55 +580,69 @@ class Entry:
         return self.canonical.columns if self.canonical else ()
 
     def _numbers(
-        self, selection: "Selection"
+        self, selection: "Selection", timeline: "Timeline | None"
     ) -> tuple[Array, Array, NDArray[np.intp], tuple[str, ...]]:
         """Times [s] and values as the file has them, their rows, and what a counter says."""
+        file = selection.file
+        value = file.numbers(selection.columns)
+        if timeline is None:
+            time, rows, lost = self._timed(selection, len(value))
+            return time, value[rows] if self.kinds else value, rows, lost
+        here = timeline.rows - file.offset
+        given = (here >= 0) & (here < len(value))
+        return timeline.time[given], value[here[given]], timeline.rows[given], timeline.lost
+
+    def _timed(
+        self, selection: "Selection", count: int
+    ) -> tuple[Array, NDArray[np.intp], tuple[str, ...]]:
+        """Times [s] of the stream's rows, which rows of the file they are, and what a counter says.
+
+        Args:
+            selection: where they are.
+            count: of the values, which the file has as many of as of times.
+        """
         file, clock = selection.file, selection.clock
-        times, value, kinds, first = (
-            file.numbers(names) if names else np.empty((0, 0)) for names in selection.tables
+        clocks, columns, kinds_of, first_of = selection.tables
+        times, kinds, first = (
+            file.numbers(names) if names else np.empty((0, 0))
+            for names in (clocks, kinds_of, first_of)
         )
-        samples = {
-            names[0]: len(table)
-            for names, table in zip(selection.tables, (times, value, kinds), strict=False)
-            if names
-        }
-        (item, count), *others = samples.items()
-        for other, differing in others:
-            if differing != count:
+        for names, table in ((clocks, times), (kinds_of, kinds)):
+            if names and len(table) != count:
                 raise file.fault(
-                    f"has {count} samples in {item!r} and {differing} in {other!r}",
+                    f"has {len(table)} samples in {names[0]!r} and {count} in {columns[0]!r}",
                     "name `columns` of one length, or the right `time`",
                 )
         if selection.kind_of_row:
             self._check_one_kind(selection.kind_of_row, first[:, 0])
-        rows = np.arange(len(value))
+        rows = np.arange(count)
         if self.kinds:
             rows = np.flatnonzero((kinds == list(self.kinds.values())).all(axis=1))
-            times, value = times[rows], value[rows]
+            times = times[rows]
         if not len(rows):
             wanted = ", ".join(f"{key} = {value:g}" for key, value in self.kinds.items())
             raise self.table.fail("rows", f"picks none: no row has {wanted}", "correct it")
         if clock is None:
-            return self.start + np.arange(len(value)) / self.rate, value, rows, ()
+            return self.start + np.arange(len(rows)) / self.rate, rows, ()
         time = times[:, 0]
         if not np.isnan(self.rate):
-            count, fault = counted(time)
-            if count is None and self.time is not None:
+            number, fault = counted(time)
+            if number is None and self.time is not None:
                 raise file.fault(f"column {clock!r} {fault}", "name another as `time`")
-            if count is None or (self.time is None and not counts_samples(count)):
-                return self.start + np.arange(len(value)) / self.rate, value, rows, ()
-            lost = lost_by_counter(count, clock, f"{self.name} ({self.path.name})")
-            return self.start + count / self.rate, value, rows, lost
+            if number is None or (self.time is None and not counts_samples(number)):
+                return self.start + np.arange(len(rows)) / self.rate, rows, ()
+            lost = lost_by_counter(number, clock, f"{self.name} ({self.path.name})")
+            return self.start + number / self.rate, rows, lost
         if clock in file.clocks:
             for key in ("time_unit", "time_scale"):
                 if key in self.table:
                     problem = f"is given, but {clock} is in seconds by its type"
                     raise self.table.fail(key, problem, "remove it")
-            return time, value, rows, ()
+            return time, rows, ()
         self._check_clock(file, clock, time)
         if self.time_factor != 1.0:
             time = time * self.time_factor
-        return time, value, rows, ()
+        return time, rows, ()
 
     def _check_clock(self, file: NumberFile, clock: str, time: Array) -> None:
         """Refuse a first column that counts rows, by its name or beside a clock, and propose it."""

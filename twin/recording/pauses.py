@@ -29,12 +29,18 @@ LEFT = 60.0
 
 
 def without_long_pauses(
-    streams: Mapping[str, Series],
+    streams: Mapping[str, Series], whole: Mapping[str, Series] | None = None
 ) -> tuple[dict[str, Series], tuple[str, ...]]:
-    """Streams whose rows after a long pause of all of them follow soon, and a sentence for each."""
-    if not _may_pause(streams):
+    """Streams whose rows after a long pause of all of them follow soon, and a sentence for each.
+
+    Args:
+        streams: of a log.
+        whole: the log of which they are a part, and that has the pauses.
+    """
+    whole = streams if whole is None else whole
+    if not _may_pause(whole):
         return dict(streams), ()
-    time = np.unique(np.concatenate([series.time for series in streams.values()]))
+    time = np.unique(np.concatenate([series.time for series in whole.values()]))
     interval = np.diff(time)
     usual = float(np.median(interval)) if len(interval) else 0.0
     pauses = np.flatnonzero(interval > max(LONG, RARE * usual))
@@ -131,18 +137,31 @@ def part_of(recording: Recording, start: float, stop: float) -> Recording:
 
 
 def restricted(
-    recording: Recording, *, start: float | None, stop: float | None, rate: float | None
+    recording: Recording,
+    *,
+    start: float | None,
+    stop: float | None,
+    rate: float | None,
+    reach: tuple[float, float] | None = None,
 ) -> Recording:
     """A log from `start` to `stop` [s], its measured streams no faster than `rate` [Hz]; `repairs`
     says so.
+
+    Args:
+        recording: the log, or what of it was read.
+        start: of the part.
+        stop: of the part.
+        rate: at most.
+        reach: from when to when the log is [s], where it was not read whole.
 
     Raises:
         LogError: nothing is between.
     """
     if start is not None or stop is not None:
-        first = recording.start if start is None else max(start, recording.start)
-        last = recording.stop if stop is None else min(stop, recording.stop)
-        whole = f"{recording.start:.6g} to {recording.stop:.6g} s"
+        begins, ends = reach or (recording.start, recording.stop)
+        first = begins if start is None else max(start, begins)
+        last = ends if stop is None else min(stop, ends)
+        whole = f"{begins:.6g} to {ends:.6g} s"
         part = part_of(recording, first, last) if first < last else None
         if part is None or not part.streams:
             raise LogError(

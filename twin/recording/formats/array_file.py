@@ -97,6 +97,12 @@ def check_unpacked(path: Path, size: int) -> None:
         )
 
 
+def filled_in(numbers: Array) -> NDArray[np.uint8]:
+    """Of each row (m, k): 0 nothing, 1 zeros, 2 another number."""
+    finite = np.isfinite(numbers).any(axis=1).astype(np.uint8)
+    return finite + (finite & (np.nan_to_num(numbers) != 0.0).any(axis=1))
+
+
 class NumberFile(ABC):
     """A file, or the part of one that log.toml names, as columns of numbers."""
 
@@ -117,6 +123,8 @@ class NumberFile(ABC):
         """Whether the file names no columns, and `header` counts them from 1."""
         self.repairs: tuple[str, ...] = ()
         """A sentence for each thing that was mended on reading the file."""
+        self.offset = 0
+        """The row of the file that `numbers` begins with."""
 
     @property
     def time(self) -> str:
@@ -130,6 +138,17 @@ class NumberFile(ABC):
 
     def expect(self, names: Sequence[str]) -> None:  # noqa: B027  (arrays are read one by one)
         """Say that `numbers` will be asked for these columns: one pass then reads all of them."""
+
+    def filled(self, names: Sequence[str]) -> NDArray[np.uint8]:
+        """What each row has in these columns (rows,): 0 nothing, 1 zeros, 2 another number."""
+        return filled_in(self.numbers(names))
+
+    def expect_filled(self, names: Sequence[str]) -> None:  # noqa: B027
+        """Say that `filled` will be asked for these columns."""
+
+    def only(self, first: int, last: int) -> None:  # noqa: B027  (arrays are in the memory whole)
+        """Say that of what `numbers` is asked for from now on, these rows will do; a pass over a
+        file leaves out the others, and `offset` is then the first that it gives."""
 
     @abstractmethod
     def numbers(self, names: Sequence[str]) -> Array:

@@ -1,5 +1,6 @@
 """One topic of a recording as columns: of each message, the numbers that the stream asks for."""
 
+import sys
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -313,6 +314,10 @@ class MessageFile(NumberFile):
         names = (*usual, *(name for name in fields.values if name not in usual))
         super().__init__(topic.path, (*own, *names), tuple(own))
         self.topic, self.tables = topic, Tables()
+        self.marks: dict[Names, bytearray] = {}
+        """What each row has in some columns (`filled`); empty until a pass has looked."""
+        self.last = sys.maxsize
+        """The row of the file before which `numbers` ends."""
         self._messages, self._unit = messages, unit
         self._readers: list[MessageFile] = [] if readers is None else readers
         self._usual = fields.usual
@@ -331,6 +336,20 @@ class MessageFile(NumberFile):
         if self not in self._readers:
             self._readers.append(self)
 
+    def filled(self, names: Sequence[str]) -> NDArray[np.uint8]:
+        names = tuple(self.find(name) for name in names)
+        if not self.marks.setdefault(names, bytearray()):
+            self._read(None)
+        return np.frombuffer(bytes(self.marks[names]), np.uint8)
+
+    def expect_filled(self, names: Sequence[str]) -> None:
+        self.marks.setdefault(tuple(self.find(name) for name in names), bytearray())
+        if self not in self._readers:
+            self._readers.append(self)
+
+    def only(self, first: int, last: int) -> None:
+        self.offset, self.last = first, last
+
     def numbers(self, names: Sequence[str]) -> Array:
         names = tuple(self.find(name) for name in names)
         if names not in self.tables:
@@ -341,11 +360,16 @@ class MessageFile(NumberFile):
                 raise self.fault(f"{name} is 0 in every message", 'write time = "log_time"')
         return table
 
-    def _read(self, names: Names) -> None:
-        """Fill that table, and those that any reader of the file expects, in one pass."""
+    def _read(self, names: Names | None) -> None:
+        """Fill that table, and what else any reader of the file expects, in one pass."""
         wanted = {reader: reader.tables.missing() for reader in self._readers}
-        wanted[self] = [names, *wanted.get(self, [])]
-        fillings = [_Filling(reader, tables) for reader, tables in wanted.items() if tables]
+        if names is not None:
+            wanted[self] = [names, *wanted.get(self, [])]
+        fillings = [
+            _Filling(reader, tables)
+            for reader, tables in wanted.items()
+            if tables or not all(reader.marks.values())
+        ]
         on: dict[str, list[_Filling]] = {}
         for filling in fillings:
             on.setdefault(filling.file.topic.name, []).append(filling)
@@ -390,13 +414,19 @@ class _Filling:
         self.tables = {names: array("d") for names in dict.fromkeys(wanted)}
         self.count = 0
         """Messages so far."""
+        self._marks = [
+            ([file.getter(name) for name in names], marks)
+            for names, marks in file.marks.items()
+            if not marks
+        ]
         self._columns = [
             (name, file.getter(name), rows) for names, rows in self.tables.items() for name in names
         ]
 
     def add(self, message: TopicMessage, decoded: Any) -> None:
         """Append what a message has in each column; NaN where it has nothing."""
-        for name, get, rows in self._columns:
+        kept = self.file.offset <= self.count < self.file.last
+        for name, get, rows in self._columns if kept else ():
             try:
                 value = get(message, decoded)
             except (TypeError, AttributeError):  # a stamp is incomplete
@@ -409,4 +439,12 @@ class _Filling:
                     "write the number, or name other `columns`",
                     self.count,
                 ) from None
+        for getters, marks in self._marks:
+            marks.append(_filled_in([get(message, decoded) for get in getters]))
         self.count += 1
+
+
+def _filled_in(values: Sequence[Any]) -> int:
+    """As `array_file.filled_in`, of a message."""
+    numbers = [value for value in values if value is not None and value == value]
+    return 0 if not numbers else 1 + any(value != 0 for value in numbers)

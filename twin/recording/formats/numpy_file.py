@@ -23,11 +23,11 @@ def read_numpy(path: Path) -> Variables:
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as parts:
                 check_unpacked(path, sum(part.file_size for part in parts.infolist()))
-        loaded = np.load(path, allow_pickle=False)
-        if isinstance(loaded, np.ndarray):
-            _sort("", loaded, arrays, others, clocks)
-        else:
-            with loaded:
+        with path.open("rb") as file:  # of one that is damaged NumPy would leave its own open
+            loaded = np.load(file, allow_pickle=False)
+            if isinstance(loaded, np.ndarray):
+                _sort("", loaded, arrays, others, clocks)
+            else:
                 for name in loaded.files:
                     _read(name, loaded, arrays, others, clocks)
     return Variables(arrays, others, clocks, save="turn it: NAME = NAME.T")

@@ -4,6 +4,7 @@ import codecs
 import csv
 import io
 import re
+import sys
 from array import array
 from collections.abc import Iterator, Sequence
 from itertools import chain, islice
@@ -16,7 +17,15 @@ from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 
 from twin.errors import LogError, UnknownName
-from twin.recording.formats.array_file import Names, NumberFile, ReadProgress, Say, Tables, silent
+from twin.recording.formats.array_file import (
+    Names,
+    NumberFile,
+    ReadProgress,
+    Say,
+    Tables,
+    filled_in,
+    silent,
+)
 from twin.recording.formats.text_layout import (
     BLANKS,
     is_date,
@@ -76,6 +85,8 @@ class TextFile(NumberFile):
         self._text = _Text(path, content)
         self._variable, self._decimal, self._say = variable, decimal, say
         self._tables = Tables()
+        self._filled: dict[Names, bytearray | None] = {}
+        self._last = sys.maxsize
         lines, above = self._text.head(variable)
         if not any(line.strip() for line in lines):
             raise LogError(path, "is empty", "check the export")
@@ -115,6 +126,21 @@ class TextFile(NumberFile):
     def expect(self, names: Sequence[str]) -> None:
         self._tables.expect(names)
 
+    def filled(self, names: Sequence[str]) -> NDArray[np.uint8]:
+        names = tuple(names)
+        self._filled.setdefault(names, None)
+        if self._filled[names] is None:
+            self._read(self._tables.missing())
+        marks = self._filled[names]
+        assert marks is not None
+        return np.frombuffer(bytes(marks), np.uint8)
+
+    def expect_filled(self, names: Sequence[str]) -> None:
+        self._filled.setdefault(tuple(names), None)
+
+    def only(self, first: int, last: int) -> None:
+        self.offset, self._last = first, last
+
     def numbers(self, names: Sequence[str]) -> Array:
         names = tuple(names)
         if names not in self._tables:
@@ -123,7 +149,8 @@ class TextFile(NumberFile):
 
     def _read(self, wanted: Sequence[Names]) -> None:
         """Fill these tables in one pass."""
-        names = list(dict.fromkeys(name for table in wanted for name in table))
+        marks = {names: bytearray() for names, known in self._filled.items() if known is None}
+        names = list(dict.fromkeys(name for table in (*wanted, *marks) for name in table))
         for name in names:
             if name not in self.header:
                 problem = str(UnknownName("column", name, self.header))
@@ -144,11 +171,21 @@ class TextFile(NumberFile):
                 null_values=list(BLANKS),
                 decimal_point=self._point,
             )
+            row = 0
             for batch in self._batches(convert):
                 check()
-                columns = {name: self._column(batch.column(name), name) for name in names}
+                first, last = self.offset - row, min(self._last - row, batch.num_rows)
+                row += batch.num_rows
+                if last <= 0:
+                    break
+                kept = slice(max(first, 0), last)
+                columns = {name: self._column(batch.column(name), name)[kept] for name in names}
                 for table, rows in tables.items():
                     rows.frombytes(np.stack([columns[name] for name in table], axis=-1).tobytes())
+                for table, rows in marks.items():
+                    rows += filled_in(
+                        np.stack([columns[name] for name in table], axis=-1)
+                    ).tobytes()
         except pa.ArrowInvalid as problem:
             if "Empty CSV" not in str(problem):
                 raise self._first_error(names) or LogError(
@@ -156,7 +193,7 @@ class TextFile(NumberFile):
                 ) from None
         if self._again:
             self.repairs = tuple(self._remarks())
-        if not any(tables.values()):
+        if not any(tables.values()) and not any(marks.values()):
             raise LogError(
                 self.path,
                 "has column names but no rows",
@@ -164,6 +201,7 @@ class TextFile(NumberFile):
                 line=self._layout.names_line,
             )
         self._tables.fill(tables)
+        self._filled |= marks
 
     def _batches(self, convert: arrow_csv.ConvertOptions) -> Iterator[pa.Table]:
         """The table, some lines at a time.
