@@ -44,6 +44,19 @@ def test_a_fast_swing_leaves_nothing_but_noise():
     assert match.misfit[0, 0] == pytest.approx(np.sum(np.square(left)), rel=0.02)
 
 
+@pytest.mark.parametrize("stream", ["attitude", "gyro"])
+def test_what_a_gap_hides_is_no_evidence_against_the_right_reading(stream: str):
+    log = swinging(3)
+    series = log[stream]
+    seen = np.mod(series.time, 8.0) < 7.3  # half a period is gone, again and again
+    log = replace(log, streams={**log.streams, stream: series.only(seen)})
+    turning = turning_of(log)
+    assert turning is not None
+    left = turning.residual(np.eye(4), np.eye(3), LATE)
+    assert np.mean(np.square(left)) < 1.2, "more than noise is left"
+    assert check_conventions(log) == []
+
+
 def test_a_right_log_of_one_swing_is_not_taken_for_one_that_is_a_period_late():
     for seed in range(3):
         assert check_conventions(swinging(seed)) == []

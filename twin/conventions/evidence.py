@@ -63,11 +63,15 @@ def forgetting(angle_noise: float, rate_noise: float) -> float:
     return 1.0 - rate_noise / first
 
 
-def drift(count: int, pole: float) -> Array:
-    """(count, 3) bias, its drift, and a whitening filter's memory of what came before."""
+def drift(kept: NDArray[np.bool_], pole: float) -> Array:
+    """(n, 3) bias, its drift, and a whitening filter's memory of what came before, of rows that are
+    0 before the filter where they are not kept (n,)."""
+    count = len(kept)
     memory = np.power(pole, np.arange(count, dtype=np.float64))
-    columns = [np.ones(count), np.linspace(-1.0, 1.0, count), memory]
-    return np.asarray(np.stack(columns, axis=-1), dtype=np.float64)
+    columns = np.stack([np.ones(count), np.linspace(-1.0, 1.0, count)], axis=-1)
+    if not kept.all():
+        columns = lfilter([1.0 - pole], [1.0, -pole], columns * kept[:, None], axis=0)
+    return np.column_stack([columns, memory])
 
 
 def without(columns: Array, values: Array) -> Array:

@@ -79,12 +79,13 @@ class Means:
             sums[:, k] = np.interp(edges, self.time, column)
         return (sums[1:] - sums[:-1]) / (edges[1:] - edges[:-1])[:, None]
 
-    def covers(self, edges: Array) -> NDArray[np.bool_]:
-        """(n,) cells between n + 1 edges [s] that no gap of the series reaches into."""
+    def covers(self, edges: Array, reach: float = 0.0) -> NDArray[np.bool_]:
+        """(n,) cells between n + 1 edges [s] that no gap of the series reaches into, though it be
+        shifted by up to `reach` [s]."""
         longest = MISSED / self.rate
         (gaps,) = np.nonzero(np.diff(self.time) > longest)
-        first = np.searchsorted(edges, self.time[gaps], side="right") - 1
-        last = np.searchsorted(edges, self.time[gaps + 1], side="left")
+        first = np.searchsorted(edges, self.time[gaps] - reach, side="right") - 1
+        last = np.searchsorted(edges, self.time[gaps + 1] + reach, side="left")
         ends = np.zeros(len(edges) + 1, dtype=np.intp)
         np.add.at(ends, np.clip(first, 0, len(edges)), 1)
         np.add.at(ends, np.clip(last, 0, len(edges)), -1)
@@ -113,6 +114,23 @@ class CellGrid:
     def around_edges(self) -> Array:
         """(count + 2,) edges of the cells that have `edges` for their centres."""
         return self.start + self.cell * (np.arange(self.count + 2, dtype=np.float64) - 0.5)
+
+
+def between_centres(grid: CellGrid, fixed: Means, shifted: Means | None) -> NDArray[np.bool_]:
+    """(count,) steps from the centre of a cell to the next over which nothing is interpolated
+    across a gap; all of them, where too few are left to say anything.
+
+    Args:
+        grid: of the cells.
+        fixed: a stream.
+        shifted: one whose times are tried up to the longest lag off.
+    """
+    edges = grid.around_edges
+    whole = fixed.covers(edges)
+    if shifted is not None:
+        whole &= shifted.covers(edges, grid.longest_lag)
+    kept = whole[1:] & whole[:-1]
+    return kept if np.count_nonzero(kept) >= FEWEST else np.ones(len(kept), dtype=np.bool_)
 
 
 RAREST = 30.0

@@ -24,12 +24,14 @@ from twin.conventions.evidence import (
     CLEAR,
     TIED,
     ConventionFinding,
+    drift,
     evidence,
+    forgetting,
     inflation,
     whitened,
     without,
 )
-from twin.conventions.grid import CellGrid, Means, dated, grid_of
+from twin.conventions.grid import CellGrid, Means, between_centres, dated, grid_of
 from twin.conventions.turning import NEAR, far_lags
 from twin.recording import Recording
 
@@ -48,12 +50,14 @@ class Hinge:
         self._turned = np.diff(angle.over(grid.around_edges), axis=0) / grid.cell
         self._angle_noise = angle.cell_noise(grid.cell) / grid.cell
         self._rate_noise = self._rate.cell_noise(grid.cell)
+        self._kept = between_centres(grid, angle, self._rate)[:, None]
 
     def residual(self, sign: float, lag: float) -> Array:
         """(n, 1) what is left of the angle's rate, in units of its noise."""
         left = self._turned - sign * self._rate.over(self.grid.edges + lag)
-        white = whitened(left, self._angle_noise, self._rate_noise)
-        return without(np.ones((len(left), 1)), white)
+        pole = forgetting(self._angle_noise, self._rate_noise)
+        white = whitened(left * self._kept, self._angle_noise, self._rate_noise)
+        return without(drift(self._kept[:, 0], pole)[:, :1], white)
 
     def factor(self) -> float | None:
         """Size of what the rate must be multiplied by, or None where the two do not go together."""

@@ -44,7 +44,14 @@ from twin.conventions.evidence import (
     without,
     words_of,
 )
-from twin.conventions.grid import CellGrid, Means, attitude_rates, dated, grid_of
+from twin.conventions.grid import (
+    CellGrid,
+    Means,
+    attitude_rates,
+    between_centres,
+    dated,
+    grid_of,
+)
 from twin.conventions.turning import (
     AMBIGUOUS,
     COMMON,
@@ -104,26 +111,26 @@ class Rates:
 
     def __init__(self, series: Series, grid: CellGrid) -> None:
         self.grid = grid
-        self._means, self._world = Means(series), False
+        self.means, self._world = Means(series), False
         self._of_attitude = series.columns == ("w", "x", "y", "z")
-        noise = self._means.cell_noise(grid.cell)
+        noise = self.means.cell_noise(grid.cell)
         self.angle_noise = noise if self._of_attitude else 0.0
         """1 sigma of a cell's mean attitude [rad]."""
 
     def with_attitude(self, series: Series, *, world: bool) -> "Rates":
         """Another reading of the same attitude, as noisy as that."""
         other = copy(self)
-        other._means, other._world = Means(series), world
+        other.means, other._world = Means(series), world
         return other
 
     def at(self, lag: float) -> Array:
         """If the stream is late by `lag` [s]."""
         if self._of_attitude:
-            means = self._means.over(self.grid.around_edges + lag)
+            means = self.means.over(self.grid.around_edges + lag)
             body, world = attitude_rates(rotation.normalized(means + 1e-9), self.grid.cell)
             return world if self._world else body
         edges = self.grid.edges + lag
-        return np.mean([self._means.over(edges + s * self.grid.cell) for s in SHIFTS], axis=0)
+        return np.mean([self.means.over(edges + s * self.grid.cell) for s in SHIFTS], axis=0)
 
     @property
     def acceleration(self) -> float:
@@ -147,6 +154,7 @@ class RoomVector:
         self._middle = 0.5 * (seen[1:] + seen[:-1]) / length
         noise = np.hypot(means.cell_noise(cell) / length, DISTURBED)
         self._angle_noise = float(np.hypot(noise, rates.angle_noise)) / cell
+        self._kept = between_centres(rates.grid, means, rates.means)
         prior = np.repeat([BIAS, OFFSET[stream]], 3)
         self._precision = np.diag(prior**-2.0)
         self._grams: dict[tuple[float, float], Array] = {}
@@ -228,8 +236,8 @@ class RoomVector:
         return float(np.mean(np.square(rate))) > MOVING * noise_power(self._angle_noise, UNSTEADY)
 
     def _white(self, values: Array) -> Array:
-        white = whitened(values, self._angle_noise, UNSTEADY)
-        return without(drift(len(white), forgetting(self._angle_noise, UNSTEADY)), white)
+        white = whitened(values * self._kept[:, None], self._angle_noise, UNSTEADY)
+        return without(drift(self._kept, forgetting(self._angle_noise, UNSTEADY)), white)
 
     def _bending(self, rates: Array) -> float:
         """What puts rates in this unit into rad/s; 0 where no arc is longer than its chord, so that

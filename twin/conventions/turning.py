@@ -24,7 +24,14 @@ from twin.conventions.evidence import (
     whitened,
     without,
 )
-from twin.conventions.grid import FEWEST, CellGrid, Means, attitude_rates, grid_of
+from twin.conventions.grid import (
+    FEWEST,
+    CellGrid,
+    Means,
+    attitude_rates,
+    between_centres,
+    grid_of,
+)
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
@@ -88,6 +95,7 @@ class Turning:
         self.rates = _rates(attitude, grid)
         self._angle_noise = attitude.cell_noise(grid.cell) / grid.cell
         self._rate_noise = self._gyro.cell_noise(grid.cell)
+        self._kept = between_centres(grid, attitude, self._gyro)
         self._white: dict[float, Array] = {}
 
     def with_attitude(self, series: Series) -> "Turning":
@@ -104,8 +112,9 @@ class Turning:
 
     def whiten(self, rate: Array) -> Array:
         """A rate or rate difference, in units of its noise, without bias."""
-        nuisance = drift(len(rate), forgetting(self._angle_noise, self._rate_noise))
-        return without(nuisance, whitened(rate, self._angle_noise, self._rate_noise))
+        nuisance = drift(self._kept, forgetting(self._angle_noise, self._rate_noise))
+        seen = rate * self._kept[:, None]
+        return without(nuisance, whitened(seen, self._angle_noise, self._rate_noise))
 
     def _white_gyro(self, lag: float) -> Array:
         if lag not in self._white:
@@ -121,7 +130,7 @@ class Turning:
         """(3,) the gyro's mean error over the log, in the body axes that `residual` has, and its
         1 sigma [rad/s]."""
         inverse, axes = vector_axes(attitude)
-        off = self.gyro(lag) @ gyro.T - self.rates[inverse] @ axes.T
+        off = (self.gyro(lag) @ gyro.T - self.rates[inverse] @ axes.T)[self._kept]
         # the attitude's noise enters at both ends only
         ends = np.sqrt(2.0) * self._angle_noise / len(off)
         return off.mean(axis=0), float(np.hypot(ends, self._rate_noise / np.sqrt(len(off))))
@@ -195,7 +204,7 @@ class Turning:
     @property
     def strain(self) -> float:
         """Gyro against attitude as read, without the gyro's bias: rms [rad/s]."""
-        off = self.gyro(0.0) - self.rates[0]
+        off = (self.gyro(0.0) - self.rates[0])[self._kept]
         return float(np.sqrt(np.mean(np.square(off - off.mean(axis=0)))))
 
     def factor(self, lags: Array) -> tuple[float, float, float]:

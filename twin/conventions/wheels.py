@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.conventions.correction import cost_of, signed_permutations
 from twin.conventions.evidence import drift, forgetting, inflation, whitened, without
-from twin.conventions.grid import CellGrid, Means, grid_of
+from twin.conventions.grid import CellGrid, Means, between_centres, grid_of
 from twin.conventions.turning import NEAR, SMALL_LAG, far_lags, least
 from twin.platform import Platform
 from twin.recording import Recording, Series
@@ -73,6 +73,7 @@ class WheelDrive:
     def __init__(self, recording: Recording, platform: Platform, grid: CellGrid) -> None:
         self.grid = grid
         speed = Means(recording["wheel_speed"])
+        self._kept = between_centres(grid, speed, None)
         self._inertia = np.array([wheel.inertia for wheel in platform.wheels])
         self._torque = Means(recording["command_wheel_torque"], held=True)
         wanted = self._torque.over(grid.edges) / self._inertia
@@ -113,7 +114,8 @@ class WheelDrive:
 
     def _whiten(self, rate: Array) -> Array:
         pole = forgetting(self._angle_noise, self._rate_noise)
-        return without(drift(len(rate), pole), whitened(rate, self._angle_noise, self._rate_noise))
+        seen = rate * self._kept[:, None]
+        return without(drift(self._kept, pole), whitened(seen, self._angle_noise, self._rate_noise))
 
 
 def drive_of(recording: Recording, platform: Platform) -> WheelDrive | None:
