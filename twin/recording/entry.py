@@ -40,6 +40,8 @@ Array = NDArray[np.float64]
 
 WRAPS = (2.0**8, 2.0**16, 2.0**32)
 """Where counters of one, two and four bytes begin anew."""
+ROUNDING = 1e-6
+"""Of times since 1970, of which something was taken off and added again [s]."""
 USUALLY = 0.5
 """Share of the rows at least that follow one another by such a counter."""
 EVEN = 0.2
@@ -235,8 +237,8 @@ class Timeline:
 
     time: Array
     """(m,) [s], in the order of the file."""
-    rows: NDArray[np.intp]
-    """(m,) of the file."""
+    rows: NDArray[np.intp] | None
+    """(m,) of the file; None where these are all."""
     lost: tuple[str, ...]
     """What a counter says."""
     has: NDArray[np.bool_]
@@ -245,10 +247,31 @@ class Timeline:
     """[s] by which the times are late."""
 
     def series(self) -> Series:
-        """Where the stream has rows, in order; the values are the rows' numbers."""
-        time, rows = self.time[self.has] - self.late, self.rows[self.has].astype(np.float64)
-        order = np.argsort(time, kind="stable")
-        return Series(time[order], rows[order, None], ("row",), "1")
+        """When the stream has numbers, in order; without these."""
+        time = self.time if self.has.all() else self.time[self.has]
+        if (np.diff(time) < 0.0).any():
+            time = np.sort(time)
+        if self.late:
+            time = time - self.late
+        return Series(time, np.empty((len(time), 0)), (), "1")
+
+    def rows_between(self, start: float, stop: float) -> tuple[int, int]:
+        """The first and the last row of the file in a time [s], which has some."""
+        within = self.time >= start + self.late - ROUNDING
+        within &= self.time <= stop + self.late + ROUNDING
+        (among,) = np.nonzero(within & self.has)
+        first, last = int(among[0]), int(among[-1])
+        return (first, last) if self.rows is None else (int(self.rows[first]), int(self.rows[last]))
+
+    def part(self, first: int, count: int) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
+        """Times [s] of the rows among `count` of the file from `first` on, which of these they are,
+        and which of the file."""
+        if self.rows is None:
+            here = np.arange(min(count, len(self.time) - first))
+            return self.time[first : first + count], here, here + first
+        given = (self.rows >= first) & (self.rows < first + count)
+        rows = self.rows[given]
+        return self.time[given], rows - first, rows
 
 
 @dataclass(frozen=True)
@@ -395,10 +418,13 @@ class Entry:
         file = selection.file
         filled = file.filled(selection.columns)
         time, rows, lost = self._timed(selection, len(filled))
-        has = filled[rows] > 0
+        if self.kinds:
+            filled = filled[rows]
+        has = filled > 0
         if selection.layout in QUATERNIONS:  # zeros before the sensor started
-            has &= np.maximum.accumulate(filled[rows]) > 1
-        return Timeline(time, rows, lost, has & np.isfinite(time), self.clock_lag)
+            has &= np.maximum.accumulate(filled) > 1
+        has &= np.isfinite(time)
+        return Timeline(time, rows if self.kinds else None, lost, has, self.clock_lag)
 
     def series(
         self, selection: "Selection", timeline: "Timeline | None" = None
@@ -588,9 +614,8 @@ class Entry:
         if timeline is None:
             time, rows, lost = self._timed(selection, len(value))
             return time, value[rows] if self.kinds else value, rows, lost
-        here = timeline.rows - file.offset
-        given = (here >= 0) & (here < len(value))
-        return timeline.time[given], value[here[given]], timeline.rows[given], timeline.lost
+        time, here, rows = timeline.part(file.offset, len(value))
+        return time, value[here] if self.kinds else value, rows, timeline.lost
 
     def _timed(
         self, selection: "Selection", count: int

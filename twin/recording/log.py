@@ -87,7 +87,7 @@ def read_log(
     if not part.whole:
         read = [entry.timeline(one) for entry, one in zip(entries, selections, strict=True)]
         whole = {entry.name: one.series() for entry, one in zip(entries, read, strict=True)}
-        _keep_only(part, whole, entries, selections)
+        _keep_only(part, whole, entries, selections, read)
         timelines = [*read]
     for entry, selection, timeline in zip(entries, selections, timelines, strict=True):
         streams[entry.name], mended = entry.series(selection, timeline)
@@ -158,6 +158,7 @@ def _keep_only(
     whole: Mapping[str, Series],
     entries: Sequence[Entry],
     selections: Sequence[Selection],
+    timelines: Sequence[Timeline],
 ) -> None:
     """Say to each file which of its rows will do for a part of the log."""
     origin = _origin(whole)
@@ -165,19 +166,19 @@ def _keep_only(
     begins, ends = _reach(shifted)
     start, stop = max(part.start, begins), min(part.stop, ends)
     kept: dict[int, tuple[NumberFile, int, int]] = {}
-    for entry, selection in zip(entries, selections, strict=True):
-        series = shifted[entry.name]
-        first = int(np.searchsorted(series.time, start - FOLLOWED)) - 1
-        last = int(np.searchsorted(series.time, stop, side="right"))
-        rows = series.value[max(first, 0) : last + 1, 0]
-        if entry.is_of_whole or not len(rows):
-            rows = series.value[[0, -1], 0]
-        low, high = int(rows.min()) - NEIGHBOURS, int(rows.max()) + NEIGHBOURS + 1
-        _, lowest, highest = kept.get(id(selection.file), (None, low, high))
-        kept[id(selection.file)] = selection.file, min(low, lowest), max(high, highest)
-        selection.file.expect(selection.columns)
+    for entry, selection, timeline in zip(entries, selections, timelines, strict=True):
+        time, shown = whole[entry.name].time, shifted[entry.name].time
+        first = max(int(np.searchsorted(shown, start - FOLLOWED)) - 1, 0)
+        last = int(np.searchsorted(shown, stop, side="right"))
+        if entry.is_of_whole:
+            first, last = 0, len(time)
+        last = min(max(last, first), len(time) - 1)
+        low, high = timeline.rows_between(float(time[first]), float(time[last]))
+        file, lowest, highest = kept.get(id(selection.file), (selection.file, low, high))
+        kept[id(file)] = file, min(low, lowest), max(high, highest)
+        file.expect(selection.columns)
     for file, low, high in kept.values():
-        file.only(max(low, 0), high)
+        file.only(max(low - NEIGHBOURS, 0), high + 1 + NEIGHBOURS)
 
 
 def _origin(streams: Mapping[str, Series]) -> float:
