@@ -50,9 +50,9 @@ def test_what_is_predicted_and_left_stands_beside_what_was_measured_before_the_f
     assert shown.active_tab == 0
     assert [view.name for view in compared.contents] == [
         "gyro, measured and predicted [rad/s]",
-        "gyro, what is left [rad/s]",
+        "gyro, residual [rad/s]",
         "attitude, measured and predicted [1]",
-        "attitude, what is left [rad]",
+        "attitude, residual [rad]",
     ]
     assert [view.name for view in flight.contents] == views("sads")
 

@@ -1,8 +1,9 @@
 """What a person sees on opening a recording: the machine in 3D beside its plots.
 
 The machine in 3D: the MJCF's own visible geoms on entities that follow its body tree.
-The bus turns with the attitude (or the hinge angle), the stages slide, gimbals turn, and what
-floats away goes where the CR goes; wheels are drawn at rest.
+The bus turns with the attitude (or the hinge angle), the stages slide, gimbals and wheels turn, and
+what floats away goes where the CR goes. A translucent ghost of the base is at the predicted motion,
+or else at the target. `twin.stream.vectors` adds arrows and the centre of mass.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,6 +23,17 @@ from twin.recording.rrd import PALETTE, entity, timeline
 from twin.recording.rrd_reader import TIMELINE
 from twin.signals import PREDICTED, RESIDUAL
 from twin.stream.rows import Header
+from twin.stream.vectors import (
+    ANGLES,
+    ATTITUDES,
+    GIMBAL_ANGLES,
+    JOINT_RATES,
+    RATES,
+    STAGE_POSITIONS,
+    WHEEL_SPEEDS,
+    Latest,
+    Vectors,
+)
 
 Array = NDArray[np.float64]
 
@@ -41,6 +53,10 @@ JOINT_RATE = "plots/joint_rate"
 JOINT_TORQUE = "plots/joint_torque"
 
 _LIMIT = (150, 150, 150)
+_NEAR = 0.5
+"""Share of a limit from which on its line is drawn: farther away it would flatten the curves."""
+_RPM = 30.0 / np.pi
+"""[rpm] per rad/s."""
 
 
 class Plots:
@@ -48,9 +64,9 @@ class Plots:
 
     def __init__(self, platform: Platform) -> None:
         self._platform = platform
-        self._held: dict[str, tuple[Array, Array]] = {}
-        self._wheel_limits = np.array([wheel.speed_limit for wheel in platform.wheels])
-        self._travel = np.array([stage.travel for stage in platform.stages]).reshape(-1, 2)
+        self._latest = Latest()
+        self._wheel_limits = _RPM * np.array([wheel.speed_limit for wheel in platform.wheels])
+        self._travel = 1e3 * np.array([stage.travel for stage in platform.stages]).reshape(-1, 2)
         self._moment = np.array([stage.mass * stage.axis for stage in platform.stages])
 
     def styles(self) -> Iterator[tuple[str, rr.SeriesLines]]:
@@ -61,21 +77,29 @@ class Plots:
             for path in (JOINT_ANGLE, JOINT_RATE, JOINT_TORQUE):
                 yield path, _lines([name])
             return
-        limits = [] if np.isinf(platform.tilt_limit) else ["stop"]
-        yield TILT, _lines(["tilt"], limits)
+        yield TILT, _lines(["tilt"])
         yield ATTITUDE, _lines(["yaw", "pitch", "roll"])
         yield ATTITUDE_ERROR, _lines(["about x", "about y", "about z"])
         yield RATE, _lines(["x", "y", "z"])
         yield GRAVITY_TORQUE, _lines(["|m r x g|"])
         wheels = [wheel.name for wheel in platform.wheels]
-        yield WHEEL_SPEED, _lines(wheels, ["limit", "limit"])
-        yield STAGE_POSITION, _lines([stage.name for stage in platform.stages], ["end", "end"])
+        yield WHEEL_SPEED, _lines(wheels)
+        yield STAGE_POSITION, _lines([stage.name for stage in platform.stages])
+        for path, ends in (
+            (TILT, ["stop"]),
+            (WHEEL_SPEED, ["limit"] * 2),
+            (STAGE_POSITION, ["end"] * 2),
+        ):
+            yield (
+                f"{path}/limit",
+                rr.SeriesLines(names=ends, colors=[_LIMIT] * len(ends), widths=[1.0] * len(ends)),
+            )
 
     def derived(self, rows: Rows) -> dict[str, tuple[Array, Array]]:
         """Times and values by entity path."""
         present = {name: row for name, row in rows.items() if len(row[0])}
         plots = dict(self._of_hinge(present) if self._is_hinge else self._of_ball(present))
-        self._held |= {name: (time[-1:], value[-1:]) for name, (time, value) in present.items()}
+        self._latest.hold(present)
         return plots
 
     @property
@@ -84,35 +108,42 @@ class Plots:
 
     def _of_hinge(self, rows: Rows) -> Iterator[tuple[str, tuple[Array, Array]]]:
         for path, streams, factor in (
-            (JOINT_ANGLE, ("joint_angle", "truth_joint_angle"), np.degrees(1.0)),
-            (JOINT_RATE, ("joint_rate", "truth_joint_rate"), np.degrees(1.0)),
+            (JOINT_ANGLE, ANGLES, np.degrees(1.0)),
+            (JOINT_RATE, JOINT_RATES, np.degrees(1.0)),
             (JOINT_TORQUE, ("command_joint_torque",), 1.0),
         ):
             if (result := _first_of(rows, *streams)) is not None:
                 yield path, (result[0], factor * result[1])
 
     def _of_ball(self, rows: Rows) -> Iterator[tuple[str, tuple[Array, Array]]]:
-        attitude = _first_of(rows, "estimate_attitude", "attitude", "truth_attitude")
+        attitude = _first_of(rows, *ATTITUDES)
         if attitude is not None:
             time, quat = attitude
             tilt = np.degrees(rotation.tilt(quat))[:, None]
-            yield TILT, (time, _with_lines(tilt, self._tilt_lines()))
+            yield TILT, (time, tilt)
+            if np.isfinite(self._platform.tilt_limit):
+                stop = float(np.degrees(self._platform.tilt_limit))
+                yield from _limits(TILT, time, tilt, [stop])
             yield ATTITUDE, (time, np.degrees(rotation.to_euler_zyx(quat)))
-            reference = self._at(time, "reference_attitude", rows)
+            reference = self._latest.at(time, rows, "reference_attitude")
             if reference is not None:
                 error = rotation.multiply(rotation.conjugate(reference), quat)
                 yield ATTITUDE_ERROR, (time, np.degrees(rotation.to_rotation_vector(error)))
-        rate = _first_of(rows, "estimate_rate", "gyro", "truth_rate")
+        rate = _first_of(rows, *RATES)
         if rate is not None:
             yield RATE, (rate[0], np.degrees(rate[1]))
-        wheels = _first_of(rows, "wheel_speed", "truth_wheel_speed")
+        wheels = _first_of(rows, *WHEEL_SPEEDS)
         if wheels is not None and self._wheel_limits.size:
+            time, speed = wheels[0], _RPM * wheels[1]
             limit = float(self._wheel_limits.min())
-            yield WHEEL_SPEED, (wheels[0], _with_lines(wheels[1], [limit, -limit]))
+            yield WHEEL_SPEED, (time, speed)
+            yield from _limits(WHEEL_SPEED, time, speed, [limit, -limit])
         stages = _first_of(rows, "stage_position", "truth_stage_position")
         if stages is not None and self._travel.size:
-            ends = [1e3 * self._travel[:, 1].max(), 1e3 * self._travel[:, 0].min()]
-            yield STAGE_POSITION, (stages[0], _with_lines(1e3 * stages[1], ends))
+            time, place = stages[0], 1e3 * stages[1]
+            yield STAGE_POSITION, (time, place)
+            ends = [self._travel[:, 1].max(), self._travel[:, 0].min()]
+            yield from _limits(STAGE_POSITION, time, place, ends)
         yield from self._gravity_torque(rows)
 
     def _gravity_torque(self, rows: Rows) -> Iterator[tuple[str, tuple[Array, Array]]]:
@@ -121,59 +152,47 @@ class Plots:
         if attitude is None:
             return
         time, quat = attitude
-        moment = self._at(time, "truth_center_of_mass_offset", rows)
+        moment = self._latest.at(time, rows, "truth_center_of_mass_offset")
         if moment is None:
             moment = np.tile(self._platform.center_of_mass_offset, (len(time), 1))
-            stages = self._at(time, "stage_position", rows)
+            stages = self._latest.at(time, rows, "stage_position")
             if stages is not None and self._moment.size:
                 moment = moment + stages @ self._moment
         up = rotation.vertical_body(quat)
         torque = self._platform.gravity * np.linalg.norm(rotation.cross(moment, up), axis=1)
         yield GRAVITY_TORQUE, (time, 1e3 * torque[:, None])
 
-    def _at(self, times: Array, stream: str, rows: Rows) -> Array | None:
-        """The stream's last value at each time; its first before it began; None if never seen."""
-        held, fresh = self._held.get(stream), rows.get(stream)
-        pieces = [piece for piece in (held, fresh) if piece is not None]
-        if not pieces:
-            return None
-        time, value = (np.concatenate(part) for part in zip(*pieces, strict=True))
-        index = np.searchsorted(time, times, side="right") - 1
-        return value[np.maximum(index, 0)]
-
-    def _tilt_lines(self) -> list[float]:
-        limit = self._platform.tilt_limit
-        return [] if np.isinf(limit) else [float(np.degrees(limit))]
-
 
 def _first_of(rows: Rows, *streams: str) -> tuple[Array, Array] | None:
     return next((rows[stream] for stream in streams if stream in rows), None)
 
 
-def _with_lines(value: Array, levels: list[float]) -> Array:
-    """Value with a column for each constant line."""
-    return np.column_stack([value, *(np.full(len(value), level) for level in levels)])
+def _limits(
+    path: str, time: Array, value: Array, levels: Sequence[float]
+) -> Iterator[tuple[str, tuple[Array, Array]]]:
+    """Lines at `levels` over the times at which a value (m, k) is near one of them."""
+    near = np.abs(value).max(axis=1) >= _NEAR * min(map(abs, levels))
+    if near.any():
+        yield f"{path}/limit", (time[near], np.tile(levels, (int(near.sum()), 1)))
 
 
-def _lines(names: list[str], limits: list[str] | None = None) -> rr.SeriesLines:
+def _lines(names: list[str]) -> rr.SeriesLines:
     colors = [PALETTE[i % len(PALETTE)] for i in range(len(names))]
-    extra = limits or []
-    return rr.SeriesLines(
-        names=[*names, *extra],
-        colors=[*colors, *([_LIMIT] * len(extra))],
-        widths=[1.5] * len(names) + [1.0] * len(extra),
-    )
+    return rr.SeriesLines(names=names, colors=colors, widths=[1.5] * len(names))
 
 
 WORLD = "world"
 
-_ATTITUDES = ("estimate_attitude", "attitude", "truth_attitude")
-_ANGLES = ("joint_angle", "truth_joint_angle")
-_POSITIONS = ("stage_position", "truth_stage_position", "command_stage_position")
-_GIMBALS = ("gimbal_angle", "truth_gimbal_angle")
 _HEADINGS = ("truth_heading",)
 _PLACES = ("position", "truth_position")
 """Streams that move the machine; the first that is there does."""
+_GHOSTS = ("predicted_attitude", "predicted_joint_angle", "reference_attitude")
+"""Streams that a ghost of the base follows; the first that is there."""
+_GHOST = (120, 200, 255, 70)
+"""Its colour; most of what is behind shows through."""
+_SLOW = np.pi
+"""A wheel at its limit is drawn turning at this speed [rad/s], others in proportion: at their true
+speeds they would be a blur, or seem to turn backwards."""
 
 _HIDDEN_GROUP = 3
 """MuJoCo's viewer shows geoms of the groups below this one."""
@@ -195,17 +214,27 @@ class Scene:
         base = platform.base
         self._base = base
         self._parts = (
-            ((base.joint,), _ANGLES if base.kind == "hinge" else _ATTITUDES),
-            (tuple(stage.name for stage in platform.stages), _POSITIONS),
-            (tuple(gimbal.name for gimbal in platform.gimbals), _GIMBALS),
+            ((base.joint,), ANGLES if base.kind == "hinge" else ATTITUDES),
+            (tuple(stage.name for stage in platform.stages), STAGE_POSITIONS),
+            (tuple(gimbal.name for gimbal in platform.gimbals), GIMBAL_ANGLES),
             (base.planar[2:], _HEADINGS),
         )
         """Joints, and the streams that move them, the best first."""
-        self._joints = [joint for joints, _ in self._parts for joint in joints]
+        self._wheels = [wheel.name for wheel in platform.wheels]
+        self._slow = np.array([_SLOW / wheel.speed_limit for wheel in platform.wheels])
+        self._turned_by: tuple[float, Array, Array] | None = None
+        """Time, drawn angle and drawn speed of the wheels at their last row."""
+        self._joints = [*(joint for joints, _ in self._parts for joint in joints), *self._wheels]
         self._carried = base.joint if base.kind == "free" else (*base.planar, "")[0]
         """The joint whose body goes where the CR goes; empty where the CR stands."""
         self._chosen: dict[tuple[str, ...], str] = {}
         self._placed = False
+        self._body = int(self._model.jnt_bodyid[self._model.joint(base.joint).id])
+        above = self._paths[int(self._model.body_parentid[self._body])]
+        self._ghost = f"{above}/ghost"
+        self._ghost_stream = ""
+        self._fresh: list[tuple[str, rr.AsComponents]] = []
+        self._vectors = Vectors(platform, self._model, self._paths[self._body])
 
     def shapes(self) -> Iterator[tuple[str, rr.AsComponents]]:
         """What does not change: entity path and archetype."""
@@ -223,16 +252,52 @@ class Scene:
                     ),
                 )
         for body in range(model.nbody):
-            ids = np.arange(model.ngeom)[model.geom_bodyid == body]
-            shown = [int(i) for i in ids if model.geom_group[i] < _HIDDEN_GROUP]
-            for kind in sorted({int(model.geom_type[i]) for i in shown}):
-                same = [i for i in shown if model.geom_type[i] == kind]
-                yield from _shapes(model, self._paths[body], mujoco.mjtGeom(kind), same)
+            yield from self._geoms(body, self._paths[body])
+
+    def appeared(self) -> list[tuple[str, rr.AsComponents]]:
+        """What does not change of things that `motion` has begun to draw since the last call."""
+        fresh, self._fresh = self._fresh, []
+        return fresh
+
+    def _ghost_shapes(self) -> Iterator[tuple[str, rr.AsComponents]]:
+        model, first = self._model, self._paths[self._body]
+        for body in range(1, model.nbody):
+            if not f"{self._paths[body]}/".startswith(f"{first}/"):
+                continue
+            path = self._ghost + self._paths[body].removeprefix(first)
+            if body != self._body:
+                place = model.body_pos[body], _xyzw(model.body_quat[body])
+                yield (
+                    path,
+                    rr.Transform3D(translation=place[0], quaternion=rr.Quaternion(xyzw=place[1])),
+                )
+            yield from self._geoms(body, path, _GHOST)
+
+    def _geoms(
+        self, body: int, path: str, color: tuple[int, ...] | None = None
+    ) -> Iterator[tuple[str, rr.AsComponents]]:
+        """What MuJoCo's viewer shows of a body, in its own colours or in one."""
+        model = self._model
+        ids = np.arange(model.ngeom)[model.geom_bodyid == body]
+        shown = [int(i) for i in ids if model.geom_group[i] < _HIDDEN_GROUP]
+        for kind in sorted({int(model.geom_type[i]) for i in shown}):
+            same = [i for i in shown if model.geom_type[i] == kind]
+            colors = _colors(model, same) if color is None else np.tile(color, (len(same), 1))
+            yield from _shapes(model, path, mujoco.mjtGeom(kind), same, colors)
 
     def motion(self, rows: Mapping[str, tuple[Array, Array]]) -> list[Chunk]:
         """Where the moving bodies are, at the times of the rows."""
         chunks: list[Chunk] = []
         starts = [time[0] for time, _ in rows.values() if len(time)]
+        known = (name for name in _GHOSTS if name in rows and len(rows[name][0]))
+        ghost = next(known, "")
+        hinge = self._base.kind == "hinge"
+        begins = not self._ghost_stream and ghost and hinge == ghost.endswith("joint_angle")
+        if begins:
+            self._ghost_stream = ghost
+            self._fresh += self._ghost_shapes()
+            first = np.array([min(starts)])
+            chunks.append(self._ghost_moved(first, rows[ghost][1][:1]))
         if not self._placed and starts:
             # A body whose stream is never recorded stays where the MJCF has it.
             self._placed = True
@@ -241,20 +306,47 @@ class Scene:
                 rest = self._model.qpos0[self._model.joint(name).qposadr[0]]
                 chunks.append(self._moved(name, start, np.array([rest])))
             if self._carried:
-                chunks.append(self._carried_to(start, self._anchor()[None]))
+                chunks += self._carried_to(start, self._anchor()[None])
         for joints, streams in self._parts:
             stream = self._stream(streams, rows)
             if stream is None:
                 continue
             time, value = rows[stream]
-            if stream in _ATTITUDES:
+            if stream in ATTITUDES:
                 chunks.append(self._turned(joints[0], time, value))
             else:
                 chunks += [self._moved(n, time, value[:, i]) for i, n in enumerate(joints)]
         place = self._stream(_PLACES, rows) if self._carried else None
         if place is not None:
-            chunks.append(self._carried_to(*rows[place]))
+            chunks += self._carried_to(*rows[place])
+        wheels = self._stream(WHEEL_SPEEDS, rows) if self._wheels else None
+        if wheels is not None and rows[wheels][1].shape[1] == len(self._wheels):
+            time, angle = self._spun(*rows[wheels])
+            chunks += [self._moved(n, time, angle[:, i]) for i, n in enumerate(self._wheels)]
+        if self._ghost_stream in rows and len(rows[self._ghost_stream][0]):
+            chunks.append(self._ghost_moved(*rows[self._ghost_stream]))
+        chunks += self._vectors.chunks(rows)
+        self._fresh += self._vectors.appeared()
         return chunks
+
+    def _spun(self, time: Array, speed: Array) -> tuple[Array, Array]:
+        """Times and angles (m, wheels) that wheels are drawn at: the integral of slowed speeds."""
+        slow = speed * self._slow
+        before = self._turned_by or (float(time[0]), np.zeros(slow.shape[1]), slow[0])
+        steps = np.diff(time, prepend=before[0])[:, None]
+        means = 0.5 * (slow + np.vstack([before[2], slow[:-1]]))
+        angle = before[1] + np.cumsum(steps * means, axis=0)
+        self._turned_by = float(time[-1]), angle[-1], slow[-1]
+        return time, angle
+
+    def _ghost_moved(self, time: Array, value: Array) -> Chunk:
+        """The ghost as the base would turn; the base's place is its place."""
+        turn = value
+        if self._base.kind == "hinge":
+            number = self._model.joint(self._base.joint).id
+            away = value[:, :1] - self._model.qpos0[self._model.jnt_qposadr[number]]
+            turn = rotation.from_rotation_vector(away * self._model.jnt_axis[number])
+        return self._turned(self._base.joint, time, turn, self._ghost)
 
     def _stream(
         self, streams: tuple[str, ...], rows: Mapping[str, tuple[Array, Array]]
@@ -272,16 +364,20 @@ class Scene:
         mujoco.mj_kinematics(self._model, data)
         return data.xanchor[self._model.joint(self._base.joint).id].copy()
 
-    def _carried_to(self, time: Array, place: Array) -> Chunk:
+    def _carried_to(self, time: Array, place: Array) -> list[Chunk]:
         """The body that carries the CR, which is at `place` (m, 3) in the room [m]."""
         body = int(self._model.jnt_bodyid[self._model.joint(self._carried).id])
         translation = self._model.body_pos[body] + place - self._anchor()
-        if self._base.kind == "free":  # its attitude is told apart
+        paths = [self._paths[body]]
+        if self._base.kind == "free":  # its attitude has a stream and chunks of its own
             columns = rr.Transform3D.columns(translation=translation)
+            paths += [self._ghost] if self._ghost_stream else []
         else:
             turn = np.tile(self._model.body_quat[body], (len(time), 1))
             columns = rr.Transform3D.columns(translation=translation, quaternion=_xyzw(turn))
-        return Chunk.from_columns(self._paths[body], indexes=[timeline(time)], columns=columns)
+        return [
+            Chunk.from_columns(path, indexes=[timeline(time)], columns=columns) for path in paths
+        ]
 
     def _moved(self, joint: str, time: Array, coordinate: Array) -> Chunk:
         """Along a slide or about a hinge; a ball joint at rest."""
@@ -300,18 +396,22 @@ class Scene:
             return self._turned(joint, time, np.tile(rotation.IDENTITY, (len(time), 1)))
         return self._turned(joint, time, rotation.from_rotation_vector(away[:, None] * axis))
 
-    def _turned(self, joint: str, time: Array, turn: Array) -> Chunk:
+    def _turned(self, joint: str, time: Array, turn: Array, path: str = "") -> Chunk:
         """About the joint's anchor, which stays where it is."""
         model = self._model
         number = model.joint(joint).id
         body, anchor = model.jnt_bodyid[number], model.jnt_pos[number]
         quat = rotation.multiply(model.body_quat[body], turn)
         fixed = model.body_pos[body] + rotation.rotate(model.body_quat[body], anchor)
-        return self._chunk(number, time, fixed - rotation.rotate(quat, anchor), quat)
+        return self._chunk(number, time, fixed - rotation.rotate(quat, anchor), quat, path)
 
-    def _chunk(self, joint: int, time: Array, position: Array, quat: Array) -> Chunk:
-        path = self._paths[int(self._model.jnt_bodyid[joint])]
-        if self._model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:  # its place is told apart
+    def _chunk(
+        self, joint: int, time: Array, position: Array, quat: Array, path: str = ""
+    ) -> Chunk:
+        path = path or self._paths[int(self._model.jnt_bodyid[joint])]
+        if (
+            self._model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
+        ):  # its place has a stream of its own
             columns = rr.Transform3D.columns(quaternion=_xyzw(quat))
         else:
             columns = rr.Transform3D.columns(translation=position, quaternion=_xyzw(quat))
@@ -328,11 +428,14 @@ def _body_paths(model: mujoco.MjModel) -> list[str]:
 
 
 def _shapes(
-    model: mujoco.MjModel, path: str, kind: mujoco.mjtGeom, ids: Sequence[int]
+    model: mujoco.MjModel,
+    path: str,
+    kind: mujoco.mjtGeom,
+    ids: Sequence[int],
+    color: NDArray[np.integer[Any]],
 ) -> Iterator[tuple[str, rr.AsComponents]]:
     """The geoms of one kind on one body, as one archetype; meshes one by one."""
     center, quat, size = model.geom_pos[ids], model.geom_quat[ids], model.geom_size[ids]
-    color = _colors(model, ids)
     solid = rr.components.FillMode.Solid
     match kind:
         case mujoco.mjtGeom.mjGEOM_BOX:
@@ -399,13 +502,13 @@ def _shapes(
                 ),
             )
         case mujoco.mjtGeom.mjGEOM_MESH:
-            for i in ids:
-                yield f"{path}/mesh{i}", _mesh(model, i)
+            for i, own in zip(ids, color, strict=True):
+                yield f"{path}/mesh{i}", _mesh(model, i, own)
         case _:
             pass  # height fields and signed distance fields have no counterpart
 
 
-def _mesh(model: mujoco.MjModel, geom: int) -> rr.Mesh3D:
+def _mesh(model: mujoco.MjModel, geom: int, color: NDArray[np.integer[Any]]) -> rr.Mesh3D:
     mesh = model.mesh(int(model.geom_dataid[geom])).id
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     vertices = model.mesh_vert[first : first + count].astype(np.float64)
@@ -413,7 +516,7 @@ def _mesh(model: mujoco.MjModel, geom: int) -> rr.Mesh3D:
     return rr.Mesh3D(
         vertex_positions=model.geom_pos[geom] + rotation.rotate(model.geom_quat[geom], vertices),
         triangle_indices=model.mesh_face[face : face + faces],
-        albedo_factor=_colors(model, [geom])[0],
+        albedo_factor=color,
     )
 
 
@@ -457,8 +560,8 @@ def blueprint(
     Args:
         platform: what is seen.
         remarks: whether there is a place for what is said, below the machine.
-        streams: of the recording, where they are known; what is there as measured, predicted and
-            left is shown so, in front of the flight's plots.
+        streams: of the recording, where they are known; those that were measured and predicted are
+            shown with their residuals in front of the flight's plots.
     """
     views: list[tuple[str, str]]
     if platform.base.kind == "hinge":
@@ -476,7 +579,7 @@ def blueprint(
         ]
         if platform.wheels:
             views += [
-                ("wheel speed [rad/s]", WHEEL_SPEED),
+                ("wheel speed [rpm]", WHEEL_SPEED),
                 ("wheel torque [N m]", entity("command_wheel_torque")),
             ]
         if platform.stages:
@@ -489,7 +592,7 @@ def blueprint(
     predicted = [name for name in known if f"{PREDICTED}{name}" in known]
     if predicted:
         pairs = [view for stream in predicted for view in _pair(stream, known)]
-        compared = rrb.Grid(*pairs, grid_columns=2, name="measured, predicted, left")
+        compared = rrb.Grid(*pairs, grid_columns=2, name="measured, predicted, residual")
         shown = rrb.Tabs(compared, flight, active_tab=0)
     scene: rrb.Spatial3DView | rrb.Vertical = _machine(platform)
     if remarks:
@@ -536,8 +639,8 @@ def _pair(
         contents=[f"/{entity(stream)}", f"/{there}"],
         overrides={there: style},
     )
-    left = f"{stream}, what is left [{streams[residual].unit}]"
-    return both, _graph(left, entity(residual))
+    title = f"{stream}, residual [{streams[residual].unit}]"
+    return both, _graph(title, entity(residual))
 
 
 def _machine(platform: Platform) -> rrb.Spatial3DView:

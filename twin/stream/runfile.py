@@ -78,7 +78,10 @@ class RunFile:
             for path, (time, value) in self._plots.derived(rows).items():
                 self._file.send(scalars(path, time, value))
         if self._scene is not None:
-            self._file.send(self._scene.motion(rows))
+            moved = self._scene.motion(rows)
+            for path, archetype in self._scene.appeared():
+                self._file.rerun.log(path, archetype, static=True, strict=True)
+            self._file.send(moved)
 
     def write_blocks(self, blocks: Mapping[str, Block]) -> None:
         """Append rows as they came through the pipe."""
