@@ -6,6 +6,7 @@ objects of its classes are sent, import the same file.
 """
 
 import importlib
+import logging
 import os
 import shutil
 import sys
@@ -110,6 +111,10 @@ def check_writable(
         raise UsageError(
             f"{path} cannot be written: you may not write into {above}; name another place"
         )
+    if not path.parent.exists():
+        # it may be a slip of the keyboard
+        said = "the folder %s does not exist: it is made for %s"
+        logging.getLogger(__name__).warning(said, path.parent, path.name)
 
 
 __path__: list[str] = []

@@ -21,7 +21,10 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from types import FrameType
-from typing import IO, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
+
+if TYPE_CHECKING:
+    from socket import socket
 
 GRACE = 4.0
 """Longest time between a request and the end of the process [s]."""
@@ -59,8 +62,8 @@ class _State:
 
     listens = False
     request: int | None = None
-    pipe: int | None = None
-    """Write end: takes each request's number, for the thread that enforces the end."""
+    pipe: "socket | None" = None
+    """Takes each request's number, for the thread that enforces the end."""
     shields = 0
     kept: Callable[[], str] | None = None
     last: list[Callable[[], None]]
@@ -97,7 +100,7 @@ def request(number: int = signal.SIGINT) -> None:
         _state.request = number
     if _state.pipe is not None:
         with contextlib.suppress(OSError):
-            os.write(_state.pipe, bytes([number]))
+            _state.pipe.send(bytes([number]))
 
 
 def sleep(seconds: float) -> None:
@@ -193,7 +196,10 @@ def listen() -> None:
 
     For the main thread of a program of ours; it also bounds the interpreter's own end.
     """
-    reader, _state.pipe = os.pipe()
+    from socket import socketpair
+
+    # unlike a pipe's, its ends can be polled on Windows too
+    reader, _state.pipe = socketpair()
     threading.Thread(target=_enforce, args=(reader,), name="stop", daemon=True).start()
     _install()
 
@@ -205,7 +211,7 @@ def over(status: int) -> None:
         signal.signal(number, signal.SIG_IGN)
     if _state.pipe is not None:
         with contextlib.suppress(OSError):
-            os.write(_state.pipe, bytes([_OVER, status]))
+            _state.pipe.send(bytes([_OVER, status]))
 
 
 @contextmanager
@@ -244,18 +250,18 @@ def _note(number: int, frame: FrameType | None) -> None:
     request(number)
 
 
-def _enforce(reader: int) -> None:
+def _enforce(reader: "socket") -> None:
     """Wait for a request, then for a second one or the end of the grace."""
-    with open(reader, "rb", buffering=0) as requests:
-        first = requests.read(1)[0]
-        if first != _OVER and (not _second_request(requests) or requests.read(1)[0] != _OVER):
+    with reader as requests:
+        first = requests.recv(1)[0]
+        if first != _OVER and (not _second_request(requests) or requests.recv(1)[0] != _OVER):
             _end_at_once(first)
-        status = requests.read(1)[0]
+        status = requests.recv(1)[0]
     time.sleep(GRACE)
     os._exit(status)
 
 
-def _second_request(requests: IO[bytes]) -> bool:
+def _second_request(requests: "socket") -> bool:
     """Whether something comes before the grace is over, which begins anew after a shield."""
     started = time.monotonic()
     end = started + GRACE

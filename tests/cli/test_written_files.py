@@ -108,3 +108,14 @@ def test_the_flight_record_of_a_machine_in_a_folder_is_written_where_one_stands(
     assert main(words) == 1
     assert "before it was stopped: table.flight-0.rrd" in capsys.readouterr().out
     assert Path("table.flight-0.rrd").is_file()
+
+
+def test_a_folder_that_is_made_for_a_recording_is_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    path = tmp_path / "rnus" / "a.rrd"
+    words = ["run", "dfki_pendulum", "--duration", "0.2", "--rrd", str(path)]
+    assert main(words) == 0
+    assert caplog.messages == [f"the folder {path.parent} does not exist: it is made for a.rrd"]
+    assert main(words) == 0
+    assert len(caplog.messages) == 1

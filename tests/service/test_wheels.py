@@ -38,3 +38,10 @@ def test_a_floating_table_has_no_wheel_braked(dumbbell):
 def test_a_machine_without_wheels_says_so(table):
     with table(Held.captured) as bench, pytest.raises(UsageError, match="has no wheels"):
         spin_down(bench)
+
+
+def test_the_status_has_wheel_speeds_in_rpm():
+    from twin.service.status import StreamStatus
+
+    said = StreamStatus("wheel_speed", ("w1",), (100.0,), 0.1).words()
+    assert said == "wheel_speed: w1 954.9 rpm, 0.10 s old"

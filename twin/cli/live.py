@@ -54,7 +54,7 @@ class LiveView:
     def __enter__(self) -> Self:
         if self._shown:
             threading.Thread(target=self._write, name="live view", daemon=True).start()
-            if sys.stdin.isatty():
+            if sys.stdin.isatty() and sys.platform != "win32":
                 self._listen()
         return self
 
@@ -97,7 +97,8 @@ class LiveView:
         late = 1e3 * np.array(self._late)
         lines.append(f"ticks {np.median(late):.1f} ms late (median), {late.max():.1f} ms at most")
         lines += [f"{name}: {c.words()}" for name, c in bench.hardware.counters.items()]
-        return [*lines, "space or Ctrl-C stops safely; it is no emergency stop"]
+        keys = "Ctrl-C" if sys.platform == "win32" else "space or Ctrl-C"
+        return [*lines, f"{keys} stops safely; it is no emergency stop"]
 
     def _write(self) -> None:
         while not self._ending.wait(_PERIOD):
@@ -109,6 +110,8 @@ class LiveView:
 
     def _listen(self) -> None:
         """Take keys as they are pressed; the terminal is put back in the end."""
+        if sys.platform == "win32":
+            return
         import select
         import termios
         import tty

@@ -9,9 +9,8 @@ device's gets garbage. A symbolic link names the port, and is pointed to the new
 import multiprocessing
 import os
 import select
-import termios
+import sys
 import time
-import tty
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -21,9 +20,13 @@ from types import TracebackType
 from typing import Self
 
 from twin.emulate.emulated import BURST, LINE_FAULTS, EmulatedDevice, Fault, Wire
-from twin.errors import DeviceError, TwinError
+from twin.errors import DeviceError, TwinError, UsageError
 from twin.processes import beginning
 from twin.stop import LOOK, ignore, until
+
+if sys.platform != "win32":
+    import termios
+    import tty
 
 
 class PacedQueue:
@@ -60,19 +63,17 @@ BEAT = 0.001
 _PATIENCE = 1.0
 """Longest wait in lockstep for bytes that were written [s]: an unplugged line loses them."""
 
-_RATES = {
-    getattr(termios, name): int(name[1:])
-    for name in dir(termios)
-    if name[0] == "B" and name[1:].isdigit()
-}
-"""Code of the terminal driver -> baud."""
-
 
 class _Terminal:
     """Both ends of a pseudo-terminal; ours keeps the other open, else a host's leaving ends it."""
 
     def __init__(self, link: Path) -> None:
         self.master, self._slave = os.openpty()
+        self._rates = {
+            getattr(termios, name): int(name[1:])
+            for name in dir(termios)
+            if name[0] == "B" and name[1:].isdigit()
+        }
         tty.setraw(self._slave)
         os.set_blocking(self.master, False)
         aside = link.with_name(f"{link.name}.{os.getpid()}")
@@ -81,8 +82,8 @@ class _Terminal:
         self._link = link
 
     def baud(self) -> int:
-        """What the host has set."""
-        return _RATES.get(termios.tcgetattr(self._slave)[5], 0)
+        """What the host has set; 0 of a rate that the terminal driver has no name for."""
+        return self._rates.get(termios.tcgetattr(self._slave)[5], 0)
 
     def read(self) -> bytes:
         try:
@@ -227,7 +228,15 @@ class EmulatedLines:
             seed: of the faults.
             log: takes the raw bytes of all directions.
             lockstep: time passes by `go_on` only (`twin.bench`); for a single device.
+
+        Raises:
+            UsageError: this system has no pseudo-terminals.
         """
+        if sys.platform == "win32":
+            raise UsageError(
+                "Windows has no pseudo-terminals for emulated devices; fly the simulated machine "
+                "(--plant sim), or emulate on Linux or macOS"
+            )
         self.links = dict(links)
         # A fork would copy the threads' locks of whoever starts this.
         context = multiprocessing.get_context("forkserver")

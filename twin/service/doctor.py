@@ -4,10 +4,9 @@ Nothing is opened and nothing is changed. What is bad would keep a session from 
 poor would make it late.
 """
 
-import grp
 import os
-import resource
 import stat
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -16,6 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from twin.clock import WallClock
+
+if sys.platform != "win32":
+    import grp
+    import resource
 
 ADAPTERS = Path("/sys/bus/usb-serial/devices")
 PROCESSOR = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
@@ -69,6 +72,10 @@ def port_found(name: str, port: str) -> DoctorFinding:
             what, Verdict.good, f"{port} is no path; whether it answers, status tells"
         )
     path = Path(port)
+    if sys.platform == "win32":
+        return DoctorFinding(
+            what, Verdict.good, f"{port} is not looked for on Windows; status shows if it answers"
+        )
     if not path.exists():
         there = ", ".join(map(str, _serial_ports())) or "none"
         return DoctorFinding(
@@ -103,7 +110,19 @@ def adapters_found(folder: Path) -> list[DoctorFinding]:
 
 
 def permissions_found() -> list[DoctorFinding]:
-    """Whether a process may run ahead of others, and keep its memory from being swapped."""
+    """Whether a process may run ahead of others, and keep its memory from being swapped.
+
+    Asked on Linux alone: other systems schedule and lock memory by other rules.
+    """
+    if sys.platform != "linux":
+        return [
+            DoctorFinding(
+                "priority",
+                Verdict.poor,
+                f"SCHED_FIFO is Linux's, and this is {sys.platform}: keep other programs closed "
+                "while a machine flies",
+            )
+        ]
     root = os.geteuid() == 0
     ahead = root or resource.getrlimit(resource.RLIMIT_RTPRIO)[0] != 0
     locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
@@ -176,6 +195,8 @@ def _serial_ports() -> list[Path]:
 
 def _group(path: Path) -> str:
     number = path.stat().st_gid
+    if sys.platform == "win32":
+        return str(number)
     try:
         return grp.getgrgid(number).gr_name
     except KeyError:

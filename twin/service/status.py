@@ -9,10 +9,12 @@ from twin.bench import Bench
 from twin.plant.guard.guarded import Held
 from twin.rotation import to_euler_zyx
 from twin.signals import stream_named
+from twin.units import SPIN, unit_of
 
 Array = NDArray[np.float64]
 
 _PRINTED = {
+    SPIN: (60.0 / (2.0 * np.pi), "rpm"),
     "rad": (np.degrees(1.0), "deg"),
     "rad/s": (np.degrees(1.0), "deg/s"),
     "m": (1e3, "mm"),
@@ -52,7 +54,7 @@ class StreamStatus:
         """In the units that a laboratory reads."""
         if not self.value:
             return f"{self.name}: nothing valid has come"
-        unit = stream_named(self.name).unit
+        unit = unit_of(self.name, stream_named(self.name).unit)
         values, names, old = np.array(self.value), self.columns, f"{self.age:.2f} s old"
         if self.name == "attitude":
             yaw, pitch, roll = to_euler_zyx(values)

@@ -15,12 +15,14 @@ import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
+from queue import SimpleQueue
 from types import TracebackType
-from typing import Any, Self
+from typing import IO, Any, Self
 
 from twin.errors import RecordingError
 from twin.plant.plant import Plant
@@ -38,6 +40,9 @@ CLOSE_TIMEOUT = 120.0
 
 _PIPE_SIZE = 1 << 20
 """Bytes: some 40 s of a usual run, should the process be held up; the rest waits on our side."""
+
+_THREADED = sys.platform == "win32"
+"""Pipes there can neither be polled nor written without waiting: a thread does the waiting."""
 
 _LENGTH = struct.Struct("<Q")
 
@@ -61,8 +66,12 @@ class RecordingWriter:
             raise
         assert self._process.stdin is not None
         self._pipe = self._process.stdin.fileno()
-        os.set_blocking(self._pipe, False)
         self._backlog: deque[memoryview] = deque()
+        self._feed: _Feed | None = None
+        if _THREADED:
+            self._feed = _Feed(self._pipe)
+        else:
+            os.set_blocking(self._pipe, False)
         self._closed = False
 
     def start(
@@ -82,7 +91,7 @@ class RecordingWriter:
         self._send("start", platform, dict(provenance), remarks)
         ready = self._process.stdout
         assert ready is not None
-        if not select.select([ready], [], [], READY_TIMEOUT)[0]:
+        if not _readable(ready, READY_TIMEOUT):
             raise RecordingError(
                 self._name,
                 f"the process that writes it is not ready after {READY_TIMEOUT:.0f} s",
@@ -134,6 +143,8 @@ class RecordingWriter:
         """Have the file completed until then; raises as `close`."""
         try:
             self._send("close")
+            if self._feed is not None:
+                self._feed.finish(deadline - time.monotonic())
             while self._backlog and time.monotonic() < deadline:
                 select.select([], [self._pipe], [], 1.0)
                 self._pump()
@@ -160,6 +171,12 @@ class RecordingWriter:
 
     def _pump(self) -> None:
         """Write as much as the pipe takes."""
+        if self._feed is not None:
+            if self._feed.broken:
+                raise self._failure()
+            while self._backlog:
+                self._feed.put(self._backlog.popleft())
+            return
         try:
             while self._backlog:
                 piece = self._backlog[0]
@@ -229,6 +246,44 @@ class RecordingWriter:
     def _said(self) -> list[str]:
         self._words.seek(0)
         return self._words.read().decode(errors="replace").strip().splitlines()
+
+
+class _Feed:
+    """A thread that writes to a pipe and waits for it in the loop's place."""
+
+    def __init__(self, pipe: int) -> None:
+        self.broken = False
+        self._pieces = SimpleQueue[memoryview | None]()
+        self._thread = threading.Thread(target=self._write, args=(pipe,), daemon=True)
+        self._thread.start()
+
+    def put(self, piece: memoryview) -> None:
+        """Have it written after those before."""
+        self._pieces.put(piece)
+
+    def finish(self, seconds: float) -> None:
+        """Wait so long at most [s] until all is written."""
+        self._pieces.put(None)
+        self._thread.join(max(seconds, 0.0))
+
+    def _write(self, pipe: int) -> None:
+        while (piece := self._pieces.get()) is not None:
+            try:
+                while piece:
+                    piece = piece[os.write(pipe, piece) :]
+            except OSError:
+                self.broken = True
+                return
+
+
+def _readable(pipe: IO[bytes], seconds: float) -> bool:
+    """Whether a pipe has a byte, or is closed, within so many seconds."""
+    if not _THREADED:
+        return bool(select.select([pipe], [], [], seconds)[0])
+    peeked = threading.Thread(target=lambda: pipe.peek(1), daemon=True)  # pyright: ignore[reportAttributeAccessIssue]
+    peeked.start()
+    peeked.join(seconds)
+    return not peeked.is_alive()
 
 
 CHUNK = 0.9
