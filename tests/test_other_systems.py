@@ -67,6 +67,12 @@ def test_a_recording_is_whole_where_pipes_must_be_waited_for(
         assert np.array_equal(kept[name].value, series.value), name
 
 
+def say_on(writer: FileRecorder) -> None:
+    for _ in range(1000):
+        writer.say(0.0, "x" * 1000)
+        time.sleep(0.01)
+
+
 def test_a_writer_that_has_gone_is_noticed_where_pipes_must_be_waited_for(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
@@ -77,8 +83,6 @@ def test_a_writer_that_has_gone_is_noticed_where_pipes_must_be_waited_for(
     writer._writer._process.kill()
     writer._writer._process.wait()
     with pytest.raises(recorder.RecordingError, match="has ended"):
-        for _ in range(1000):
-            writer.say(0.0, "x" * 1000)
-            time.sleep(0.01)
+        say_on(writer)
     with suppress(recorder.RecordingError):
         writer.close()

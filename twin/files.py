@@ -117,6 +117,19 @@ def check_writable(
         logging.getLogger(__name__).warning(said, path.parent, path.name)
 
 
+def check_folder(path: Path) -> None:
+    """Whether files can be written into a folder, which is made if need be.
+
+    Raises:
+        UsageError: they cannot.
+    """
+    above = next(part for part in (path, *path.absolute().parents) if part.exists())
+    if not above.is_dir():
+        raise UsageError(f"{above} is a file; name a folder for the figures")
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise UsageError(f"you may not write into {above}; name another folder for the figures")
+
+
 __path__: list[str] = []
 """Modules stand below this one; whoever asks for one of them imports this first."""
 _ran: dict[str, bytes] = {}

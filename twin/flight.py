@@ -20,7 +20,7 @@ from twin.estimators import (
     load_estimator,
     usual_estimator,
 )
-from twin.loop import Observer, Outcome, fly
+from twin.loop import FlightProgress, Observer, Outcome, fly
 from twin.plant.initial import InitialState
 from twin.plant.plant import Plant
 from twin.plant.replayed import ReplayedPlant
@@ -158,10 +158,14 @@ class Flight:
                 self.reference,
                 clock,
                 duration=self.duration,
-                observers=observers,
+                observers=[*observers, *self._progress()],
             )
         finally:
             self.controller.close()
+
+    def _progress(self) -> list[Observer]:
+        """A machine on its bench has a view of its own, and keeps to the wall's clock."""
+        return [FlightProgress(self.duration)] if self.bench is None else []
 
     def _wanted(self) -> Command:
         """What the law commands at its beginning; its mistakes are told before anything moves."""

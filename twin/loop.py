@@ -4,7 +4,9 @@ It cannot tell whether the plant is simulated, replayed, emulated or real, nor h
 batch holds.
 """
 
+import logging
 import signal
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -21,6 +23,9 @@ from twin.estimators.estimator import Estimator
 from twin.plant.plant import Plant
 from twin.reference import Reference
 from twin.signals import Command, Estimate, Target, Tick
+from twin.units import span
+
+_LOGGER = logging.getLogger(__name__)
 
 
 class Ended(Enum):
@@ -42,6 +47,39 @@ class Observer(Protocol):
     def collect(self, tick: Tick) -> None:
         """One tick."""
         ...
+
+
+class FlightProgress:
+    """Observer that logs how far a flight is and how long the rest takes, twice a second.
+
+    The log is that of this module, at level INFO.
+    """
+
+    PERIOD = 0.5
+    """Between two lines [s of the wall]."""
+
+    def __init__(self, duration: float, *, at_most: bool = False) -> None:
+        """Nothing is logged yet.
+
+        Args:
+            duration: of the flight [s].
+            at_most: it may end before.
+        """
+        self._duration, self._most = duration, "at most " if at_most else ""
+        self._began = self._logged = time.monotonic()
+
+    def collect(self, tick: Tick) -> None:
+        """One tick."""
+        now = time.monotonic()
+        if now - self._logged < self.PERIOD or not tick.reading.time > 0.0:
+            return
+        self._logged = now
+        flown = tick.reading.time
+        left = (now - self._began) * max(self._duration - flown, 0.0) / flown
+        _LOGGER.info(
+            "%.0f of %s%g s flown, %s%s left",
+            *(flown, self._most, self._duration, self._most, span(left)),
+        )
 
 
 @dataclass(frozen=True)

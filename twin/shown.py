@@ -46,7 +46,8 @@ class Shown:
 
         Args:
             path: .html (the page), .json (the document), .txt (the text), .png, .svg or .pdf (the
-                figure); folders that are missing are made.
+                figure), or a folder: the page's figures as SVG and PDF and its tables as CSV, of a
+                run or a log the log's tables; folders that are missing are made.
 
         Returns:
             The file.

@@ -325,6 +325,13 @@ def as_precise(value: float, half: float) -> str:
     return f"{value:.{places}f}" if places > len(text.partition(".")[2]) else text
 
 
+def span(seconds: float) -> str:
+    """A time that a person waits: "8 s", "3 min", "1.5 h"."""
+    if seconds < 99.5:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
 def listed(names: Sequence[str]) -> str:
     """Names as a sentence has them: "x, y and z"; nothing of none."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

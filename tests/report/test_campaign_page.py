@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import twin
 from twin.campaigns.execute import execute
 from twin.campaigns.folder import Folder
 from twin.campaigns.read import read_spec
@@ -103,3 +104,33 @@ def test_each_point_of_the_grid_has_its_row(flown, capsys):
     assert {one["count"] for one in points} == {6}
     assert {one["at"]["gains.derivative"] for one in points} == {1e-3, 2e-3}
     assert "## Over the grid" in (flown / "report.md").read_text()
+
+
+def test_a_campaigns_page_begins_with_which_arm_is_better_and_by_how_much(flown):
+    text = re.sub("<.*?>", "", twin.results(flown).page().split("<p class='verdict'>")[1])
+    first, *_ = text.split("\n")
+    assert re.search(
+        r"(is better than .*: [\d.]+ \([\d.]+ to [\d.]+\) times the .*, on \d+ machines"
+        r"|No difference in .* is proven on \d+ machines \(ratio [\d.]+ \([\d.]+ to [\d.]+\)\))",
+        first,
+    )
+
+
+def test_a_metric_that_is_the_same_in_every_run_has_a_sentence_and_no_distribution(tmp_path):
+    (tmp_path / "spec.toml").write_text(
+        'platform = "sads"\ncontroller = "quaternion_pd"\nruns = 8\nduration = 0.5\nseed = 1\n'
+        'metrics = ["stage_travel", "tracking_error_rms"]\n[effects.gyro_bias]\n'
+    )
+    answers = twin.campaign(tmp_path / "spec.toml", tmp_path / "out")
+    assert "The same in every run: path of all masses together 0 um" in str(answers)
+    head, *rows = (answers.save(tmp_path / "f") / "distributions.csv").read_text().splitlines()
+    assert head.startswith("metric,arm,runs")
+    assert [row.split(" ")[0] for row in rows] == ["tracking_error_rms"]
+
+
+def test_figures_of_a_campaign_are_written_on_request(flown, tmp_path, capsys):
+    assert main(["report", str(flown), "--figures", str(tmp_path / "f")]) == 0
+    assert {"distributions.svg", "over_the_grid.pdf", "comparisons.csv", "grid.csv"} <= {
+        path.name for path in (tmp_path / "f").iterdir()
+    }
+    assert f"figures: {tmp_path / 'f'}" in capsys.readouterr().out

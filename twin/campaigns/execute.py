@@ -20,6 +20,7 @@ from twin.campaigns.worker import Done, begin, fly, fly_shard, written_shard
 from twin.errors import TwinError
 from twin.processes import Pool, first_completed
 from twin.stop import check, listening
+from twin.units import span
 
 if TYPE_CHECKING:
     from twin.campaigns.cluster import Cluster
@@ -57,7 +58,7 @@ class Progress:
         text = f"{done} of {self.total} runs"
         if self.flown:
             rate = self.flown / max(instant - self.started, 1e-9)
-            text += f", {rate:.3g} runs/s, {_span((self.total - done) / rate)} left"
+            text += f", {rate:.3g} runs/s, {span((self.total - done) / rate)} left"
         return text + (f", {self.failed} failed" if self.failed else "")
 
 
@@ -198,14 +199,6 @@ def _by_processes(folder: Folder, shards: Iterable[int], workers: int) -> Iterab
         finally:
             pool.end()
             folder.sweep()  # of what a worker had begun to write
-
-
-def _span(seconds: float) -> str:
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    if seconds < 5400.0:
-        return f"{seconds / 60.0:.0f} min"
-    return f"{seconds / 3600.0:.1f} h"
 
 
 PROBE = 64

@@ -32,33 +32,35 @@ class Metric:
 
 
 METRICS: dict[str, Metric] = {
-    "tracking_error_rms": Metric("rad", "rms angle to the reference, at the end", "run", "turns"),
-    "tracking_error_max": Metric("rad", "largest of these angles", "run", "turns"),
+    "tracking_error_rms": Metric("rad", "rms tracking error at the end", "run", "turns"),
+    "tracking_error_max": Metric("rad", "largest tracking error", "run", "turns"),
     "tilt_max": Metric("rad", "largest tilt", "both", "turns"),
-    "tilt_rms": Metric("rad", "rms tilt, at the end", "run", "turns"),
+    "tilt_rms": Metric("rad", "rms tilt at the end", "run", "turns"),
     "in_plane_rms": Metric(
         "1",
-        "rms of gravity's direction in the body's plane as estimated, at the end",
+        "rms in-plane part of gravity's direction at the end, as estimated",
         "run",
         "turns",
     ),
-    "rate_rms": Metric("rad/s", "rms rate, at the end", "run", "turns"),
+    "rate_rms": Metric("rad/s", "rms rate at the end", "run", "turns"),
     "joint_angle_max": Metric("rad", "largest angle of the hinge", "run", "hinge"),
-    "joint_rate_rms": Metric("rad/s", "rms rate of the hinge, at the end", "run", "hinge"),
-    "gravity_torque": Metric("N m", "g |m r|, the worst gravity can do at the end", "both", "ball"),
+    "joint_rate_rms": Metric("rad/s", "rms rate of the hinge at the end", "run", "hinge"),
+    "gravity_torque": Metric(
+        "N m", "gravity torque at the worst attitude, at the end", "both", "ball"
+    ),
     "gravity_torque_in_plane": Metric(
-        "N m", "g |m r_xy|, what gravity does to the level body at the end", "both", "ball"
+        "N m", "gravity torque on the level body, at the end", "both", "ball"
     ),
     "wheel_momentum_max": Metric("N m s", "largest momentum of a wheel", "run", "wheels"),
-    "wheel_saturated_at": Metric("s", "when the first wheel was full", "run", "wheels", -1),
-    "stage_travel": Metric("m", "way of all masses together", "both", "stages"),
-    "balanced": Metric("1", "whether it ended balanced", "balance", worse=-1),
+    "wheel_saturated_at": Metric("s", "time at which the first wheel is full", "run", "wheels", -1),
+    "stage_travel": Metric("m", "path of all masses together", "both", "stages"),
+    "balanced": Metric("1", "share balanced", "balance", worse=-1),
     "balanced_after": Metric("s", "time until balanced", "balance"),
-    "identified": Metric("1", "how many times the offset was identified", "balance", worse=0),
+    "identified": Metric("1", "identifications of the offset", "balance", worse=0),
     "residual_torque": Metric("N m", "residual torque as stated", "balance"),
     "residual_torque_low": Metric("N m", "lower end of its 95 % interval", "balance", worse=0),
     "residual_torque_high": Metric("N m", "upper end of its 95 % interval", "balance"),
-    "residual_torque_observed": Metric("N m", "torque seen in the free float", "balance"),
+    "residual_torque_observed": Metric("N m", "torque observed in free float", "balance"),
     "residual_chi2": Metric(
         "1", "chi2 per sample of the logs under the statement: 1 if only noise is left", "balance"
     ),

@@ -117,6 +117,8 @@ class Report:
     """Another campaign to compare with, for the arms that both have."""
     html: Annotated[Path | None, tyro.conf.arg(metavar="F.html")] = None
     """File for the page instead, with the table next to it; existing files are overwritten."""
+    figures: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Write the page's figures as SVG and PDF and its tables as CSV into a folder."""
     json: bool = False
     """Print one JSON document instead of text."""
 
@@ -124,21 +126,28 @@ class Report:
         """Read, compute, write."""
         from twin.api import results
         from twin.cli.output import print_json, progress
-        from twin.files import check_writable, write_whole
+        from twin.files import check_folder, check_writable, write_whole
         from twin.report.campaign_page import write_campaign_page
         from twin.report.campaign_words import markdown
+        from twin.report.results import write_figures
 
         page = self.html or self.folder / "report.html"
         check_writable(page, ".html")
+        if self.figures is not None:
+            check_folder(self.figures)
         with progress() as say:
             result = results(self.folder, self.against, say=say)
             say("drawing")
             write_campaign_page(page, result)
             write_whole(page.with_suffix(".md"), markdown(result))
+            if self.figures is not None:
+                write_figures(result, self.figures)
         if self.json:
             print_json({**result.document(), "report": page})
         else:
             print(f"{result}\nreport: {page}")
+            if self.figures is not None:
+                print(f"figures: {self.figures}")
         return 0
 
 

@@ -59,6 +59,10 @@ class Identify:
     """Return the nearest rigid body; prediction-error always does."""
     platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """The machine, by name or folder; default: the one that the first log names."""
+    report: Annotated[Path | None, tyro.conf.arg(metavar="OUT.html")] = None
+    """Write a page with figures; an existing file is overwritten."""
+    figures: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Write the page's figures as SVG and PDF and its tables as CSV into a folder."""
     part: Restricted = LogPart()
     json: bool = False
     """Print one JSON document instead of sentences."""
@@ -66,25 +70,41 @@ class Identify:
     def run(self) -> int:
         """Identify and print."""
         from twin.api import identify, identify_by_all
-        from twin.cli.output import print_json, tell
+        from twin.cli.output import print_json, progress, tell
         from twin.errors import TwinError, UsageError
+        from twin.files import check_folder, check_writable
         from twin.identification import Settings
         from twin.report import compared
+        from twin.report.results import write_figures
 
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
+        if self.method == "all" and (self.report is not None or self.figures is not None):
+            raise UsageError("--method all prints one table; name one for --report or --figures")
+        if self.report is not None:
+            check_writable(self.report, ".html", read=self.logs)
+        if self.figures is not None:
+            check_folder(self.figures)
         settings = Settings(self.form, self.shift, self.corner, self.forgetting)
         logs = [self.part.open(path) for path in self.logs]
         if self.method != "all":
-            result = identify(
-                logs,
-                self.platform,
-                method=self.method,
-                settings=settings,
-                physical=self.physical,
-                say=tell,
-            )
+            with progress() as say:
+                say(f"fit by {self.method}")
+                result = identify(
+                    logs,
+                    self.platform,
+                    method=self.method,
+                    settings=settings,
+                    physical=self.physical,
+                    say=tell,
+                )
             print_json(result.document()) if self.json else print(result)
+            if self.report is not None:
+                result.save(self.report)
+            if self.figures is not None:
+                write_figures(result, self.figures)
+            for path in filter(None, (self.report, self.figures)):
+                print(f"wrote {path}", file=sys.stderr if self.json else sys.stdout)
             return 0
         by_method = identify_by_all(
             logs, self.platform, settings=settings, physical=self.physical, say=tell
@@ -123,6 +143,8 @@ class Compare:
     """Leave the base as platform.toml states it."""
     report: Annotated[Path | None, tyro.conf.arg(metavar="OUT.html")] = None
     """Write a page with figures; an existing file is overwritten."""
+    figures: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Write the page's figures as SVG and PDF and its tables as CSV into a folder."""
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
     """Write the first log with its prediction and residual as a Rerun recording; an existing file
     is overwritten."""
@@ -135,14 +157,22 @@ class Compare:
         from twin.api import compare, load, transfer
         from twin.cli.output import print_json, progress
         from twin.errors import UsageError
-        from twin.files import check_writable
-        from twin.report import document, transfer_sentences, write_page
+        from twin.files import check_folder, check_writable
+        from twin.report import (
+            comparison_parts,
+            document,
+            transfer_sentences,
+            write_page,
+            write_parts,
+        )
 
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
         for path, ending in ((self.report, ".html"), (self.rrd, ".rrd")):
             if path is not None:
                 check_writable(path, ending, read=self.logs)
+        if self.figures is not None:
+            check_folder(self.figures)
         logs = [self.part.open(path) for path in self.logs]
         if self.platform is None and all(log.provenance.get("platform") is None for log in logs):
             return self._sensors(logs)
@@ -162,6 +192,9 @@ class Compare:
             if self.report is not None:
                 say("the page")
                 write_page(self.report, comparisons, transfers)
+            if self.figures is not None:
+                say("the figures")
+                write_parts(self.figures, comparison_parts(comparisons, transfers))
         if self.rrd is not None:
             first.save(self.rrd)
         if self.json:
@@ -172,7 +205,7 @@ class Compare:
                 print("".join(f"  {sentence}\n" for sentence in str(comparison).splitlines()))
             for moved in transfers:
                 print("".join(f"  {line}\n" for line in transfer_sentences(moved, first)))
-        for written in (self.report, self.rrd):
+        for written in (self.report, self.figures, self.rrd):
             if written is not None:
                 print(f"wrote {written}", file=sys.stderr if self.json else sys.stdout)
         return 0
@@ -184,9 +217,10 @@ class Compare:
         from twin.errors import UsageError
         from twin.report import gyro_document
 
-        if self.report is not None or self.rrd is not None:
+        if any(path is not None for path in (self.report, self.figures, self.rrd)):
             raise UsageError(
-                "a log that names no platform has no prediction to draw; leave out --report, --rrd"
+                "a log that names no platform has no prediction to draw; leave out --report, "
+                "--figures and --rrd"
             )
         result = [compare_sensors(log) for log in logs]
         if self.json:
@@ -222,6 +256,8 @@ class Diagnose:
     """Measure the gain on a log that is not fitted."""
     report: Annotated[Path | None, tyro.conf.arg(metavar="OUT.html")] = None
     """Write a page with figures; an existing file is overwritten."""
+    figures: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    """Write the page's figures as SVG and PDF and its tables as CSV into a folder."""
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
     """Write the first log, the prediction of the explained model and the residual as a Rerun
     recording; an existing file is overwritten."""
@@ -236,8 +272,13 @@ class Diagnose:
         from twin.diagnosis import check_logs, check_new, laws_in, own_causes
         from twin.effects import effect_named
         from twin.errors import TwinError, UsageError
-        from twin.files import check_writable
-        from twin.report import diagnosis_document, write_diagnosis
+        from twin.files import check_folder, check_writable
+        from twin.report import (
+            diagnosis_document,
+            diagnosis_parts,
+            write_diagnosis,
+            write_parts,
+        )
 
         if not self.logs:
             raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
@@ -248,6 +289,8 @@ class Diagnose:
         for path, ending in ((self.report, ".html"), (self.rrd, ".rrd")):
             if path is not None:
                 check_writable(path, ending, read=read)
+        if self.figures is not None:
+            check_folder(self.figures)
         if self.validate is not None and self.validate.resolve() in map(Path.resolve, self.logs):
             raise UsageError(f"{self.validate} takes part in the fit; validate on another log")
         logs = [self.part.open(path) for path in self.logs]
@@ -267,6 +310,9 @@ class Diagnose:
             if self.report is not None:
                 say("the page")
                 write_diagnosis(self.report, result, gain)
+            if self.figures is not None:
+                say("the figures")
+                write_parts(self.figures, diagnosis_parts(result, gain))
         if self.rrd is not None:
             result.save(self.rrd)
         if self.json:
@@ -278,7 +324,7 @@ class Diagnose:
         if self.extend is not None:
             extend(result, self.extend)
         to = sys.stderr if self.json else sys.stdout
-        for written in (self.report, self.extend, self.rrd):
+        for written in (self.report, self.figures, self.extend, self.rrd):
             if written is not None:
                 print(f"wrote {written}", file=to)
         if self.extend is not None and result.equation is not None:

@@ -1,6 +1,7 @@
 """The verbs that fly a machine: `twin run`, `twin balance`."""
 
 import signal
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, count
@@ -85,35 +86,36 @@ class RunVerb:
         """Fly; the exit code."""
         from twin.api import fly
         from twin.cli.live import LiveView
-        from twin.cli.output import print_json, tell
+        from twin.cli.output import print_json, progress, tell
         from twin.effects import parse_effects
         from twin.loop import Ended
         from twin.report.outcomes import flown
         from twin.stop import Stopped
 
-        run = fly(
-            self.platform,
-            self.controller,
-            gains=_gains(self.gains),
-            reference=self.reference,
-            duration=self.duration,
-            effects=() if self.effects is None else parse_effects(self.effects),
-            attitude=_radians(self.attitude),
-            rate=_radians(self.rate),
-            velocity=self.velocity,
-            estimator=self.estimator,
-            plant=self.plant,
-            arm=self.arm,
-            identified=self.identified,
-            lockstep=self.lockstep,
-            realtime=self.realtime,
-            seed=self.seed,
-            rrd=self.rrd,
-            viewer=self.spawn,
-            keep=False,
-            watch=LiveView,
-            say=tell,
-        )
+        with progress():
+            run = fly(
+                self.platform,
+                self.controller,
+                gains=_gains(self.gains),
+                reference=self.reference,
+                duration=self.duration,
+                effects=() if self.effects is None else parse_effects(self.effects),
+                attitude=_radians(self.attitude),
+                rate=_radians(self.rate),
+                velocity=self.velocity,
+                estimator=self.estimator,
+                plant=self.plant,
+                arm=self.arm,
+                identified=self.identified,
+                lockstep=self.lockstep,
+                realtime=self.realtime,
+                seed=self.seed,
+                rrd=self.rrd,
+                viewer=self.spawn,
+                keep=False,
+                watch=LiveView,
+                say=tell,
+            )
         kept = self._keep(run)
         if self.json:
             print_json({**run.document(), "recording": self.rrd})
@@ -231,6 +233,10 @@ class BalanceVerb:
     rrd: Annotated[Path | None, _arg("OUT.rrd")] = None
     """Record into this file; of several runs the first. An existing file is overwritten, except on
     pty or serial, because a session cannot be flown again."""
+    report: Annotated[Path | None, _arg("OUT.html")] = None
+    """Write a page with figures; an existing file is overwritten."""
+    figures: Annotated[Path | None, _arg("DIR")] = None
+    """Write the page's figures as SVG and PDF and its tables as CSV into a folder."""
     json: bool = False
     """Print one JSON document instead of text."""
 
@@ -238,35 +244,47 @@ class BalanceVerb:
         """Balance; the exit code."""
         from twin.api import balance
         from twin.cli.live import LiveView
-        from twin.cli.output import print_json, tell
+        from twin.cli.output import print_json, progress, tell
         from twin.effects import parse_effects
+        from twin.files import check_folder, check_writable
 
         # before the flight: Ctrl-C leaves few seconds to print what came of it
-        from twin.report.results import document_of, sentences_of
+        from twin.report.results import document_of, sentences_of, write_figures
         from twin.stop import Stopped
 
-        result = balance(
-            self.platform,
-            procedure=self.procedure,
-            target=self.target,
-            effects=() if self.effects is None else parse_effects(self.effects),
-            offset=None if self.offset is None else _times(1e-6, self.offset),
-            random_offset=self.random_offset,
-            stages=_times(1e-3, self.stages),
-            runs=self.runs,
-            duration=self.duration,
-            plant=self.plant,
-            arm=self.arm,
-            lockstep=self.lockstep,
-            seed=self.seed,
-            rrd=self.rrd,
-            watch=LiveView,
-            say=tell,
-        )
+        if self.report is not None:
+            check_writable(self.report, ".html")
+        if self.figures is not None:
+            check_folder(self.figures)
+        with progress():
+            result = balance(
+                self.platform,
+                procedure=self.procedure,
+                target=self.target,
+                effects=() if self.effects is None else parse_effects(self.effects),
+                offset=None if self.offset is None else _times(1e-6, self.offset),
+                random_offset=self.random_offset,
+                stages=_times(1e-3, self.stages),
+                runs=self.runs,
+                duration=self.duration,
+                plant=self.plant,
+                arm=self.arm,
+                lockstep=self.lockstep,
+                seed=self.seed,
+                rrd=self.rrd,
+                watch=LiveView,
+                say=tell,
+            )
         if self.json:
             print_json(document_of(result))
         else:
             print("\n".join(sentences_of(result)))
+        if self.report is not None:
+            result.save(self.report)
+        if self.figures is not None:
+            write_figures(result, self.figures)
+        for path in filter(None, (self.report, self.figures)):
+            print(f"wrote {path}", file=sys.stderr if self.json else sys.stdout)
         if result.outcome.asked and not result.done:
             raise Stopped(result.outcome.asked)
         return 0 if result.done else 1

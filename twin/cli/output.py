@@ -1,15 +1,19 @@
 """What verbs share: the options for a part of a log, JSON, a line of progress."""
 
+import logging
 import sys
+import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from twin.stop import check
+from twin.units import span
 
 if TYPE_CHECKING:
     from twin.recording import Recording
@@ -23,28 +27,66 @@ def print_json(document: object) -> None:
 
 
 def tell(line: str) -> None:
-    """Print a line of progress on stderr."""
-    print(line, file=sys.stderr, flush=True)
+    """Print a line of progress on stderr, above the one that `progress` keeps."""
+    clear = "\r\x1b[K" if sys.stderr.isatty() else ""
+    print(f"{clear}{line}", file=sys.stderr, flush=True)
 
 
 @contextmanager
 def progress() -> Generator[Callable[[str], None]]:
     """A function that says what is being done, on one line of a terminal's stderr; else silent.
 
-    It raises `Stopped` where a stop was requested.
+    The line has what the package logs at level INFO too, such as the steps of a fit and the time
+    left, and the time since the start. The function raises `Stopped` where a stop was requested.
     """
-    waits = sys.stderr.isatty()
+    if not sys.stderr.isatty():
+        yield lambda doing: check()
+        return
+    line = _Line()
+    logger = logging.getLogger("twin")
+    level = logger.level
+    logger.addHandler(line)
+    logger.setLevel(min(logger.getEffectiveLevel(), logging.INFO))
 
     def say(doing: str) -> None:
         check()
-        if waits:
-            print(f"\r\x1b[K{doing} ...", end="", file=sys.stderr, flush=True)
+        line.begin(doing)
 
     try:
         yield say
     finally:
-        if waits:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        logger.removeHandler(line)
+        logger.setLevel(level)
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+class _Line(logging.Handler):
+    """One line of a terminal that is written over and over."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self._began, self._doing = time.monotonic(), ""
+
+    def begin(self, doing: str) -> None:
+        """Something else is being done."""
+        self._doing = doing
+        self._write(doing)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """A record of the package; warnings are left to those who print them."""
+        if record.levelno < logging.WARNING:
+            self._write(": ".join(filter(None, (self._doing, record.getMessage()))))
+
+    def _write(self, words: str) -> None:
+        seconds = time.monotonic() - self._began
+        since = f" ({span(seconds)} so far)" if seconds > AFTER else ""
+        width = get_terminal_size().columns - len(since) - 5
+        cut = words if len(words) <= width else f"{words[: max(width - 1, 0)]}…"
+        print(f"\r\x1b[K{cut} ...{since}", end="", file=sys.stderr, flush=True)
+
+
+AFTER = 5.0
+"""From which on a person is told how long it has taken [s]."""
 
 
 @dataclass(frozen=True)

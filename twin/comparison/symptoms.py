@@ -261,6 +261,8 @@ class Symptom:
     """Whether only positive strengths make sense."""
     offset: float = 0.0
     """What is added to a strength when it is printed."""
+    parts: tuple[str, ...] = ()
+    """Of a vector over wheels, which each component is of: "for w1"."""
 
 
 def symptoms_of(bodies: Sequence[Body]) -> tuple[Symptom, ...]:
@@ -385,8 +387,12 @@ def _inside(body: Body) -> list[Symptom]:
         *,
         dissipative: bool = False,
         offset: float = 0.0,
+        across: bool = False,
     ) -> Symptom:
         own = tuple(Perturbation(name, unit, force=law) for law in laws)
+        parts = tuple(f"for {wheel.name}" for wheel in platform.wheels)
+        if across:
+            parts = tuple(f"{part} {way}" for part in parts for way in ("one way", "the other"))
         return Symptom(
             name,
             SymptomDomain.exchange,
@@ -396,6 +402,7 @@ def _inside(body: Body) -> list[Symptom]:
             own,
             dissipative=dissipative,
             offset=offset,
+            parts=parts if 1 < len(laws) == len(parts) else (),
         )
 
     result = [
@@ -443,6 +450,7 @@ def _inside(body: Body) -> list[Symptom]:
                     for index in range(driven)
                     for across in range(2)
                 ],
+                across=True,
             ),
         ]
     return result

@@ -18,7 +18,7 @@ the logarithm on its diagonal: what is sought lies on the border, where an entry
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -264,6 +264,8 @@ class Identification(Shown):
     """A sentence for each stream of which nothing was used."""
     not_rigid: str = ""
     """A sentence where what fits best is no rigid body; theta is the nearest one."""
+    problem: Problem | None = field(default=None, repr=False)
+    """What was fitted, of the prediction-error method."""
 
     @property
     def disturbance(self) -> float:
@@ -420,19 +422,19 @@ def by_method(
 def _by_prediction_error(ground: Ground) -> Identification:
     base, full, scaled, scales = ground.logs.base, ground.full, ground.scaled, ground.scales
     platform = base.machine.platform
-    result, misfit, unexplained = _fitted(base, full, scaled, scales)
+    problem, result, misfit, unexplained = _fitted(base, full, scaled, scales)
     factors = scales_of(result, scales, scaled)
     for _ in range(ROUNDS if scales else 0):
         if not all(scale.known for scale in factors):
             # nothing tells them: as guessed, so that the rest may be told under that guess
-            result, misfit, unexplained = _fitted(base, full, scaled, ())
+            problem, result, misfit, unexplained = _fitted(base, full, scaled, ())
             factors = as_taken(factors, scaled)
             break
         change, settled = change_of(result, factors)
         if settled:
             break
         scaled = [log.by({n: f for n, f in change.items() if n in log.factor}) for log in scaled]
-        result, misfit, unexplained = _fitted(base, full, scaled, scales, result.at.theta)
+        problem, result, misfit, unexplained = _fitted(base, full, scaled, scales, result.at.theta)
         factors = scales_of(result, scales, scaled)
     covariance, quantile = result.covariance()
     motions = [motion_of(log.recording, platform) for log in scaled]
@@ -454,6 +456,7 @@ def _by_prediction_error(ground: Ground) -> Identification:
         factors,
         ground.not_used,
         nearest.sentence,
+        problem,
     )
 
 
@@ -485,7 +488,7 @@ def _fitted(
     scaled: Sequence[Scaled],
     scales: Sequence[Perturbation],
     theta: Array | None = None,
-) -> tuple[Fit, tuple[Misfit, ...], tuple[Misfit, ...]]:
+) -> tuple[Problem, Fit, tuple[Misfit, ...], tuple[Misfit, ...]]:
     """Fit the base by prediction error from `theta`, else from what the momentum says; from the
     machine as stated, where that start loses the motion; and where that does, too, from where a
     motion leads that may stray from the model."""
@@ -516,7 +519,7 @@ def _fitted(
     if strayed is not None and strayed.innovations.cost < disturbed.innovations.cost:
         disturbed = strayed
     unexplained = _misfit(problem, disturbed) if disturbed.innovations.intensity else misfit
-    return disturbed, misfit, unexplained
+    return problem, disturbed, misfit, unexplained
 
 
 def _refuse_guesses(

@@ -5,6 +5,8 @@ machine's equations exactly; where that leaves more than noise, under a white to
 L. Ljung, System Identification, 2nd ed. (1999), chapter 7.
 """
 
+import logging
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -18,6 +20,9 @@ from twin.errors import TwinError
 from twin.predict.innovations import Innovations, Problem, Unknowns
 from twin.predict.kalman import EXACT, NoiseProcess
 from twin.stop import check
+from twin.units import span
+
+_LOGGER = logging.getLogger(__name__)
 
 Array = NDArray[np.float64]
 
@@ -164,8 +169,10 @@ def _iterate(
     tilted, freed = False, False
     size = _size(current)
     best, idle, smallest, before = current, 0, np.inf, None
-    for _ in range(ITERATIONS):
+    began, first = time.monotonic(), size
+    for number in range(ITERATIONS):
         check()
+        _log(number, time.monotonic() - began, first, size)
         if (size < CONVERGED and not tilted) or (tilted and size > SETTLED):
             # far from where it was taken that slope is another one
             current, tilted, before = problem.tilted(current), True, None
@@ -194,6 +201,16 @@ def _iterate(
             current = best
             break
     return Fit(current, converged=current.noise.any and size < SETTLED)
+
+
+def _log(number: int, seconds: float, first: float, size: float) -> None:
+    """How far a fit is: the next step is so many standard deviations long. What is left is foretold
+    as if steps shrank on as they did so far; those near the optimum shrink faster."""
+    left = ""
+    if number > 1 and CONVERGED < size < first:
+        steps = number * np.log(size / CONVERGED) / np.log(first / size)
+        left = f", about {span(seconds / number * min(steps, ITERATIONS - number))} of it left"
+    _LOGGER.info("step %d%s", number + 1, left)
 
 
 def _size(innovations: Innovations) -> float:

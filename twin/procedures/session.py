@@ -14,7 +14,7 @@ from twin.clock import SimulatedClock, check_duration
 from twin.effects import Effect, with_effects
 from twin.errors import UnknownName, UsageError
 from twin.estimators import load_estimator, usual_estimator
-from twin.loop import Observer, Outcome, fly
+from twin.loop import FlightProgress, Observer, Outcome, fly
 from twin.plant.guard.guarded import Held
 from twin.plant.initial import InitialState
 from twin.plant.plant import Plant
@@ -175,6 +175,8 @@ class BalancingSession:
             estimator = load_estimator(usual_estimator(machine))
             # last, for a machine on its bench moves from now on
             stack.enter_context(plant)
+            if simulated:
+                observers.append(FlightProgress(self.duration, at_most=True))
             if isinstance(plant, Bench) and watch is not None:
                 observers.append(stack.enter_context(watch(plant, self.duration)))
             commands = {"command_stage_position", *_DAMPING}

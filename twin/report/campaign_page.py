@@ -15,9 +15,11 @@ from twin.files import write_whole
 from twin.report.campaign_words import (
     CONDITIONS,
     INDICES,
-    Rows,
     comparison_table,
+    conclusion,
     condition_table,
+    constants,
+    fixed_words,
     index_table,
     nothing_proven,
     point_table,
@@ -25,10 +27,20 @@ from twin.report.campaign_words import (
     spread_table,
     summary,
     title,
-    verdicts,
     worst_table,
 )
-from twin.report.style import FIGURE, PALETTE, SOFT, bullets, foot, framed, page, table
+from twin.report.style import (
+    FIGURE,
+    PALETTE,
+    Drawing,
+    PageTable,
+    Part,
+    foot,
+    hash_of,
+    opened,
+    page,
+    rendered,
+)
 from twin.units import fitting
 
 Array = NDArray[np.float64]
@@ -40,7 +52,9 @@ SHOWN = 400
 def spread_figure(answers: Answers) -> Figure:
     """Share of runs below each value of each metric, an arm a line."""
     results = answers.results
-    names = list(dict.fromkeys(spread.metric for spread in answers.spreads))
+    fixed = constants(answers)
+    names = [name for name in dict.fromkeys(s.metric for s in answers.spreads) if name not in fixed]
+    names = names or list(fixed)
     with mpl.rc_context(FIGURE):
         columns = 3
         lines = -(-len(names) // columns)
@@ -100,57 +114,83 @@ def sensitivity_figure(answers: Answers, arm: str) -> Figure | None:
         return figure
 
 
-def gain_figure(results: Results, metric: str) -> Figure | None:
-    """Median of a metric over the grid: lines over one factor, shades over two; else None."""
+def gain_figures(answers: Answers) -> list[Drawing]:
+    """Each metric over the grid: panels of lines over one factor, shades over two; else none."""
+    results, fixed = answers.results, constants(answers)
     grids = results.spec.grids
-    if not 1 <= len(grids) <= 2 or metric not in results.metrics:
-        return None
+    names = [
+        name
+        for name, column in results.metrics.items()
+        if name not in fixed and np.isfinite(column).any()
+    ]
+    if not names or not 1 <= len(grids) <= 2:
+        return []
+    if len(grids) == 1:
+        band = "Median of each metric; the band holds 90 % of the runs."
+        return [Drawing("over_the_grid", _lines(results, names), band)]
+    return [
+        Drawing(f"over_the_grid_{name}", _shades(results, name), f"Median of {name}.")
+        for name in names
+    ]
+
+
+def _shades(results: Results, metric: str) -> Figure:
+    arms, ((first, xs), (second, ys)) = results.spec.arms, results.spec.grids
     with mpl.rc_context(FIGURE):
-        arms = results.spec.arms
-        if len(grids) == 1:
-            figure = Figure(figsize=(9.6, 3.2))
-            return _line(figure, results, metric)
-        figure = Figure(figsize=(9.6, 0.6 + 3.0 * len(arms)))
-        panels = figure.subplots(len(arms), 1, squeeze=False)[:, 0]
-        (first, xs), (second, ys) = grids
+        figure = Figure(figsize=(9.6, 3.2))
+        panels = figure.subplots(1, len(arms), squeeze=False)[0]
         factor, unit = _scale(results, metric)
-        for panel, arm in zip(panels, arms, strict=True):
-            grid = np.array([[_median(results, metric, arm.name, {first.name: x, second.name: y})
-                              for x in xs] for y in ys])  # fmt: skip
-            shades = panel.imshow(grid / factor, aspect="auto", origin="lower", cmap="viridis_r")
+        grids = [
+            np.array([[_median(results, metric, arm.name, {first.name: x, second.name: y})
+                       for x in xs] for y in ys]) / factor
+            for arm in arms
+        ]  # fmt: skip
+        low, high = float(np.nanmin(grids)), float(np.nanmax(grids))
+        for panel, arm, grid in zip(panels, arms, grids, strict=True):
+            shades = panel.imshow(
+                grid, aspect="auto", origin="lower", cmap="viridis_r", vmin=low, vmax=high
+            )
             panel.set_xticks(range(len(xs)), [f"{x:g}" for x in xs])
             panel.set_yticks(range(len(ys)), [f"{y:g}" for y in ys])
             panel.set_xlabel(f"{first.name} [{first.unit}]")
-            panel.set_ylabel(f"{second.name} [{second.unit}]")
             panel.set_title(arm.name, fontsize=9)
             panel.grid(visible=False)
-            figure.colorbar(shades, ax=panel, label=f"{metric} [{unit}]")
+        panels[0].set_ylabel(f"{second.name} [{second.unit}]")
+        figure.colorbar(shades, ax=list(panels), label=f"{metric} [{unit}]")
         return figure
 
 
-def _line(figure: Figure, results: Results, metric: str) -> Figure:
+def _lines(results: Results, metrics: list[str]) -> Figure:
     ((first, xs),) = results.spec.grids
-    factor, unit = _scale(results, metric)
-    panel = figure.subplots()
-    for arm, color in zip(results.spec.arms, PALETTE, strict=False):
-        rows = results.of(arm.name)
-        bands = [
-            np.nanpercentile(
-                results.metrics[metric][rows[results.factors[first.name][rows] == x]],
-                [5.0, 50.0, 95.0],
-            )
-            / factor
-            for x in xs
-        ]
-        low, middle, high = np.array(bands).T
-        panel.fill_between(xs, low, high, color=color, alpha=0.15, lw=0.0)
-        panel.plot(xs, middle, "o-", color=color, ms=4, label=arm.name)
-    panel.set_xlabel(f"{first.name} [{first.unit}]")
-    panel.set_ylabel(f"{metric} [{unit}]")
-    panel.axhline(0.0, color=SOFT, lw=0.5)
-    if len(results.spec.arms) > 1:
-        panel.legend()
-    return figure
+    columns = 2 if len(metrics) > 1 else 1
+    lines = -(-len(metrics) // columns)
+    with mpl.rc_context(FIGURE):
+        figure = Figure(figsize=(9.6, 0.5 + 2.2 * lines))
+        panels = figure.subplots(lines, columns, squeeze=False, sharex=True).ravel()
+        for panel, metric in zip(panels, metrics, strict=False):
+            factor, unit = _scale(results, metric)
+            for arm, color in zip(results.spec.arms, PALETTE, strict=False):
+                rows = results.of(arm.name)
+                bands = [
+                    np.nanpercentile(
+                        results.metrics[metric][rows[results.factors[first.name][rows] == x]],
+                        [5.0, 50.0, 95.0],
+                    )
+                    / factor
+                    for x in xs
+                ]
+                low, middle, high = np.array(bands).T
+                panel.fill_between(xs, low, high, color=color, alpha=0.15, lw=0.0)
+                panel.plot(xs, middle, "o-", color=color, ms=4, label=arm.name)
+            panel.set_ylabel(metric if unit == "1" else f"{metric} [{unit}]", fontsize=8)
+        for panel in panels[len(metrics) :]:
+            panel.set_axis_off()
+        for panel in panels[max(len(metrics) - columns, 0) : len(metrics)]:
+            panel.set_xlabel(f"{first.name} [{first.unit}]")
+            panel.tick_params(labelbottom=True)
+        if len(results.spec.arms) > 1:
+            panels[0].legend(fontsize=8)
+        return figure
 
 
 def _median(results: Results, metric: str, arm: str, at: dict[str, float]) -> float:
@@ -181,46 +221,58 @@ def write_campaign_page(path: Path, answers: Answers) -> None:
 def campaign_page(answers: Answers) -> str:
     """The page as text."""
     results, spec = answers.results, answers.results.spec
-    first, *rest = summary(answers)
-    parts = [f"<h1>{escape(title(answers))}</h1>", f"<p class='verdict'>{escape(first)}</p>"]
-    parts.append(bullets(rest))
+    machines = {arm.platform.name: arm.platform for arm in spec.arms}
+    facts = [f"specification of {results.folder.name}: {hash_of(spec.text.encode())}"]
+    under = foot([], list(machines.values()), facts)
+    return page(title(answers), rendered([*campaign_parts(answers), under]))
+
+
+def campaign_parts(answers: Answers) -> list[Part]:
+    """What the page is made of."""
+    spec = answers.results.spec
+    flown, *rest = summary(answers)
+    answer, *more = [*conclusion(answers), flown] if conclusion(answers) else [flown]
+    parts = opened(title(answers), flown, answer, [*more[:-1], *rest, *fixed_words(answers)])
     if answers.comparisons:
-        parts += ["<h2>Compared</h2>", bullets(verdicts(answers))]
-        parts.append(_table(comparison_table(answers.comparisons)))
+        fixed = constants(answers) if answers.against is None else {}
+        told = [item for item in answers.comparisons if item.metric not in fixed]
+        parts += ["<h2>Compared</h2>", PageTable("comparisons", *comparison_table(told))]
     if answers.conditions:
-        parts.append(f"<p>{escape(CONDITIONS)}</p>")
-        parts.append(_table(condition_table(answers)))
+        parts += _folded(CONDITIONS.rstrip(":"), PageTable("conditions", *condition_table(answers)))
+    if answers.points:
+        parts += ["<h2>Over the grid</h2>", *gain_figures(answers)]
+        parts += _folded("Each point of the grid", PageTable("grid", *point_table(answers)))
     parts += [
         "<h2>Distributions</h2>",
-        framed(spread_figure(answers), "Share of the runs that stay below each value."),
-        _table(spread_table(answers)),
+        Drawing(
+            "distributions", spread_figure(answers), "Share of the runs that stay below each value."
+        ),
+        *_folded("As numbers", PageTable("distributions", *spread_table(answers))),
         "<h2>What they depend on</h2>",
     ]
     if answers.indices:
         parts.append(f"<p>{escape(INDICES)}</p>")
-        parts.append(_table(index_table(answers)))
-    for arm in spec.arms:
+        parts.append(PageTable("sobol_indices", *index_table(answers)))
+    for number, arm in enumerate(spec.arms):
         drawn = sensitivity_figure(answers, arm.name)
         if drawn is not None:
             caption = f"{arm.name}: numbers stand where it is no chance, among all that were asked."
-            parts.append(framed(drawn, caption))
+            parts.append(Drawing(f"sensitivities_{number}", drawn, caption))
     head, rows = sensitivity_table(answers)
-    parts.append(_table((head, rows)) if rows else f"<p>{nothing_proven(answers)}</p>")
-    maps = [(name, gain_figure(results, name)) for name in results.metrics
-            if np.isfinite(results.metrics[name]).any()]  # fmt: skip
-    if answers.points:
-        parts.append("<h2>Over the grid</h2>")
-        parts.append(_table(point_table(answers)))
-        band = "; the band holds 90 % of the runs" if len(spec.grids) == 1 else ""
-        parts += [framed(drawn, f"Median of {name}{band}.") for name, drawn in maps if drawn]
-    parts += ["<h2>Worst runs</h2>", _table(worst_table(answers))]
-    parts.append(f"<p>Again, and in full: <code>twin replay {escape(str(results.folder))} RUN "
-                 "--rrd OUT.rrd</code></p>")  # fmt: skip
-    parts += ["<h2>Specification</h2>", f"<pre>{escape(spec.text)}</pre>"]
-    parts.append(foot([], None))
-    return page(title(answers), "\n".join(parts))
+    if rows:
+        parts += _folded("The strongest", PageTable("sensitivities", head, rows))
+    else:
+        parts.append(f"<p>{nothing_proven(answers)}</p>")
+    again = f"twin replay {escape(answers.results.folder.name)} RUN --rrd OUT.rrd"
+    parts += [
+        "<h2>Worst runs</h2>",
+        f"<p>To fly one again and record it: <code>{again}</code></p>",
+        *_folded("Of each metric", PageTable("worst_runs", *worst_table(answers))),
+        f"<details><summary>Specification</summary><pre>{escape(spec.text)}</pre></details>",
+    ]
+    return parts
 
 
-def _table(rows: Rows) -> str:
-    head, cells = rows
-    return table(head, cells)
+def _folded(title: str, table: PageTable) -> list[Part]:
+    """A long table that a click opens."""
+    return [f"<details><summary>{escape(title)}</summary>", table, "</details>"]

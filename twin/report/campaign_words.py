@@ -4,15 +4,19 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from twin.campaigns.answers import Answers, Blamed, Spread
 from twin.campaigns.merit import METRICS
 from twin.campaigns.statistics import ArmComparison
 from twin.interval import Interval
-from twin.units import fitting
+from twin.units import fitting, listed
 
 Rows = tuple[tuple[str, ...], list[list[str]]]
 """Head and cells of a table."""
 
+SHOWN = 3
+"""Further metrics of an arm that the first sentence names."""
 LISTED = 30
 """Sensitivities listed at most."""
 WORTH = 0.01
@@ -79,16 +83,147 @@ def _held_against(answers: Answers) -> list[str]:
     }
     differ = [f"{what} ({item} here, {other} there)" for what, (item, other) in said.items()
               if item != other]  # fmt: skip
-    lines = [f"Held against {against.folder}: " + ("they differ in " + ", ".join(differ)
+    lines = [f"Held against {against.folder.name}: " + ("they differ in " + ", ".join(differ)
              if differ else "the same machines, duration and seed") + "."]  # fmt: skip
     if not set(answers.results.metrics) & set(against.metrics):
         lines.append("They have no metric in common.")
     return lines
 
 
+def conclusion(answers: Answers) -> list[str]:
+    """What the campaign says, the answer first: which arm, or which point of the grid, is better in
+    the leading metric, and by how much; else how that metric is distributed.
+
+    The leading metric is the first one of the specification that differs between runs.
+    """
+    lead = _leading(answers)
+    if lead is None:
+        return []
+    said: list[str] = []
+    pairs = dict.fromkeys((item.one, item.other) for item in answers.comparisons)
+    for pair in pairs:
+        of_pair = [c for c in answers.comparisons if (c.one, c.other) == pair]
+        said += _better(of_pair, lead)
+    said += _best_point(answers, lead)
+    return said or _distribution(answers, lead)
+
+
+def _leading(answers: Answers) -> str | None:
+    fixed = constants(answers)
+    known = [spread.metric for spread in answers.spreads]
+    names = [name for name in answers.results.metrics if name in known and name not in fixed]
+    return next((name for name in names if METRICS[name].worse), next(iter(names), None))
+
+
+def constants(answers: Answers) -> dict[str, float]:
+    """Metrics that are the same in every run, and their values."""
+    columns = answers.results.metrics.items()
+    known = {name: column[np.isfinite(column)] for name, column in columns}
+    return {name: float(own[0]) for name, own in known.items() if len(own) > 1 and not np.ptp(own)}
+
+
+def _better(comparisons: Sequence[ArmComparison], lead: str) -> list[str]:
+    """Of two arms: which is better in the leading metric, and in how many of the others."""
+    ranked = sorted(comparisons, key=lambda item: item.metric != lead)
+    judged = [item for item in ranked if METRICS[item.metric].worse and item.ties < 1.0]
+    if not judged:
+        return []
+    wins: dict[str, list[str]] = {judged[0].one: [], judged[0].other: []}
+    for item in judged:
+        if item.p < PROVEN:
+            wins[_winner(item)].append(_times(item))
+    first, *_ = judged
+    where = f"on {first.machines} machines" + ("" if first.pairs else " each")
+    if not first.p < PROVEN:
+        start = (
+            f"No difference in {METRICS[first.metric].words} between {first.one} and "
+            f"{first.other} is proven {where} ({_ratio(first)})"
+        )
+    else:
+        best = _winner(first)
+        worst = first.one if best == first.other else first.other
+        start = f"{best} is better than {worst}: {_times(first)}, {where}"
+        wins[best].remove(_times(first))
+    others = [
+        f"{arm} has {listed([*own[:SHOWN], *more])}"
+        for arm, own in wins.items()
+        if (more := [f"{len(own) - SHOWN} more that are better"] if own[SHOWN:] else []) or own
+    ]
+    return [f"{start}; {'; '.join(others)}." if others else f"{start}."]
+
+
+def _winner(comparison: ArmComparison) -> str:
+    smaller = comparison.wins > 1.0 - comparison.wins - comparison.ties
+    good = smaller if METRICS[comparison.metric].worse > 0 else not smaller
+    return comparison.other if good else comparison.one
+
+
+def _times(comparison: ArmComparison) -> str:
+    """The winner's metric in parts of the other's."""
+    ratio, words = comparison.ratio, METRICS[comparison.metric].words
+    if not (math.isfinite(ratio.value) and ratio.low > 0.0):
+        return f"another {words}"
+    if _winner(comparison) == comparison.one:
+        ratio = Interval(1.0 / ratio.value, 1.0 / ratio.high, 1.0 / ratio.low)
+    return f"{_interval(ratio, 1.0)} times the {words}"
+
+
+def _ratio(comparison: ArmComparison) -> str:
+    if not math.isfinite(comparison.ratio.value):
+        return f"p {_p(comparison.p)}"
+    return f"ratio {_interval(comparison.ratio, 1.0)}"
+
+
+def _best_point(answers: Answers, lead: str) -> list[str]:
+    """Of each arm: where on the grid the leading metric's median is best, and where worst."""
+    said: list[str] = []
+    metric, several = METRICS[lead], len(answers.results.spec.arms) > 1
+    units = {factor.name: factor.unit for factor, _ in answers.results.spec.grids}
+    for arm in dict.fromkeys(point.arm for point in answers.points):
+        points = [p for p in answers.points if p.arm == arm and p.metric == lead]
+        points = [p for p in points if math.isfinite(p.median.value)]
+        points.sort(key=lambda point: metric.worse * point.median.value)
+        if len(points) < 2 or points[0].median.value == points[-1].median.value:
+            continue
+        factor, unit = fitting(abs(points[-1].median.value), metric.unit)
+        best, worst = (
+            f"{_interval(point.median, factor)}{'' if unit == '1' else f' {unit}'} at "
+            + ", ".join(f"{name} {_number(value, units[name])}" for name, value in point.at)
+            for point in (points[0], points[-1])
+        )
+        of = f" with {arm}" if several else ""
+        side = "smallest" if metric.worse >= 0 else "largest"
+        said.append(f"The median {metric.words}{of} is {side}, {best}; the worst is {worst}.")
+    return said
+
+
+def _distribution(answers: Answers, lead: str) -> list[str]:
+    said: list[str] = []
+    for spread in (item for item in answers.spreads if item.metric == lead):
+        metric = METRICS[lead]
+        factor, unit = fitting(max(abs(spread.median.value), abs(spread.high.value)), metric.unit)
+        tail = "" if unit == "1" else f" {unit}"
+        of = f" of {spread.arm}" if len(answers.results.spec.arms) > 1 else ""
+        said.append(
+            f"The {metric.words}{of} has a median of {_interval(spread.median, factor)}{tail}, and "
+            f"95 % of the runs stay below {_interval(spread.high, factor)}{tail}."
+        )
+    return said
+
+
 def verdicts(answers: Answers) -> list[str]:
     """The comparisons as sentences: what is different, and by how much."""
-    return [comparison_words(comparison) for comparison in answers.comparisons]
+    fixed = constants(answers) if answers.against is None else {}
+    return [comparison_words(item) for item in answers.comparisons if item.metric not in fixed]
+
+
+def fixed_words(answers: Answers) -> list[str]:
+    """Of metrics that have no distribution."""
+    fixed = [
+        f"{METRICS[name].words} {_number(value, METRICS[name].unit)}"
+        for name, value in constants(answers).items()
+    ]
+    return [f"The same in every run: {', '.join(fixed)}."] if fixed else []
 
 
 def comparison_words(comparison: ArmComparison) -> str:
@@ -122,7 +257,8 @@ def comparison_words(comparison: ArmComparison) -> str:
 
 def spread_table(answers: Answers) -> Rows:
     """Distribution of each metric."""
-    rows = [_spread_row(spread) for spread in answers.spreads]
+    fixed = constants(answers)
+    rows = [_spread_row(spread) for spread in answers.spreads if spread.metric not in fixed]
     head = ("metric", "arm", "runs", "mean (95 %)", "median (95 %)", "95th percentile (95 %)")
     return head, rows
 
@@ -131,7 +267,8 @@ def point_table(answers: Answers) -> Rows:
     """Distribution of each metric at each point of the grids."""
     grids = [factor for factor, _ in answers.results.spec.grids]
     rows: list[list[str]] = []
-    for point in answers.points:
+    fixed = constants(answers)
+    for point in (item for item in answers.points if item.metric not in fixed):
         metric = METRICS[point.metric]
         factor, unit = fitting(max(abs(point.median.value), abs(point.high.value)), metric.unit)
         at = [_number(value, grid.unit) for (_, value), grid in zip(point.at, grids, strict=True)]
@@ -245,7 +382,8 @@ def worst_table(answers: Answers) -> Rows:
 
 def markdown(answers: Answers) -> str:
     """The whole report without figures."""
-    parts = [f"# {title(answers)}", "", *(f"- {line}" for line in summary(answers))]
+    said = [*conclusion(answers), *summary(answers), *fixed_words(answers)]
+    parts = [f"# {title(answers)}", "", *(f"- {line}" for line in said)]
     if answers.comparisons:
         parts += ["", "## Compared", "", *(f"- {line}" for line in verdicts(answers))]
         parts += ["", *_markdown_table(comparison_table(answers.comparisons))]
@@ -301,7 +439,9 @@ def _interval(interval: Interval, factor: float, sign: str = "") -> str:
         return f"{value} (at least {low})" if math.isfinite(interval.low) else value
     if math.isinf(interval.low):
         return f"{value} (at most {high})"
-    return value if math.isnan(interval.low) else f"{value} ({low} to {high})"
+    if math.isnan(interval.low) or interval.low == interval.value == interval.high:
+        return value
+    return f"{value} ({low} to {high})"
 
 
 def _number(value: float, unit: str) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -211,7 +212,8 @@ def contents_words(contents: Contents) -> str:
 def _stated(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What the log itself says, short enough for a line each."""
     known = {key: facts.get(key) for key in ("started", "seed")}
-    known["command"] = " ".join(map(str, cast(list[object], facts.get("command") or [])))
+    words = [str(word) for word in cast(list[object], facts.get("command") or [])]
+    known["command"] = " ".join([*(Path(word).name for word in words[:1]), *words[1:]])
     known |= cast(Mapping[str, Any], facts.get("environment") or {})
     known |= cast(Mapping[str, Any], facts.get("notes") or {})
     return [(key, str(value)) for key, value in known.items() if value not in (None, "")]

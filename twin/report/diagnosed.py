@@ -184,8 +184,8 @@ def push_sentence(pushes: Sequence[PushInterval]) -> str:
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
-    """The verdict, as a person says it."""
-    names = listed([cause_name(cause) for cause in diagnosis.causes])
+    """The verdict, as a person says it: causes with their sizes."""
+    names = listed([_with_size(cause) for cause in diagnosis.causes])
     if diagnosis.pushes:
         times = "once" if len(diagnosis.pushes) == 1 else f"{len(diagnosis.pushes)} times"
         rest = f"the model lacks {names}, and with that" if names else "as the model is,"
@@ -306,6 +306,14 @@ def cause_name(cause: Cause) -> str:
     return f"{cause.effect.name}{of}"
 
 
+def _with_size(cause: Cause) -> str:
+    """`bearing_viscous_friction (0.2 N m s, 0.198 to 0.202)`; of a vector the name alone."""
+    if len(cause.effect.names) > 1 or not np.isfinite(cause.beside[0]):
+        return cause_name(cause)
+    size = _component(cause, 0).removeprefix(f"{cause.effect.names[0]} ")
+    return f"{cause_name(cause)} ({size.replace(' (', ', ').rstrip(')')})"
+
+
 def cause_sentences(diagnosis: Diagnosis) -> list[str]:
     """Of each cause; no confidence where something without a name is at work."""
     return [cause_sentence(cause, sure=diagnosis.intervals_hold) for cause in diagnosis.causes]
@@ -387,7 +395,7 @@ def _left(left: ResidualTest) -> list[str]:
         chance = left.torque_chance
     else:
         what, chance = f"{left.where} leaves most", left.noise_chance
-    return [f"What is left: {what}; noise alone does so with probability {chance:.2g}."]
+    return [f"Residual: {what}; noise alone does so with probability {chance:.2g}."]
 
 
 def _gain(diagnosis: Diagnosis) -> str:

@@ -35,11 +35,14 @@ from twin.report.style import (
     INK,
     PALETTE,
     SOFT,
+    Drawing,
+    PageTable,
+    Part,
     bullets,
     foot,
-    framed,
+    opened,
     page,
-    table,
+    rendered,
     typeset,
 )
 from twin.report.words import MEANINGFUL, pair
@@ -135,13 +138,17 @@ def write_diagnosis(path: Path, diagnosis: Diagnosis, gain: Validation | None) -
 
 def diagnosis_page(diagnosis: Diagnosis, gain: Validation | None = None) -> str:
     """The page as text."""
+    under = foot(diagnosis.recordings, [diagnosis.platform])
+    return page(_title(diagnosis), rendered([*diagnosis_parts(diagnosis, gain), under]))
+
+
+def _title(diagnosis: Diagnosis) -> str:
     names = ", ".join(map(log_name, diagnosis.recordings))
-    title = f"Diagnosis of {names} on {diagnosis.platform.name}"
-    parts = [*_parts(diagnosis, gain, title), foot(diagnosis.recordings, diagnosis.platform)]
-    return page(title, "\n".join(parts))
+    return f"Diagnosis of {names} on {diagnosis.platform.name}"
 
 
-def _parts(diagnosis: Diagnosis, gain: Validation | None, title: str) -> list[str]:
+def diagnosis_parts(diagnosis: Diagnosis, gain: Validation | None = None) -> list[Part]:
+    """What the page is made of."""
     length = sum(log.stop - log.start for log in diagnosis.recordings)
     verdict = verdict_sentence(diagnosis)
     own = cause_sentences(diagnosis) + one_clock_sentences(diagnosis)
@@ -156,20 +163,20 @@ def _parts(diagnosis: Diagnosis, gain: Validation | None, title: str) -> list[st
     rest = [said for said in diagnosed(diagnosis) if said not in (*told, *sizes)]
     first = first_of(diagnosis)
     curves = f"{first} that has it" if first else ""
+    candidates = len(diagnosis.tried) + len(diagnosis.causes)
+    under = f"{diagnosis.platform.title} · {length:.3g} s · {candidates} candidates"
     parts = [
-        f"<h1>{escape(title)}</h1>",
-        f"<p class='under'>{escape(diagnosis.platform.title)} · {length:.3g} s · "
-        f"{len(diagnosis.tried) + len(diagnosis.causes)} candidates</p>",
-        f"<p class='verdict'>{escape(typeset(verdict))}</p>",
-        bullets(own),
+        *opened(_title(diagnosis), under, verdict, own),
         "<h2>Measured and predicted</h2>",
-        framed(prediction_figure(diagnosis), _run_caption(diagnosis)),
-        framed(
+        Drawing("free_runs", prediction_figure(diagnosis), _run_caption(diagnosis)),
+        Drawing(
+            "residuals",
             left_figure(diagnosis),
             "Measured less predicted. What lies outside the frame belongs to the worst stretches.",
         ),
         "<h2>Before and after</h2>",
-        framed(
+        Drawing(
+            "before_and_after",
             before_after_figure(diagnosis),
             f"Mean squared innovation of each stream{curves}, in units of its noise, over blocks "
             "of time: the machine with its base refitted, without the causes and with them.",
@@ -180,21 +187,22 @@ def _parts(diagnosis: Diagnosis, gain: Validation | None, title: str) -> list[st
         parts.append(f"<p>{escape(typeset(validated(gain)))}</p>")
     parts += [
         "<h2>The causes, ranked</h2>",
-        framed(
+        Drawing(
+            "evidence",
             evidence_figure(diagnosis),
-            "Causes that look alike are long together on their own; beside the one that is named "
-            "the others have nothing left to explain.",
+            "Causes that look alike all explain much on their own; beside the one that is named "
+            "the others explain nothing more.",
         ),
     ]
     if any(cause.ties for cause in diagnosis.causes):
-        parts += ["<h2>What these logs cannot tell apart</h2>", _ties_table(diagnosis)]
+        parts += ["<h2>Ties</h2>", _ties_table(diagnosis)]
     if diagnosis.next_experiment is not None:
         parts += _experiment(diagnosis.next_experiment)
-    parts += ["<h2>The base</h2>", _base_table(diagnosis), "<h2>All that is to be said</h2>"]
+    parts += ["<h2>The base</h2>", _base_table(diagnosis), "<h2>Details</h2>"]
     parts.append(bullets(rest))
     if sizes:
         lines = "\n".join(escape(typeset(said)) for said in sizes)
-        parts += ["<h2>What would have been found</h2>", f"<pre>{lines}</pre>"]
+        parts += ["<h2>Detectable sizes</h2>", f"<pre>{lines}</pre>"]
     return parts
 
 
@@ -202,7 +210,7 @@ def _run_caption(diagnosis: Diagnosis) -> str:
     return run_caption(run_to_show(diagnosis.free_runs, diagnosis.explained.bodies[0]))
 
 
-def _gain_table(diagnosis: Diagnosis) -> str:
+def _gain_table(diagnosis: Diagnosis) -> PageTable:
     gain = diagnosis.held_out
     first = first_of(diagnosis)
     rows = [
@@ -222,33 +230,38 @@ def _gain_table(diagnosis: Diagnosis) -> str:
             rows.append(
                 [f"free run of {horizon:g} s{first}, typical error", before, after, perfect]
             )
-    return table(["", "before", "after", "a true model"], rows)
+    return PageTable("gain", ["", "before", "after", "a true model"], rows)
 
 
-def _ties_table(diagnosis: Diagnosis) -> str:
+def _ties_table(diagnosis: Diagnosis) -> PageTable:
     rows = [
         [cause.effect.label, tie.label, f"{tie.behind:.1f}"]
         for cause in diagnosis.causes
         for tie in cause.ties
     ]
-    return table(["named", "could be instead", "evidence behind"], rows)
+    return PageTable("ties", ["named", "could be instead", "evidence behind"], rows)
 
 
-def _experiment(best: Experiment) -> list[str]:
+def _experiment(best: Experiment) -> list[Part]:
     """The command, if it is worth it, and what each tied cause would be behind after it."""
     rows = [
         [label, f"{split:.1f}", f"{best.repeated[label]:.1f}"]
         for label, split in best.splits.items()
     ]
+    title = "An experiment that splits the ties" if best.enough else "What could be tried next"
     return [
-        f"<h2>{'What would tell them apart' if best.enough else 'What could be tried next'}</h2>",
+        f"<h2>{title}</h2>",
         *([f"<pre>{escape(best.command)}</pre>"] if best.enough else []),
         f"<p>{escape(experiment_sentence(best))}</p>",
-        table(["could be instead", "behind after it", "after the same logs once more"], rows),
+        PageTable(
+            "next_experiment",
+            ["could be instead", "behind after it", "after the same logs once more"],
+            rows,
+        ),
     ]
 
 
-def _base_table(diagnosis: Diagnosis) -> str:
+def _base_table(diagnosis: Diagnosis) -> PageTable:
     base = diagnosis.explained.base
     rows: list[Sequence[str]] = []
     sides = [
@@ -258,7 +271,8 @@ def _base_table(diagnosis: Diagnosis) -> str:
     for i, (name, unit) in enumerate(zip(base.names, base.units, strict=True)):
         cells = [f"{pair(float(theta[i]), float(half[i]))} {unit}" for theta, half in sides]
         rows.append([name, f"{three_digits(float(base.as_stated[i]))} {unit}", *cells])
-    return table(["parameter", "as stated", "refitted", "refitted with the causes"], rows)
+    head = ["parameter", "as stated", "refitted", "refitted with the causes"]
+    return PageTable("base", head, rows)
 
 
 def diagnosis_document(diagnosis: Diagnosis, validation: Validation | None) -> dict[str, Any]:

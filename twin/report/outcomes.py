@@ -79,9 +79,9 @@ def balanced(statement: Statement, platform: Platform, target: float) -> list[st
     lines = [
         "left, with 95 % intervals:",
         f"  CM from CR ({offset}) um of {platform.mass:g} kg",
-        f"  gravity torque at the worst attitude {_torque(whole)}, which {verdict} the target of "
-        f"{printed(target, 'N m')}",
-        f"  of the level body {_torque(plane)}",
+        f"  gravity torque at the worst attitude {torque_words(whole)}, which {verdict} the target "
+        f"of {printed(target, 'N m')}",
+        f"  of the level body {torque_words(plane)}",
         "  95 % of the torque observed in free float stay below "
         f"{printed(statement.residual_torque_observed, 'N m')}, drag and gyro noise included",
         f"  masses at {stands}",
@@ -97,8 +97,8 @@ def balanced(statement: Statement, platform: Platform, target: float) -> list[st
     return lines
 
 
-def _torque(interval: Interval) -> str:
-    """Both ends: near zero the interval is not the same to either side."""
+def torque_words(interval: Interval) -> str:
+    """`5.05 uN m (4.81 to 5.31)`: near zero an interval is not the same to either side."""
     scale, unit = fitting(interval.value, "N m")
     value, low, high = (
         three_digits(number / scale) for number in (interval.value, interval.low, interval.high)
@@ -263,10 +263,16 @@ def _entries(identification: Identification) -> list[str]:
             lines.append(
                 f"m r_{axis} {pair(value, width)} kg m"
                 f" = {pair(value * platform.gravity, width * platform.gravity)} N m"
-                f" = {pair(value / platform.mass * 1e6, width / platform.mass * 1e6)} um"
+                f" = {_length(value / platform.mass, width / platform.mass)}"
                 f" of {platform.mass:g} kg{place}"
             )
     return lines
+
+
+def _length(value: float, width: float) -> str:
+    """With half its interval, in um up to a millimetre and in mm beyond."""
+    factor, unit = (1e-3, "mm") if max(abs(value), width) > 1e-3 else (1e-6, "um")
+    return f"{pair(value / factor, width / factor)} {unit}"
 
 
 def _joints(identification: Identification) -> list[str]:

@@ -21,7 +21,7 @@ from twin.report.figures import (
     symptom_figure,
     torque_figure,
 )
-from twin.report.style import bullets, foot, framed, page, table, typeset
+from twin.report.style import Drawing, PageTable, Part, bullets, foot, opened, page, rendered
 from twin.report.words import (
     base_rows,
     headline,
@@ -44,14 +44,27 @@ def write_page(
 
 def comparison_page(comparisons: Sequence[Comparison], transfers: Sequence[Transfer] = ()) -> str:
     """The page as text."""
-    parts = [_section(comparison) for comparison in comparisons]
-    parts += [_transfer(transfer, comparisons[0]) for transfer in transfers]
     title = "What the model gets wrong: " + ", ".join(map(name_of, comparisons))
-    parts.append(foot([item.recording for item in comparisons], comparisons[0].platform))
-    return page(title, "\n".join(parts))
+    under = foot([item.recording for item in comparisons], [comparisons[0].platform])
+    return page(title, rendered([*comparison_parts(comparisons, transfers), under]))
 
 
-def _section(comparison: Comparison) -> str:
+def comparison_parts(
+    comparisons: Sequence[Comparison], transfers: Sequence[Transfer] = ()
+) -> list[Part]:
+    """What the page is made of; of several logs names of files begin with the log's."""
+    several = len(comparisons) > 1
+    parts: list[Part] = []
+    for comparison in comparisons:
+        parts += _section(comparison, f"{name_of(comparison)}_" if several else "")
+    for transfer in transfers:
+        first, other = comparisons[0], transfer.comparison
+        title = f"Fitted on {name_of(first)}, held against {name_of(other)}"
+        parts += [f"<h2>{escape(title)}</h2>", bullets(transfer_sentences(transfer, first))]
+    return parts
+
+
+def _section(comparison: Comparison, prefix: str) -> list[Part]:
     verdict = headline(comparison)
     rest = [sentence for sentence in sentences(comparison) if sentence != verdict]
     recording, grid = comparison.recording, comparison.body.grid
@@ -59,67 +72,58 @@ def _section(comparison: Comparison) -> str:
         f"{comparison.platform.title} · {recording.stop - recording.start:.3g} s · "
         f"{grid.segments} stretches of {grid.length:.3g} s"
     )
+    title = f"{name_of(comparison)} on {comparison.platform.name}"
     parts = [
-        f"<h1>{escape(name_of(comparison))} on {escape(comparison.platform.name)}</h1>",
-        f"<p class='under'>{escape(under)}</p>",
-        f"<p class='verdict'>{escape(typeset(verdict))}</p>",
-        bullets(rest),
+        *opened(title, under, verdict, rest),
         "<h2>Measured and predicted</h2>",
-        framed(motion_figure(comparison), run_caption(shown_run(comparison))),
-        "<h2>What is left</h2>",
-        framed(
+        Drawing(
+            f"{prefix}free_runs", motion_figure(comparison), run_caption(shown_run(comparison))
+        ),
+        "<h2>Residuals</h2>",
+        Drawing(
+            f"{prefix}residuals",
             residual_figure(comparison),
             "Measured less predicted. What lies outside the frame belongs to the worst stretches.",
         ),
-        framed(
+        Drawing(
+            f"{prefix}misfit",
             misfit_figure(comparison),
             "Of the best model: mean squared residual in units of the noise, over blocks of time, "
-            "and how it goes with itself some samples later. A true model stays inside the bands "
-            "95 times in 100.",
+            "and its autocorrelation. A true model stays inside the bands 95 times in 100.",
         ),
-        _streams_table(comparison),
+        _streams_table(comparison, prefix),
         "<h2>Symptoms</h2>",
-        framed(
+        Drawing(
+            f"{prefix}symptoms",
             symptom_figure(comparison),
-            "Each departure asked on its own, beside base and states. What stands beyond its mark "
-            "stands out; what stands out together may be one cause seen twice.",
+            "Each departure on its own, beside base and states. What passes its mark stands out; "
+            "departures that stand out together may be one cause.",
         ),
-        _laws_table(comparison),
+        *_laws_table(comparison, prefix),
     ]
     if not comparison.healthy:
         parts += [
-            "<h2>The torque that nobody accounts for</h2>",
-            framed(
+            "<h2>Unexplained torque</h2>",
+            Drawing(
+                f"{prefix}unexplained_torque",
                 torque_figure(comparison),
                 "A white torque beside the model, smoothed by a Kalman filter and averaged over "
                 "0.25 s, with the base of the best model. A friction falls from upper left to "
                 "lower right.",
             ),
         ]
-    parts += _balance(comparison)
-    parts += ["<h2>The base</h2>", _base_table(comparison)]
-    return "\n".join(parts)
-
-
-def _balance(comparison: Comparison) -> list[str]:
     drawn = balance_figure(comparison)
-    if drawn is None:
-        return []
-    caption = (
-        "Change since the start, of the smoothed motion. Momentum about the vertical changes by "
-        "an external torque only, whatever the parts exchange; energy less the work of the motors "
-        "falls where something brakes."
-    )
-    return ["<h2>Two balances</h2>", framed(drawn, caption)]
+    if drawn is not None:
+        caption = (
+            "Change since the start, of the smoothed motion. Only an external torque changes the "
+            "momentum about the vertical, whatever the parts exchange; energy less the work of the "
+            "motors falls where something brakes."
+        )
+        parts += ["<h2>Momentum and energy</h2>", Drawing(f"{prefix}balances", drawn, caption)]
+    return [*parts, "<h2>The base</h2>", *_base_table(comparison, prefix)]
 
 
-def _transfer(transfer: Transfer, source: Comparison) -> str:
-    other = transfer.comparison
-    title = f"Fitted on {name_of(source)}, held against {name_of(other)}"
-    return f"<h2>{escape(title)}</h2>\n{bullets(transfer_sentences(transfer, source))}"
-
-
-def _streams_table(comparison: Comparison) -> str:
+def _streams_table(comparison: Comparison, prefix: str) -> PageTable:
     rows: list[list[str]] = []
     for label, account in _accounts(comparison):
         for error in stream_errors(account):
@@ -137,10 +141,10 @@ def _streams_table(comparison: Comparison) -> str:
                 ]
             )
     head = ["model", "stream", "rms", "typical", "noise", "typical / noise", "worst"]
-    return table(head, rows)
+    return PageTable(f"{prefix}streams", head, rows)
 
 
-def _laws_table(comparison: Comparison) -> str:
+def _laws_table(comparison: Comparison, prefix: str) -> list[Part]:
     rows = [
         [
             label,
@@ -157,11 +161,12 @@ def _laws_table(comparison: Comparison) -> str:
         for strength in side.strengths
     ]
     if not rows:
-        return "<p>No law is a candidate.</p>"
-    return table(["base", "law", "strength (95 %)", "could be the base", "could be instead"], rows)
+        return ["<p>No law is a candidate.</p>"]
+    head = ["base", "law", "strength (95 %)", "could be the base", "could be instead"]
+    return [PageTable(f"{prefix}laws", head, rows)]
 
 
-def _base_table(comparison: Comparison) -> str:
+def _base_table(comparison: Comparison, prefix: str) -> list[Part]:
     rows: list[list[str]] = []
     for row in base_rows(comparison):
         unit = row["unit"]
@@ -176,7 +181,7 @@ def _base_table(comparison: Comparison) -> str:
         head += ["refitted", "refitted with the laws"]
     hidden = comparison.base.not_excited
     note = f"<p class='under'>Not seen by this joint: {escape(', '.join(hidden))}.</p>"
-    return table(head, rows) + (note if hidden else "")
+    return [PageTable(f"{prefix}base", head, rows), *([note] if hidden else [])]
 
 
 def _accounts(comparison: Comparison) -> list[tuple[str, Account]]:

@@ -1,5 +1,6 @@
 """A log drawn: one panel a stream, as PNG, SVG, or a page."""
 
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from twin.errors import UsageError
 from twin.files import whole, write_whole
 from twin.noise.stream import GAP
 from twin.report.contents import Contents, StreamContents, contents_words
-from twin.report.style import FIGURE, MISSING, PALETTE, foot, page, svg
+from twin.report.style import FIGURE, MISSING, PALETTE, Drawing, Part, foot, page, rendered
 from twin.units import fitting
 
 Array = NDArray[np.float64]
@@ -50,22 +51,26 @@ def draw_contents(contents: Contents, path: Path) -> None:
 
 def contents_page(contents: Contents, figure: Figure | None = None) -> str:
     """The page as text."""
-    drawn = svg(figure or contents_figure(contents))
-    return page(
-        contents.source,
-        f"<h1>{escape(contents.source)}</h1>\n<figure>{drawn}</figure>\n"
-        f"<pre>{escape(contents_words(contents))}</pre>\n{foot([contents.recording], None)}",
-    )
+    name = Path(contents.source).name or contents.source
+    words = contents_words(replace(contents, source=name))
+    parts: list[Part] = [
+        f"<h1>{escape(name)}</h1>",
+        Drawing("streams", figure or contents_figure(contents)),
+        f"<pre>{escape(words)}</pre>",
+        foot([contents.recording], []),
+    ]
+    return page(name, rendered(parts))
 
 
 def contents_figure(contents: Contents) -> Figure:
-    """One panel a stream."""
+    """One panel a stream that changes."""
     with mpl.rc_context(FIGURE):
         return _panels(contents)
 
 
 def _panels(contents: Contents) -> Figure:
-    streams = [stream for stream in contents.streams if len(stream.series)]
+    rows = [stream for stream in contents.streams if len(stream.series)]
+    streams = [stream for stream in rows if not stream.still] or rows
     heights = [1.5 + 0.2 * _legend_rows(stream) for stream in streams] or [1.7]
     figure = Figure(figsize=(9.6, 0.6 + sum(heights)))
     panels = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[

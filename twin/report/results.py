@@ -2,12 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from functools import singledispatch
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.figure import Figure
 
 from twin.campaigns.answers import Answers
@@ -22,8 +20,14 @@ from twin.identification import Identification
 from twin.platform import Platform, platform_or_reason
 from twin.procedures.session import Balanced
 from twin.recording import Recording, write_folder
-from twin.report.campaign_page import campaign_page, spread_figure
-from twin.report.campaign_words import campaign_document, summary, verdicts
+from twin.report.campaign_page import campaign_page, campaign_parts, spread_figure
+from twin.report.campaign_words import (
+    campaign_document,
+    conclusion,
+    fixed_words,
+    summary,
+    verdicts,
+)
 from twin.report.contents import (
     Contents,
     contents_document,
@@ -32,19 +36,42 @@ from twin.report.contents import (
     with_prediction,
 )
 from twin.report.diagnosed import diagnosed, validated
-from twin.report.diagnosis_page import diagnosis_document, diagnosis_page, prediction_figure
+from twin.report.diagnosis_page import (
+    diagnosis_document,
+    diagnosis_page,
+    diagnosis_parts,
+    prediction_figure,
+)
 from twin.report.document import document
 from twin.report.figures import motion_figure
+from twin.report.outcome_pages import (
+    balance_page,
+    balance_parts,
+    identification_page,
+    identification_parts,
+    parameters_figure,
+    run_page,
+    run_parts,
+    sentences_page,
+    torque_left,
+    tracking_figure,
+)
 from twin.report.outcomes import balanced, flown, gyro_document, gyro_sentences, identified
-from twin.report.page import comparison_page
+from twin.report.page import comparison_page, comparison_parts
 from twin.report.picture import contents_figure, contents_page
-from twin.report.style import FIGURE, INK, PALETTE, page, svg
+from twin.report.style import FIGURE, Part, write_parts
 from twin.report.words import sentences
 from twin.shown import as_json
 from twin.strapdown import GyroComparison
 from twin.stream.runfile import write_recording
-from twin.units import fitting, printed
+from twin.units import printed
 
+TITLES: dict[type, str] = {
+    GyroComparison: "The gyro held against the attitude",
+    Replayed: "A run of a campaign, flown again",
+    Validation: "The gain on another log",
+}
+"""Of pages that have no other."""
 DRAWN = (".png", ".svg", ".pdf")
 ENDINGS = (".html", ".json", ".txt", *DRAWN)
 LOGS = (".rrd", "")
@@ -80,16 +107,24 @@ def figure_of(result: object) -> Figure:
 @singledispatch
 def page_of(result: object) -> str:
     """A page about a result that has none of its own: its figure, if it has one, and its lines."""
-    title, lines = type(result).__name__, "\n".join(sentences_of(result))
-    parts = [f"<h1>{title}</h1>"]
-    if figure_of.dispatch(type(result)) is not figure_of.dispatch(object):
-        parts.append(f"<figure>{svg(figure_of(result))}</figure>")
-    parts.append(f"<pre>{escape(lines)}</pre>")
-    return page(title, "\n".join(parts))
+    drawn = figure_of.dispatch(type(result)) is not figure_of.dispatch(object)
+    title = TITLES.get(type(result), type(result).__name__)
+    return sentences_page(title, sentences_of(result), figure_of(result) if drawn else None)
+
+
+@singledispatch
+def parts_of(result: object) -> Sequence[Part]:
+    """The figures and tables of a result's page.
+
+    Raises:
+        UsageError: it has none.
+    """
+    raise UsageError(f"a {type(result).__name__} has no figures; print it, or save it as .txt")
 
 
 def save(result: object, path: Path) -> Path:
-    """Write a result into a file; a run or a log as `.rrd`, too, or into a folder of tables.
+    """Write a result into a file; a run or a log as `.rrd`, too, or into a folder of tables; the
+    figures and tables of another result's page into a folder.
 
     Raises:
         UsageError: no format has that ending, or the file cannot be written.
@@ -97,7 +132,8 @@ def save(result: object, path: Path) -> Path:
     """
     ending = path.suffix.lower()
     log = _recording_of(result)
-    if log is not None and ending in LOGS:
+    tables = not ending and isinstance(result, Run | Recording)
+    if log is not None and (ending == ".rrd" or tables):
         recording, platform = log
         if ending:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -105,12 +141,14 @@ def save(result: object, path: Path) -> Path:
         else:
             write_folder(recording, path)
         return path
-    if ending not in ENDINGS:
-        known = ENDINGS if log is None else (*ENDINGS, ".rrd", "a folder")
+    if ending and ending not in ENDINGS:
+        known = (*ENDINGS, "a folder") if log is None else (*ENDINGS, ".rrd", "a folder")
         raise UsageError(f"{path}: a result is saved as one of {', '.join(known)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        if ending == ".html":
+        if not ending:
+            write_figures(result, path)
+        elif ending == ".html":
             write_whole(path, page_of(result))
         elif ending == ".json":
             write_whole(path, as_json(document_of(result)) + "\n")
@@ -122,6 +160,18 @@ def save(result: object, path: Path) -> Path:
     except OSError as problem:
         raise UsageError(f"{path} cannot be written ({problem.strerror})") from None
     return path
+
+
+def write_figures(result: object, folder: Path) -> None:
+    """Write the figures of a result's page as SVG and PDF, and its tables as CSV.
+
+    Raises:
+        UsageError: it has none, or the folder cannot be written.
+    """
+    try:
+        write_parts(folder, parts_of(result))
+    except OSError as problem:
+        raise UsageError(f"{folder} cannot be written ({problem.strerror})") from None
 
 
 def _recording_of(result: object) -> tuple[Recording, Platform | None] | None:
@@ -155,6 +205,16 @@ page_of.register(Contents, contents_page)
 document_of.register(Answers, campaign_document)
 figure_of.register(Answers, spread_figure)
 page_of.register(Answers, campaign_page)
+parts_of.register(Answers, campaign_parts)
+parts_of.register(Diagnosis, diagnosis_parts)
+figure_of.register(Identification, parameters_figure)
+page_of.register(Identification, identification_page)
+parts_of.register(Identification, identification_parts)
+figure_of.register(Balanced, torque_left)
+page_of.register(Balanced, balance_page)
+parts_of.register(Balanced, balance_parts)
+page_of.register(Run, run_page)
+parts_of.register(Run, run_parts)
 sentences_of.register(GyroComparison, gyro_sentences)
 
 
@@ -173,28 +233,14 @@ def _(result: Comparison) -> str:
     return comparison_page([result])
 
 
+@parts_of.register
+def _(result: Comparison) -> Sequence[Part]:
+    return comparison_parts([result])
+
+
 @document_of.register
 def _(result: Identification) -> Mapping[str, Any]:
     return result.document()
-
-
-@figure_of.register
-def _(result: Identification) -> Figure:
-    """Each parameter with its interval, as stated at 0, in parts of the base's scale."""
-    base = result.base
-    count = len(base.names)
-    off = (result.theta - base.as_stated) / base.scale
-    half = result.half_widths / base.scale
-    with mpl.rc_context(FIGURE):
-        figure = Figure(figsize=(9.6, 1.2 + 0.35 * count))
-        panel = figure.subplots()
-        places = -np.arange(count)
-        panel.errorbar(off, places, xerr=half, fmt="o", color=PALETTE[0], capsize=4)
-        panel.axvline(0.0, color=INK, lw=0.8)
-        panel.set_yticks(places, list(base.names))
-        panel.set_xlabel("identified less stated, in parts of J's mean or of the mass 1 m off")
-        panel.grid(visible=False, axis="y")
-    return figure
 
 
 @sentences_of.register
@@ -230,7 +276,7 @@ def _(result: Run) -> Sequence[str]:
 
 @figure_of.register
 def _(result: Run) -> Figure:
-    return figure_of(result.recording.without_truth())
+    return tracking_figure(result.recording) or figure_of(result.recording.without_truth())
 
 
 @sentences_of.register
@@ -256,36 +302,9 @@ def _(result: Balanced) -> Mapping[str, Any]:
     return runs[0] if len(runs) == 1 else {"runs": runs}
 
 
-@figure_of.register
-def _(result: Balanced) -> Figure:
-    """Gravity's torque that is left of each run, with its interval, and the target."""
-    stated = [
-        (run, statement) for run, statement in enumerate(result.statements) if statement is not None
-    ]
-    if not stated:
-        raise UsageError("nothing was stated of what is left, so there is nothing to draw")
-    left = [item.residual_torque for _, item in stated]
-    factor, unit = fitting(max(item.high for item in left), "N m")
-    with mpl.rc_context(FIGURE):
-        figure = Figure(figsize=(9.6, 1.2 + 0.35 * len(left)))
-        panel = figure.subplots()
-        for (run, _), item in zip(stated, left, strict=True):
-            ends = [[(item.value - item.low) / factor], [(item.high - item.value) / factor]]
-            panel.errorbar(
-                item.value / factor, -run, xerr=ends, fmt="o", color=PALETTE[0], capsize=4
-            )
-        panel.axvline(result.target / factor, color=PALETTE[1], lw=1.4, label="target")
-        panel.set_yticks([-run for run, _ in stated], [f"run {run}" for run, _ in stated])
-        panel.set_xlim(left=0.0)
-        panel.set_xlabel(f"gravity's torque at the worst attitude [{unit}], with 95 % intervals")
-        panel.grid(visible=False, axis="y")
-        panel.legend(loc="upper right")
-    return figure
-
-
 @sentences_of.register
 def _(result: Answers) -> Sequence[str]:
-    return [*summary(result), *verdicts(result)]
+    return [*conclusion(result), *summary(result), *fixed_words(result), *verdicts(result)]
 
 
 @sentences_of.register

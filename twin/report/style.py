@@ -1,10 +1,14 @@
-"""How pages and figures look, and the provenance in a page's foot."""
+"""How pages and figures look, what a page is made of, and the provenance in its foot."""
 
+import csv
 import hashlib
 import json
+import os
+import re
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from datetime import date
 from html import escape
 from importlib.metadata import version
@@ -15,6 +19,7 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from twin.files import whole, write_whole
 from twin.platform import Platform
 from twin.recording import Recording
 from twin.stream.provenance import hashes_of
@@ -63,7 +68,9 @@ h3 { font-size: 1rem; margin: 2rem 0 .4rem; font-weight: 650; }
   font-size: 1.1rem; margin: 1.2rem 0; }
 li { margin: .35rem 0; }
 figure { margin: 1.2rem 0 0; }
-figure svg { width: 100%; height: auto; display: block; background: #fff; border-radius: 4px; }
+.drawn { overflow-x: auto; }
+.drawn svg { width: 100%; height: auto; display: block; background: #fff; border-radius: 4px; }
+@media (prefers-color-scheme: dark) { .drawn svg { filter: invert(.91) hue-rotate(180deg); } }
 figcaption { color: var(--soft); font-size: .9rem; margin-top: .3rem; }
 table { border-collapse: collapse; width: 100%; font-size: .92rem;
   font-variant-numeric: tabular-nums; }
@@ -73,13 +80,17 @@ td { border-bottom: 1px solid var(--line); }
 .wide { overflow-x: auto; } .wide td, .wide th { overflow-wrap: normal; }
 footer { border-top: 1px solid var(--line); color: var(--soft); font-size: .82rem;
   margin-top: 4rem; padding-top: .8rem; } footer p { margin: .15rem 0; }
-@media (max-width: 40rem) { main { padding: 1.5rem 1rem 3rem; } h1 { font-size: 1.45rem; } }
 pre { font: .85rem/1.5 "DejaVu Sans Mono", Menlo, Consolas, monospace; overflow-x: auto; }
+details { margin-top: 2rem; } summary { cursor: pointer; font-weight: 650; font-size: 1.25rem; }
+@media (max-width: 40rem) { main { padding: 1.5rem 1rem 3rem; } h1 { font-size: 1.45rem; }
+  .drawn svg { width: 40rem; } pre { white-space: pre-wrap; } }
+@media print { .drawn svg { filter: none; } }
 """
 
 
 def page(title: str, body: str) -> str:
-    """A self-contained HTML page."""
+    """A self-contained HTML page; paths below the working folder are relative to it."""
+    body = body.replace(escape(f"{Path.cwd()}{os.sep}"), "")
     return (
         "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
@@ -97,14 +108,87 @@ def svg(figure: Figure) -> str:
 
 
 def framed(drawn: Figure | str, caption: str) -> str:
-    """A figure, or its SVG text, with its caption."""
+    """A figure, or its SVG text, with its caption; on a phone it is scrolled sideways."""
     text = drawn if isinstance(drawn, str) else svg(drawn)
-    return f"<figure>{text}<figcaption>{escape(caption)}</figcaption></figure>"
+    under = f"<figcaption>{_prose(caption)}</figcaption>" if caption else ""
+    return f"<figure><div class='drawn'>{text}</div>{under}</figure>"
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure of a page."""
+
+    name: str
+    """Of its file, without an ending."""
+    figure: Figure
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class PageTable:
+    """A table of a page; without rows it is left out."""
+
+    name: str
+    """Of its file, without an ending."""
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+Part = str | Drawing | PageTable
+"""Of a page: HTML, a figure or a table."""
+
+
+def opened(title: str, under: str, answer: str, rest: Sequence[str]) -> list[Part]:
+    """How a page begins: title, subject, the answer in a sentence, and what qualifies it."""
+    parts: list[Part] = [
+        f"<h1>{escape(title)}</h1>",
+        f"<p class='under'>{escape(under)}</p>",
+        f"<p class='verdict'>{_prose(answer)}</p>",
+    ]
+    return [*parts, bullets(rest)] if rest else parts
+
+
+def rendered(parts: Iterable[Part]) -> str:
+    """Parts of a page as HTML."""
+    return "\n".join(map(_rendered, parts))
+
+
+def _rendered(part: Part) -> str:
+    if isinstance(part, Drawing):
+        return framed(part.figure, part.caption)
+    if isinstance(part, PageTable):
+        return table(part.head, part.rows) if part.rows else ""
+    return part
+
+
+def write_parts(folder: Path, parts: Iterable[Part]) -> list[Path]:
+    """Write the figures of a page as SVG and PDF and its tables as CSV; a folder that is missing is
+    made, and files of these names are written anew.
+
+    Returns:
+        The files.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    written: list[Path] = []
+    for part in parts:
+        if isinstance(part, Drawing):
+            for ending in ("svg", "pdf"):
+                path = folder / f"{part.name}.{ending}"
+                date_of = {"Date": None} if ending == "svg" else {"CreationDate": None}
+                with mpl.rc_context(FIGURE), whole(path) as file:
+                    part.figure.savefig(file, format=ending, metadata=date_of)
+                written.append(path)
+        elif isinstance(part, PageTable) and part.rows:
+            path, text = folder / f"{part.name}.csv", StringIO()
+            csv.writer(text, lineterminator="\n").writerows([part.head, *part.rows])
+            write_whole(path, text.getvalue())
+            written.append(path)
+    return written
 
 
 def bullets(items: Sequence[str]) -> str:
     """Sentences, each a point."""
-    return "<ul>" + "".join(f"<li>{escape(typeset(item))}</li>" for item in items) + "</ul>"
+    return "<ul>" + "".join(f"<li>{_prose(item)}</li>" for item in items) + "</ul>"
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -118,9 +202,19 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return f"<div class='wide'><table>{rows_and_head}</table></div>"
 
 
+def _prose(text: str) -> str:
+    """Sentences as HTML; what stands in backticks is code."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(typeset(text)))
+
+
+_MICRO = re.compile(r"(?<=[\d).] )u(?=m\b|N m\b|s\b|T\b)")
+"""The u of a micro-unit behind a number."""
+
+
 def typeset(text: str) -> str:
     """Plain signs as print has them."""
-    return text.replace("+-", "±").replace("^2", "²").replace("^3", "³").replace(" -", " −")
+    plain = text.replace("+-", "±").replace("^2", "²").replace("^3", "³").replace(" -", " −")
+    return _MICRO.sub("µ", plain)
 
 
 LARGEST = 512 * 2**20
@@ -129,22 +223,32 @@ SHOWN = 12
 """Digits of a hash."""
 
 
-def foot(recordings: Sequence[Recording], platform: Platform | None) -> str:
-    """Lines as HTML: version and date, the command, a hash of each log and of the machine's files.
+def foot(
+    recordings: Sequence[Recording], platforms: Sequence[Platform], facts: Sequence[str] = ()
+) -> str:
+    """Lines as HTML: version and date, the command, a hash of each log and of each machine's files.
 
     Args:
         recordings: the logs of the page.
-        platform: the machine; None without one.
+        platforms: the machines.
+        facts: further lines.
     """
     lines = [f"airbearing-twin {version('airbearing-twin')}, {date.today().isoformat()}"]
-    words = [Path(sys.argv[0]).name, *sys.argv[1:]]
+    words = [Path(sys.argv[0]).name, *map(bare, sys.argv[1:])]
     lines.append("made by: " + shlex.join(words))
-    lines += [f"log {_name(log)}: {_hash_of_log(log)}" for log in recordings]
-    if platform is not None:
-        files = hashes_of(platform.folder)
-        text = json.dumps(files, sort_keys=True)
-        lines.append(f"platform {platform.name}: sha256 {_sha256(text.encode())[:SHOWN]}")
+    for log in recordings:
+        digest = _hash_of_log(log)
+        lines.append(f"log {_name(log)}: {digest}" if digest else "log: from memory")
+    for platform in platforms:
+        text = json.dumps(hashes_of(platform.folder), sort_keys=True)
+        lines.append(f"platform {platform.name}: {hash_of(text.encode())}")
+    lines += facts
     return "<footer>" + "".join(f"<p>{escape(line)}</p>" for line in lines) + "</footer>"
+
+
+def bare(word: str) -> str:
+    """A word of a command line, of an absolute path its name alone: a page may go elsewhere."""
+    return Path(word).name if Path(word).is_absolute() else word
 
 
 def _name(log: Recording) -> str:
@@ -152,13 +256,13 @@ def _name(log: Recording) -> str:
 
 
 def _hash_of_log(log: Recording) -> str:
-    """Of its file, or of all files in its folder."""
+    """Of its file, or of all files in its folder; empty where there is none."""
     path = Path(log.source)
     if path.name == "log.toml":
         path = path.parent
     files = sorted(item for item in path.iterdir() if item.is_file()) if path.is_dir() else [path]
     if not all(file.is_file() for file in files):
-        return "from memory"
+        return ""
     size = sum(file.stat().st_size for file in files)
     if size > LARGEST:
         return f"{size / 2**30:.1f} GiB, not hashed"
@@ -169,5 +273,6 @@ def _hash_of_log(log: Recording) -> str:
     return f"sha256 {digest.hexdigest()[:SHOWN]}"
 
 
-def _sha256(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()
+def hash_of(data: bytes) -> str:
+    """The first digits of a SHA-256."""
+    return f"sha256 {hashlib.sha256(data).hexdigest()[:SHOWN]}"

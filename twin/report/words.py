@@ -273,7 +273,12 @@ def strength_words(strength: Strength) -> str:
         _with_interval(value, half, symptom.unit, symptom.offset)
         for value, half in zip(strength.values.tolist(), strength.half.tolist(), strict=True)
     ]
-    return parts[0] if len(parts) == 1 else "[" + "; ".join(parts) + "]"
+    if len(parts) == 1:
+        return parts[0]
+    names = symptom.parts or tuple(f"along {axis}" for axis in "xyz")
+    if len(names) != len(parts):
+        return "[" + "; ".join(parts) + "]"
+    return _listed(f"{part} {name}" for name, part in zip(names, parts, strict=True))
 
 
 def _with_interval(value: float, half: float, unit: str, offset: float) -> str:

@@ -5,6 +5,7 @@ A part that raises, or whose process dies, costs its own rows and nothing else.
 
 import importlib.util
 import multiprocessing
+import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from twin.processes import beginning, end_with_parent
 from twin.reproduce.judge import Judged, judge, nothing
 from twin.reproduce.part import Computed, PaperPart, Say
 from twin.reproduce.rows import Paper, Row
+from twin.units import span
 
 UNCOMPUTED = "Not computed: no part computes it yet."
 
@@ -91,7 +93,7 @@ def _computed(
 ) -> Iterator[tuple[PaperPart, Computed | str]]:
     """Each part with what it found, or with a sentence on why it found nothing."""
     waiting, running = deque(parts), dict[Any, tuple[PaperPart, BaseProcess]]()
-    total, done = len(waiting), 0
+    total, done, began = len(waiting), 0, time.monotonic()
     try:
         while waiting or running:
             while waiting and len(running) < jobs:
@@ -115,7 +117,8 @@ def _computed(
                 del running[pipe]
                 process.join()
                 done += 1
-                say(f"{done} of {total}: {part.ids[0]} {kind}")
+                left = (time.monotonic() - began) * (total - done) / done
+                say(f"{done} of {total}: {part.ids[0]} {kind}, about {span(left)} left")
                 yield part, content
     finally:
         for _, process in running.values():
