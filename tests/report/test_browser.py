@@ -21,6 +21,23 @@ FRAME = """<!doctype html><title></title>
 """
 """A window is never narrower than 500 px, a frame in it is."""
 
+SPEC = """
+platform = "sads"
+controller = "quaternion_pd"
+runs = 24
+duration = 2.0
+seed = 1
+[gains]
+derivative = { grid = [6.0, 12.0] }
+[effects.gyro_bias]
+[[arms]]
+name = "as shipped"
+[[arms]]
+name = "stiffer"
+[arms.gains]
+proportional = 20.0
+"""
+
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
 
 
@@ -28,11 +45,17 @@ pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installe
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     log = "models/dfki_pendulum/logs/energy_shaping"
+    spec = folder / "spec.toml"
+    spec.write_text(SPEC, encoding="utf-8")
     run = twin.fly("sads", "quaternion_pd", duration=10.0, effects="gyro_bias=0.001/0/0", seed=1)
     results = {
         "show": twin.show(run.recording),
         "compare": twin.compare(log),
         "diagnose": twin.diagnose(run.recording, "sads"),
+        "run": run,
+        "identify": twin.identify(log),
+        "balance": twin.balance("sads", duration=5.0),
+        "campaign": twin.campaign(spec, folder / "campaign"),
     }
     return {name: result.save(folder / f"{name}.html") for name, result in results.items()}
 
@@ -64,8 +87,10 @@ def rendered(page: Path, width: int, scheme: int, folder: Path) -> tuple[int, in
     return int(window), int(wide), colour
 
 
-@pytest.mark.slow(20)
-@pytest.mark.parametrize("name", ["show", "compare", "diagnose"])
+@pytest.mark.slow(40)
+@pytest.mark.parametrize(
+    "name", ["show", "compare", "diagnose", "run", "identify", "balance", "campaign"]
+)
 def test_a_page_fits_a_desktop_and_a_phone_in_light_and_in_dark(
     pages: dict[str, Path], name: str, tmp_path: Path
 ):

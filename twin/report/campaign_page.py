@@ -5,6 +5,8 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -146,10 +148,9 @@ def _shades(results: Results, metric: str) -> Figure:
             for arm in arms
         ]  # fmt: skip
         low, high = float(np.nanmin(grids)), float(np.nanmax(grids))
+        shades = ScalarMappable(Normalize(low, high), "viridis_r")
         for panel, arm, grid in zip(panels, arms, grids, strict=True):
-            shades = panel.imshow(
-                grid, aspect="auto", origin="lower", cmap="viridis_r", vmin=low, vmax=high
-            )
+            panel.imshow(grid, aspect="auto", origin="lower", cmap=shades.cmap, norm=shades.norm)
             panel.set_xticks(range(len(xs)), [f"{x:g}" for x in xs])
             panel.set_yticks(range(len(ys)), [f"{y:g}" for y in ys])
             panel.set_xlabel(f"{first.name} [{first.unit}]")

@@ -308,9 +308,10 @@ def cause_name(cause: Cause) -> str:
 
 def _with_size(cause: Cause) -> str:
     """`bearing_viscous_friction (0.2 N m s, 0.198 to 0.202)`; of a vector the name alone."""
-    if len(cause.effect.names) > 1 or not np.isfinite(cause.beside[0]):
+    name, *others = cause.effect.names
+    if others or not np.isfinite(cause.beside[0]):
         return cause_name(cause)
-    size = _component(cause, 0).removeprefix(f"{cause.effect.names[0]} ")
+    size = _component(cause, 0).removeprefix(f"{name} ")
     return f"{cause_name(cause)} ({size.replace(' (', ', ').rstrip(')')})"
 
 

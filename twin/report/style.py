@@ -83,7 +83,8 @@ footer { border-top: 1px solid var(--line); color: var(--soft); font-size: .82re
 pre { font: .85rem/1.5 "DejaVu Sans Mono", Menlo, Consolas, monospace; overflow-x: auto; }
 details { margin-top: 2rem; } summary { cursor: pointer; font-weight: 650; font-size: 1.25rem; }
 @media (max-width: 40rem) { main { padding: 1.5rem 1rem 3rem; } h1 { font-size: 1.45rem; }
-  .drawn svg { width: 40rem; } pre { white-space: pre-wrap; } }
+  .drawn svg { width: 40rem; } .wide td, .wide th { min-width: 5.5rem; }
+  pre { white-space: pre-wrap; } }
 @media print { .drawn svg { filter: none; } }
 """
 

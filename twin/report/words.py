@@ -20,14 +20,14 @@ from twin.comparison.explanation import FALSE_ALARM, Side, Strength
 from twin.comparison.symptoms import SymptomDomain
 from twin.platform import beyond_stated, taken_as_at_rest
 from twin.predict.body import Body
-from twin.units import fitting, printed, three_digits, unit_of
+from twin.units import as_precise, fitting, printed, three_digits, unit_of
 
 ALIKE = 0.9
 """Share of a law's effect that the base could imitate, above which that is said."""
 
 NO_INTERVALS = (
-    "None of the intervals below is a 95 % interval: they know how what is left scatters, not what "
-    "it is."
+    "None of the intervals below is a 95 % interval: they reflect the scatter of the residual, not "
+    "its cause."
 )
 
 SHOWN = 4
@@ -147,10 +147,10 @@ def _verdict(comparison: Comparison) -> str:
     if losing:
         what = "The machine loses energy that the model keeps"
     elif domains <= {SymptomDomain.sensor, SymptomDomain.clock}:
-        what = "The sensors show what the machine does not do"
+        what = "The sensors err"
     else:
-        what = "The machine does what the model does not know"
-    rest = "" if comparison.verdict == "explained" else " That is not all it does."
+        what = "The model is incomplete"
+    rest = "" if comparison.verdict == "explained" else " More than noise is left beside that."
     if comparison.found is not comparison.best:
         what = f"With the base as built, {what[0].lower()}{what[1:]}"
         rest = " With the base refitted no law stands out, but more than noise is left."
@@ -161,19 +161,24 @@ def _where(comparison: Comparison) -> list[str]:
     own, others = comparison.where
     if comparison.healthy or not own:
         return []
-    said = f"By the evidence the discrepancy lives in {_listed(d.value for d in own)}"
+    said = f"By the evidence the discrepancy is in {_listed(map(_domain, own))}"
     if others:
-        said += f", or in {' or '.join(d.value for d in others)}: this log cannot tell"
+        said += f", or in {' or '.join(map(_domain, others))}: this log does not decide"
     return [f"{said}."]
+
+
+def _domain(domain: SymptomDomain) -> str:
+    inside = domain is SymptomDomain.exchange
+    return "a torque between body and wheels or motor" if inside else domain.value
 
 
 def _laws(comparison: Comparison, side: Side, where: str) -> list[str]:
     strengths = side.strengths
     if not strengths:
-        return [f"{where}, no simple law takes away what is left."]
+        return [f"{where}, no simple law explains the residual."]
     said = [
-        f"{where}, the log asks for {_law_words(strengths)}; then the typical stretch misses "
-        f"{_typical(side.explained, short=True)}."
+        f"{where}, the log is explained by {_law_words(strengths)}; the typical stretch then "
+        f"misses {_typical(side.explained, short=True)}."
     ]
     for strength in strengths:
         if side is comparison.as_built and strength.imitated > ALIKE:
@@ -184,7 +189,7 @@ def _laws(comparison: Comparison, side: Side, where: str) -> list[str]:
         others = [tie.looks for tie in strength.ties]
         if others:
             said.append(
-                f"In place of {_short(strength)} this log would take as well: {_listed(others)}."
+                f"In place of {_short(strength)} it is explained as well by {_listed(others)}."
             )
     return said
 
@@ -198,8 +203,8 @@ def _symptoms(comparison: Comparison) -> list[str]:
     listed = [f"{s.symptom.looks}, evidence {three_digits(s.evidence)}" for s in out[:SHOWN]]
     more = f" and {len(out) - SHOWN} more" if len(out) > SHOWN else ""
     return [
-        f"Asked one by one, {len(out)} of {len(scores)} departures stand out (chance alone lets "
-        f"any of them do so in {FALSE_ALARM:.0%} of the logs): {'; '.join(listed)}{more}."
+        f"Each on its own, {len(out)} of {len(scores)} departures stand out (by chance alone any "
+        f"of them does in {FALSE_ALARM:.0%} of logs): {'; '.join(listed)}{more}."
     ]
 
 
@@ -209,7 +214,7 @@ def _colour(comparison: Comparison) -> list[str]:
         return []
     columns = [f"{part.stream} {part.column}" for part in misfits]
     small = "something small" if comparison.best.explained.follows else "something"
-    return [f"What is left of {_listed(columns)} is no white noise: {small} is still missing."]
+    return [f"The residual of {_listed(columns)} is not white: the model still lacks {small}."]
 
 
 def quiet_sentences(misfits: Sequence[ColumnMisfit]) -> list[str]:
@@ -278,13 +283,17 @@ def strength_words(strength: Strength) -> str:
     names = symptom.parts or tuple(f"along {axis}" for axis in "xyz")
     if len(names) != len(parts):
         return "[" + "; ".join(parts) + "]"
-    return _listed(f"{part} {name}" for name, part in zip(names, parts, strict=True))
+    sure = np.abs(strength.values) > strength.half
+    shown = sure if sure.any() else np.ones(len(parts), dtype=np.bool_)
+    said = _listed(f"{part} {names[i]}" for i, part in enumerate(parts) if shown[i])
+    rest = [names[i].removeprefix("for ").removeprefix("along ") for i in np.flatnonzero(~shown)]
+    return f"{said} (of {_listed(rest)} no size is sure)" if rest else said
 
 
 def _with_interval(value: float, half: float, unit: str, offset: float) -> str:
     values = [value + offset, value - half + offset, value + half + offset]
     factor, name = (0.01, "%") if unit == "1" else fitting(max(map(abs, values)), unit)
-    middle, low, high = (three_digits(entry / factor) for entry in values)
+    middle, low, high = (as_precise(entry / factor, half / factor) for entry in values)
     return f"{middle} {name} ({low} to {high})"
 
 
@@ -346,8 +355,8 @@ def _disturbed(comparison: Comparison) -> list[str]:
         return []
     spans = [f"{segment.start:.1f} to {segment.stop:.1f} s" for segment in result]
     return [
-        f"From {_listed(spans)} something acted that no law knows: was the machine touched? "
-        "There the log hardly weighs in the fit."
+        f"From {_listed(spans)} something acted that no law explains: was the machine touched? "
+        "That time hardly counts in the fit."
     ]
 
 

@@ -282,7 +282,11 @@ class Scene:
         shown = [int(i) for i in ids if model.geom_group[i] < _HIDDEN_GROUP]
         for kind in sorted({int(model.geom_type[i]) for i in shown}):
             same = [i for i in shown if model.geom_type[i] == kind]
-            colors = _colors(model, same) if color is None else np.tile(color, (len(same), 1))
+            colors = (
+                _colors(model, same)
+                if color is None
+                else np.tile(np.array(color, dtype=np.uint8), (len(same), 1))
+            )
             yield from _shapes(model, path, mujoco.mjtGeom(kind), same, colors)
 
     def motion(self, rows: Mapping[str, tuple[Array, Array]]) -> list[Chunk]:
@@ -432,7 +436,7 @@ def _shapes(
     path: str,
     kind: mujoco.mjtGeom,
     ids: Sequence[int],
-    color: NDArray[np.integer[Any]],
+    color: NDArray[np.uint8],
 ) -> Iterator[tuple[str, rr.AsComponents]]:
     """The geoms of one kind on one body, as one archetype; meshes one by one."""
     center, quat, size = model.geom_pos[ids], model.geom_quat[ids], model.geom_size[ids]
@@ -508,7 +512,7 @@ def _shapes(
             pass  # height fields and signed distance fields have no counterpart
 
 
-def _mesh(model: mujoco.MjModel, geom: int, color: NDArray[np.integer[Any]]) -> rr.Mesh3D:
+def _mesh(model: mujoco.MjModel, geom: int, color: NDArray[np.uint8]) -> rr.Mesh3D:
     mesh = model.mesh(int(model.geom_dataid[geom])).id
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     vertices = model.mesh_vert[first : first + count].astype(np.float64)
