@@ -19,14 +19,15 @@ def read_sheet(path: Path, name: str | None) -> bytes:
     """
     openpyxl = imported("openpyxl", path)
     try:
-        with ZipFile(path) as parts:
+        with path.open("rb") as file, ZipFile(file) as parts:
             size = sum(part.file_size for part in parts.infolist())
-    except (BadZipFile, OSError):  # said below
+    except (BadZipFile, NotImplementedError, OSError):  # said below
         size = 0
     check_unpacked(path, size)
     with (
         library_errors(path, "Excel", "export it as CSV"),
-        closing(openpyxl.load_workbook(path, read_only=True, data_only=True)) as book,
+        path.open("rb") as file,
+        closing(openpyxl.load_workbook(file, read_only=True, data_only=True)) as book,
     ):
         if name is not None and name not in book.sheetnames:
             listed = ", ".join(map(repr, book.sheetnames))
