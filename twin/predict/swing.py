@@ -138,7 +138,7 @@ class Swinging:
                 result -= damping * rate
             return result
 
-        positions, velocities = np.empty((2, *driving.shape))
+        positions, velocities = np.empty_like(driving), np.empty_like(driving)
         q, w = self.position[:, 0] + phase, self.velocity[:, 0]
         for k, pull in enumerate(driving):
             if answer is not None:
