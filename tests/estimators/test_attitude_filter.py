@@ -10,6 +10,7 @@ from scipy.stats import chi2
 
 from twin.errors import UsageError
 from twin.estimators import AttitudeFilter
+from twin.platform import load_platform
 from twin.rotation import conjugate, from_rotation_vector, multiply, to_rotation_vector
 from twin.signals import Reading, Samples
 
@@ -239,3 +240,39 @@ def test_platform_without_its_sensors_is_told_what_would_do(platform):
     blind = dataclasses.replace(platform, sensors={"gyro": platform.sensors["gyro"]})
     with pytest.raises(UsageError, match="sads has no attitude; no estimator knows"):
         AttitudeFilter().init(blind, 1)
+
+
+@pytest.mark.parametrize("name", ["sads", "tas2", "cubesat", "astros", "whorl1"])
+def test_one_gyro_sample_of_30_rad_s_does_not_turn_a_table(name):
+    """Nor one at the edge of the gyro's range, where that is less."""
+    platform = load_platform(name)
+    draw = np.random.default_rng(1)
+    spike = min(30.0, 0.99 * platform.sensors["gyro"].range)
+    law = AttitudeFilter()
+    estimate = law.init(platform, 3)
+    still, noise = np.tile([1.0, 0.0, 0.0, 0.0], (3, 1, 1)), platform.sensors["gyro"].noise
+    valid = np.ones((3, 1), dtype=bool)
+    for tick in range(1, 41):
+        times = np.full((3, 1), tick * platform.tick)
+        rate = draw.normal(size=(3, 1, 3)) * noise
+        if tick == 30:
+            rate[1:] += [[[spike, 0.0, -spike]]]
+        if tick == 31:
+            rate[2] += [[spike, 0.0, -spike]]  # this one is a blow: the next sample confirms it
+        streams = {"gyro": Samples(rate, times, valid), "attitude": Samples(still, times, valid)}
+        estimate = law.update(estimate, Reading(float(times[0, 0]), streams))
+        if tick == 31:
+            assert np.abs(estimate.rate_body[1]).max() < 0.2
+            assert estimate.rate_body[2, 0] > 0.4 * spike
+    assert np.degrees(np.abs(to_rotation_vector(estimate.attitude[:2])).max()) < 0.5
+    assert law.remarks(estimate)
+
+
+def test_gyro_of_a_body_that_tumbles_fast_is_believed(bodies, platform):
+    """What turning alone does to the rate of a dumbbell at 3 rad/s."""
+    truth, law = bodies(platform, n=20, seed=3, swing=3.0), AttitudeFilter()
+    free = dataclasses.replace(platform, wheels=(), stages=(), center_of_mass_offset=np.zeros(3))
+    estimate = law.init(free, 20)
+    for reading in truth.readings(3.0):
+        estimate = law.update(estimate, reading)
+    assert estimate.refused.sum() == 0

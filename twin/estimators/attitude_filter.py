@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 
 from twin.errors import UsageError
 from twin.estimators.estimator import (
+    Agility,
     Estimator,
+    accepted_rates,
+    agility_of,
     blank,
     encoders,
     instead,
@@ -32,7 +35,7 @@ from twin.rotation import (
     normalized,
     to_rotation_vector,
 )
-from twin.signals import Estimate, Reading, Samples
+from twin.signals import Estimate, Mask, Reading, Samples
 
 Array = NDArray[np.float64]
 
@@ -57,6 +60,12 @@ class FilterEstimate(Estimate):
     """(n, 3) newest sample, bias included [rad/s]."""
     gyro_time: Array
     """(n,) when it was true [s]; NaN before the first."""
+    shown: Array
+    """(n, 3) newest gyro sample, refused or not; NaN before the first."""
+    refused: Array
+    """(n,) gyro samples that were refused."""
+    agility: Agility
+    """Of the machine."""
     attitude_then: Array
     """(n, 4) attitude at that time."""
 
@@ -81,6 +90,8 @@ class AttitudeFilter(Estimator):
     - Late samples: the state stands at the newest gyro sample, and the estimate is carried on to
       the tick at the last rate. An attitude sample from before the first of the tick's gyro
       samples, or from after the newest, is carried at that one's rate; where it changes, this errs.
+    - A lone gyro sample beyond what the machine's own actuators and weight can do to its rate is
+      bridged like a lost one.
     - Lost samples: a gap in the gyro is bridged by a straight line; what is not valid does not
       count, run by run. The covariance does not grow while the gyro is silent.
     - A constant misalignment of the attitude sensor cannot be seen, nor is it in the covariance.
@@ -111,15 +122,24 @@ class AttitudeFilter(Estimator):
             noise=AttitudeFilterNoise(variance_of(gyro), variance_of(attitude), self.bias_walk**2),
             gyro=np.zeros((n, 3)),
             gyro_time=np.full(n, np.nan),
+            shown=np.full((n, 3), np.nan),
+            refused=np.zeros(n),
+            agility=agility_of(platform),
             attitude_then=start.attitude,
         )
+
+    def remarks(self, estimate: Estimate) -> list[str]:
+        """How many gyro samples were bridged."""
+        count = int(cast(FilterEstimate, estimate).refused.sum())
+        return [f"{count} lone gyro samples were bridged"] if count else []
 
     def update(self, estimate: Estimate, reading: Reading) -> FilterEstimate:
         """Valid from a run's first attitude sample and positions; it filters from the former."""
         before, streams = cast(FilterEstimate, estimate), reading.streams
         bias, oriented, noise = before.gyro_bias, before.oriented, before.noise
 
-        gyro, times = _joined(before, streams.get("gyro"), reading.time)
+        measured, shown = _believed(before, streams.get("gyro"))
+        gyro, times = _joined(before, measured, reading.time)
         rates = gyro - bias
         steps = times[1:] - times[:-1]
         angles = (0.5 * steps)[..., None] * (rates[1:] + rates[:-1])
@@ -168,8 +188,40 @@ class AttitudeFilter(Estimator):
             covariance=covariance.transpose(2, 0, 1),
             gyro=gyro[-1],
             gyro_time=times[-1],
+            shown=shown,
+            refused=before.refused + _lost(streams.get("gyro"), measured),
             attitude_then=attitude,
         )
+
+
+def _believed(before: FilterEstimate, gyro: Samples | None) -> tuple[Samples | None, Array]:
+    """The samples without lone spikes, and the newest as it came."""
+    if gyro is None:
+        return None, before.shown
+    held, shown, when = before.gyro, before.shown, before.gyro_time
+    valid: Mask | None = None
+    for k in range(gyro.time.shape[1]):
+        value, here = gyro.value[:, k], gyro.valid[:, k]
+        step = gyro.time[:, k] - when
+        variance, most = before.noise.gyro, before.agility
+        kept = here & accepted_rates(value, held, shown, step, variance, most)
+        if not np.array_equal(kept, here):
+            valid = gyro.valid.copy() if valid is None else valid
+            valid[:, k] = kept
+        if kept.all():
+            held = shown = value
+            when = gyro.time[:, k]
+        else:
+            held = np.where(kept[:, None], value, held)
+            shown = np.where(here[:, None], value, shown)
+            when = np.where(kept, gyro.time[:, k], when)
+    return (gyro if valid is None else Samples(gyro.value, gyro.time, valid)), shown
+
+
+def _lost(came: Samples | None, used: Samples | None) -> Array | float:
+    if came is None or used is None or came is used:
+        return 0.0
+    return (came.valid & ~used.valid).sum(axis=1).astype(np.float64)
 
 
 class _Fix(NamedTuple):

@@ -3,7 +3,7 @@
 import abc
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,16 @@ class Estimator(abc.ABC):
         """The same estimate, knowing what is applied from its tick on; most have no use for it."""
         del applied
         return estimate
+
+    def shows(self, platform: Platform) -> frozenset[str]:
+        """Which of "attitude" (how it leans), "heading" and "rate" it tells of this machine."""
+        del platform
+        return frozenset(("attitude", "heading", "rate"))
+
+    def remarks(self, estimate: Estimate) -> list[str]:
+        """What its user should know of the sensors at the end of a run, a sentence each."""
+        del estimate
+        return []
 
 
 def blank(platform: Platform, n: int) -> Estimate:
@@ -94,6 +104,8 @@ def instead(platform: Platform) -> str:
         return "use the estimator 'passthrough'"
     if "inclinometer" in platform.sensors:
         return "use the estimator 'inclinometer'"
+    if {"gyro", "accelerometer"} <= set(platform.sensors):
+        return "use the estimator 'mekf'"
     shown = "joint_angle" if platform.base.kind == "hinge" else "attitude"
     return f"no estimator knows how it stands: give it [sensors.{shown}]"
 
@@ -140,6 +152,80 @@ def variance_of(sensor: Sensor) -> Array:
     return np.maximum(sensor.noise**2 + sensor.resolution**2 / 12.0, 1e-14)
 
 
+class Agility(NamedTuple):
+    """How fast a machine's rate can change: dw/dt <= still + by_rate |w| + by_square |w|^2."""
+
+    still: float
+    """By torques [rad/s^2]."""
+    by_rate: float = 0.0
+    """By the momentum of its rotors [1/s]."""
+    by_square: float = 0.0
+    """By its own turning [-]."""
+
+    def at(self, rate: Array) -> Array:
+        """(n, 1) [rad/s^2] at rates (n, 3)."""
+        size = np.sqrt(np.einsum("ni,ni->n", rate, rate))[:, None]
+        return self.still + size * (self.by_rate + size * self.by_square)
+
+
+def agility_of(platform: Platform) -> Agility:
+    """What a machine's own actuators, weight and momentum can do to its rate.
+
+    The largest torque of all of them together over the smallest principal moment of inertia, and
+    twice that, for what is stated of a machine is not exact. Hands and stops do more.
+    """
+    weight = platform.gravity * (
+        float(np.linalg.norm(platform.center_of_mass_offset))
+        + sum(stage.mass * max(np.abs(stage.travel)) for stage in platform.stages)
+    )
+    field = float(np.linalg.norm(platform.magnetic_field))
+    momentum = sum(abs(rotor.momentum) for rotor in platform.rotors)
+    momentum += sum(wheel.momentum_limit for wheel in platform.wheels)
+    torque = (
+        weight
+        + momentum * max((gimbal.rate for gimbal in platform.gimbals), default=0.0)
+        + sum(wheel.torque_limit for wheel in platform.wheels)
+        + sum(coil.dipole_limit * field for coil in platform.magnetorquers)
+        + sum(
+            thruster.force_limit * float(np.linalg.norm(thruster.point))
+            for thruster in platform.thrusters
+        )
+    )
+    moments = np.linalg.eigvalsh(platform.inertia)
+    least = float(moments[0])
+    spread = float(moments[2] - moments[0])  # |w x J w| <= spread |w|^2 / 2
+    return Agility(2.0 * torque / least, 2.0 * momentum / least, spread / least)
+
+
+def accepted_rates(
+    value: Array,
+    held: Array,
+    shown: Array,
+    step: Array,
+    variance: Array,
+    agility: Agility,
+) -> Mask:
+    """Runs (n,) whose gyro sample is no lone spike.
+
+    A rate changes by no more than the machine can do, or else the next sample confirms it, as after
+    a blow against the stop. A sample is refused that is farther than that from the last one; of two
+    in a row the second never is, so that a gyro noisier than stated loses samples and no more.
+
+    Args:
+        value: (n, 3) the sample [rad/s].
+        held: (n, 3) last one that was accepted.
+        shown: (n, 3) last one that came.
+        step: (n,) since `held` [s].
+        variance: (3,) of a sample.
+        agility: of the machine.
+    """
+    # six sigmas of a difference: one good sample in 10^9 is refused
+    margin = agility.at(held) * np.maximum(step, 0.0)[:, None] + 6.0 * np.sqrt(2.0 * variance)
+    with np.errstate(invalid="ignore"):
+        near = np.abs(value - held) <= margin
+    return np.asarray(near.all(axis=1) | (held != shown).any(axis=1))
+
+
 @dataclass(frozen=True)
 class Passthrough(Estimator):
     """No model, and no memory but the last sample: a late one is taken as if it were of now.
@@ -150,6 +236,12 @@ class Passthrough(Estimator):
     def init(self, platform: Platform, n: int) -> Estimate:
         """Level and at rest, not valid."""
         return blank(platform, n)
+
+    def shows(self, platform: Platform) -> frozenset[str]:
+        """What sensors show as it is."""
+        sensors = set(platform.sensors)
+        oriented = ("attitude", "heading") if {"attitude", "joint_angle"} & sensors else ()
+        return frozenset((*oriented, *["rate"] * bool({"gyro", "joint_rate"} & sensors)))
 
     def update(self, estimate: Estimate, reading: Reading) -> Estimate:
         """Valid from a run's first attitude, or joint angle on a hinge, and first positions."""

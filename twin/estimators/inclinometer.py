@@ -57,6 +57,11 @@ class InclinometerDifferences(Estimator):
             tilt_time=np.full(n, np.nan),
         )
 
+    def shows(self, platform: Platform) -> frozenset[str]:
+        """No heading."""
+        del platform
+        return frozenset(("attitude", "rate"))
+
     def update(self, estimate: Estimate, reading: Reading) -> TiltEstimate:
         """Valid from a run's first sample and positions; its rate is 0 until the second sample."""
         before, streams = cast(TiltEstimate, estimate), reading.streams

@@ -485,6 +485,14 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
         stream: read_sensor(sensor_table, stream, parts, base, layout, (step, control_rate))
         for stream in sensor_table.keys
     }
+    for stream in table.texts("unmeasured", ()):
+        if sensors.pop(stream, None) is None:
+            raise table.fail(
+                "unmeasured",
+                f"names {stream!r}, for which there is no [sensors.{stream}]",
+                f"take one of {', '.join(sensors)}, or remove it",
+            )
+    estimators = table.texts("estimators", ())
     effects = (*earth, *_effects(table.table("effects", required=False)))
     table.raw("hardware")  # `twin.plant.hardware_setup` knows what it means
     if not variant:
@@ -517,6 +525,7 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
         pitch_stop=pitch_stop,
         inertia_sd=inertia_sd,
         center_of_mass_offset_sd=offset_sd,
+        estimators=estimators,
     )
 
 

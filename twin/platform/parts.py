@@ -274,6 +274,9 @@ class Platform:
     nobody stated them."""
     center_of_mass_offset_sd: Array | None = None
     """(3,) of m r [kg m]."""
+    estimators: tuple[str, ...] = ()
+    """Names of `twin.estimators` in order of preference: it flies on the first that its measured
+    streams suffice for. Empty: the usual order."""
 
     @property
     def tick(self) -> float:
