@@ -1,7 +1,7 @@
 """A run put together from names: platform, law, estimator, plant and reference; checked, flown."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -17,7 +17,10 @@ from twin.errors import UnknownName, UsageError
 from twin.estimators import (
     Estimator,
     InclinometerDifferences,
+    Passthrough,
+    heading_sigma,
     load_estimator,
+    name_of,
     usual_estimator,
 )
 from twin.loop import FlightProgress, Observer, Outcome, fly
@@ -28,9 +31,9 @@ from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, open_log
 from twin.reference import Reference, parse_reference
-from twin.rotation import to_euler_zyx
+from twin.rotation import IDENTITY, from_rotation_vector, multiply, to_euler_zyx
 from twin.shown import Shown
-from twin.signals import Command
+from twin.signals import Command, Target
 
 if TYPE_CHECKING:
     from twin.bench import Bench
@@ -87,9 +90,13 @@ class Flight:
         return [*self._unseen_heading(wanted), *self._saturation(wanted)]
 
     def _unseen_heading(self, wanted: Command) -> list[str]:
-        """That the law steers a heading which its estimate takes for 0."""
+        """That the law steers a heading which no sensor shows."""
         platform, law = self.platform, type(self.controller).__name__
-        if not isinstance(self.estimator, InclinometerDifferences) or not _TURNING & wanted.keys():
+        unseen = "heading" not in self.estimator.shows(platform)
+        if platform.base.kind == "hinge" or not unseen or not _TURNING & wanted.keys():
+            return []
+        flat = isinstance(self.estimator, InclinometerDifferences)  # knows no turn whatever
+        if not flat and "heading" not in _answers_to(self.controller, platform):
             return []
         times = np.linspace(0.0, self.duration, 1000)
         yaw = float(np.max(np.abs(to_euler_zyx(self.reference.at(times).attitude)[..., 0])))
@@ -105,9 +112,15 @@ class Flight:
             else "give it [sensors.attitude], or a law that needs no heading (mass_pid) and a "
             "reference without yaw"
         )
+        told = (
+            "taken for 0"
+            if flat
+            else f"that of the start, carried by the gyro to a sigma of "
+            f"{np.degrees(heading_sigma(platform, self.duration)):.2g} deg in {self.duration:g} s"
+        )
         return [
-            f"no sensor that the estimator 'inclinometer' reads shows the heading of "
-            f"{platform.name}, which is taken for 0: {follows}; {remedy}"
+            f"no sensor that the estimator {name_of(self.estimator)!r} reads shows the heading of "
+            f"{platform.name}, which is {told}: {follows}; {remedy}"
         ]
 
     def _saturation(self, wanted: Command) -> list[str]:
@@ -227,6 +240,7 @@ class Run(Shown):
             "duration": outcome.duration,
             "overruns": outcome.timing.overruns,
             "warnings": list(self.warnings),
+            "remarks": list(outcome.remarks),
             "metrics": self.metrics,
             "seconds": outcome.timing.seconds,
         }
@@ -304,6 +318,8 @@ def prepare(
     check_duration(length)
     observer = load_estimator(estimator or usual_estimator(machine))
     law = _law(controller, gains, machine, simulated=bench is None or lockstep, tell=tell)
+    if kind != "replay":  # whose log may show more than the machine
+        _check_seen(law, estimator or usual_estimator(machine), observer, machine)
     asked = reference or law.reference
     followed = asked if isinstance(asked, Reference) else parse_reference(asked)
     if kind != "replay":  # what a log did is done, wherever the law would have gone
@@ -330,6 +346,78 @@ def _check_within_stop(
             f"reference {asked!r} leans {machine.name} by {np.degrees(lean):.3g} deg, beyond the "
             f"stop at {np.degrees(machine.stop_angle):.3g} deg; give smaller angles"
         )
+
+
+_SHOWN_BY = {
+    "attitude": ("attitude", "inclinometer", "accelerometer beside gyro"),
+    "rate": ("gyro", "attitude beside gyro"),
+}
+"""What a law may need, and the streams of a body on a ball that tell it."""
+
+
+def _check_seen(law: AnyController, name: str, estimator: Estimator, machine: Platform) -> None:
+    """That the law needs nothing which no sensor tells the estimator.
+
+    Raises:
+        UsageError: it does; with the streams and estimators that would do.
+    """
+    lacking = {"attitude", "rate"} - estimator.shows(machine)
+    if not lacking:
+        return
+    for need in sorted(lacking & _answers_to(law, machine)):
+        better = usual_estimator(machine)
+        if need in load_estimator(better).shows(machine):
+            remedy = f"use the estimator {better!r}"
+        elif machine.base.kind == "hinge":
+            remedy = f"give it [sensors.joint_{'angle' if need == 'attitude' else 'rate'}]"
+        else:
+            remedy = "give it " + " or ".join(
+                " and ".join(f"[sensors.{s}]" for s in words.split(" beside "))
+                for words in _SHOWN_BY[need]
+            )
+        what = "how the body stands" if need == "attitude" else "how fast it turns"
+        raise UsageError(
+            f"{type(law).__name__} answers to {what}, and no sensor of {machine.name} shows it to "
+            f"the estimator {name!r}: {remedy}"
+        )
+
+
+def _answers_to(law: AnyController, machine: Platform) -> set[str]:
+    """Which of "attitude" (how it leans), "heading" and "rate" change what the law commands first;
+    of a law in another program, which is not asked, the heading alone is supposed."""
+    if type(law).first_command is not Controller.first_command:
+        return {"heading"}
+    yaw = from_rotation_vector(np.array([[0.0, 0.0, 0.05]]))
+    turned = {
+        "attitude": {"attitude": from_rotation_vector(np.array([[0.03, -0.05, 0.02]]))},
+        "rate": {"rate_body": np.array([[0.02, -0.01, 0.03]])},
+    }
+    if machine.base.kind == "hinge":
+        turned = {
+            "attitude": {"joint_angle": np.array([[0.05]])},
+            "rate": {"joint_rate": np.array([[0.05]])},
+        }
+    target = Target(IDENTITY)
+    base = replace(Passthrough().init(machine, 1), valid=np.ones(1, dtype=np.bool_), awaited={})
+    tipped = replace(base, **turned["rate"])  # what damps a rate may ask for the attitude, too
+    try:
+        level, moving = (law.first_command(machine, e, target) for e in (base, tipped))
+        found = set() if _same(level, moving) else {"rate"}
+        for start, before in ((base, level), (tipped, moving)):
+            other = law.first_command(machine, replace(start, **turned["attitude"]), target)
+            found |= set() if _same(before, other) else {"attitude"}
+            turn = {"attitude": multiply(yaw, start.attitude)}
+            other = law.first_command(machine, replace(start, **turn), target)
+            found |= set() if _same(before, other) else {"heading"}
+    except Exception:  # noqa: BLE001 - `Flight.fly` asks again, and tells what is wrong with it
+        return set()
+    return found
+
+
+def _same(one: object, other: object) -> bool:
+    if not isinstance(one, dict) or not isinstance(other, dict) or one.keys() != other.keys():
+        return False
+    return all(np.array_equal(one[key], other[key], equal_nan=True) for key in one)
 
 
 def _law(

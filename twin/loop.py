@@ -96,6 +96,8 @@ class Outcome:
     timing: Timing
     asked: int = 0
     """Number of the signal by which its operator stopped it, an end as good as any; 0: nobody."""
+    remarks: tuple[str, ...] = ()
+    """What the estimator could not use, or nobody saw; a sentence each."""
 
 
 def fly(
@@ -175,7 +177,8 @@ def fly(
     if ended is Ended.done and plant.stopped:
         ended = Ended.degraded
         reason = f"{len(plant.stopped)} of {n} runs were stopped"
-    return Outcome(ended, reason, now, dict(plant.stopped), clock.timing, asked)
+    remarks = tuple(estimator.remarks(estimate))
+    return Outcome(ended, reason, now, dict(plant.stopped), clock.timing, asked, remarks)
 
 
 def _by(number: int) -> str:

@@ -12,9 +12,11 @@ import pytest
 from tests.signals import hear
 from twin.budget import momentum_budget
 from twin.cli.main import main
+from twin.errors import UsageError
 from twin.flight import prepare
 from twin.metrics import settled
 from twin.plant.simulated import SimulatedPlant
+from twin.platform import load_platform
 from twin.recording import open_log
 
 
@@ -350,3 +352,43 @@ def test_ctrl_c_closes_the_recording_properly(tmp_path):
         [Path(sys.executable).with_name("rerun"), "rrd", "verify", out], timeout=60.0
     )
     assert verified.returncode == 0
+
+
+@pytest.mark.parametrize(("machine", "law"), [("cubesat", "mass_magnetic_pid"), ("tas2", "cmg_pd")])
+def test_a_machine_without_the_attitude_stream_flies_on_what_else_it_measures(capsys, machine, law):
+    words = ["run", f"{machine}:imu", "--controller", law, "--attitude", "2", "-1", "0"]
+    assert main([*words, "--duration", "3", "--json"]) == 0
+    said = capsys.readouterr()
+    assert "with estimator mekf" in said.err
+    document = json.loads(said.out)
+    assert document["metrics"]["tilt_max_rad"] < np.radians(4.0)
+    heading = [line for line in document["remarks"] if "no sensor shows the heading" in line]
+    assert len(heading) == (machine == "cubesat")
+
+
+def test_a_law_that_answers_to_what_no_sensor_shows_is_refused_with_what_would_do(capsys):
+    words = ["run", "cubesat:imu", "--duration", "2", "--estimator", "passthrough"]
+    assert main([*words, "--controller", "mass_magnetic_pid"]) == 2
+    said = capsys.readouterr().err
+    assert "no sensor of cubesat:imu shows it to the estimator 'passthrough'" in said
+    assert said.rstrip().endswith("use the estimator 'mekf'")
+    assert main([*words, "--controller", "free_float"]) == 0
+
+
+def test_the_streams_that_would_do_are_named_where_none_is_measured():
+    machine = load_platform("cubesat")
+    blind = dataclasses.replace(machine, sensors={"gyro": machine.sensors["gyro"]})
+    names = {"plant": "sim", "reference": None, "duration": 1.0, "estimator": None}
+    with pytest.raises(UsageError, match=r"\[sensors.attitude\] or \[sensors.inclinometer\]"):
+        prepare(blind, controller="mass_magnetic_pid", **names)
+
+
+def test_a_law_is_warned_of_a_heading_that_the_gyro_alone_carries_only_if_it_answers_to_it():
+    names = {"plant": "sim", "reference": None, "duration": 60.0, "estimator": "mekf"}
+    assert prepare("cubesat:imu", controller="mass_magnetic_pid", **names).warnings() == []
+    machine = load_platform("whorl1")
+    kept = {k: v for k, v in machine.sensors.items() if k != "attitude"}
+    gyros = dataclasses.replace(machine, sensors=kept)
+    flight = prepare(gyros, controller="mrp_tracking", **{**names, "reference": "hold"})
+    (warning,) = [line for line in flight.warnings() if "heading" in line]
+    assert "carried by the gyro to a sigma of" in warning

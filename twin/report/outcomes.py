@@ -48,6 +48,7 @@ def flown(platform: Platform, outcome: Outcome, row: Mapping[str, Any], settle: 
         lines.append(f"{wheel.name} held up to {peak:.3g} of {wheel.momentum_limit:g} N m s")
     if np.isfinite(row.get("wheel_saturated_at_s", np.nan)):
         lines.append(f"a wheel was saturated from {row['wheel_saturated_at_s']:.1f} s on")
+    lines += outcome.remarks
     timing = outcome.timing
     if timing.lateness:
         p50, p99, most = (timing.lateness_at(p) * 1e3 for p in (50.0, 99.0, 100.0))
