@@ -27,6 +27,7 @@ from twin.plant.devices.mdrive_line import DriveSettings
 from twin.plant.devices.mti import MtiSettings
 from twin.plant.devices.port import Port
 from twin.plant.devices.solar2 import Solar2Settings
+from twin.plant.plausibility import SampleChecks
 
 SPAN = 4.0
 """Of one session [s]."""
@@ -115,7 +116,8 @@ def session(name: str, seed: int) -> dict[str, Any]:
             device.arm()
             for fault in faults:
                 line.inject(fault)
-            samples, fallen = _flown(device)
+            checks = SampleChecks(name, subject.settings.limits())
+            samples, fallen = _flown(device, checks)
             device.close()
         reasons = [item.replace(str(port), "its port") for item in fallen if item]
     false = [sample for sample in samples if sample.valid and subject.wrong(sample)]
@@ -147,8 +149,8 @@ def session(name: str, seed: int) -> dict[str, Any]:
     }
 
 
-def _flown(device: Device) -> tuple[list[Sample], list[str]]:
-    """What the session gives, and the sentences with which it fell."""
+def _flown(device: Device, checks: SampleChecks) -> tuple[list[Sample], list[str]]:
+    """What the session gives, judged as for the loop, and the sentences with which it fell."""
     samples: list[Sample] = []
     fallen: list[str] = []
     end = time.monotonic() + SPAN
@@ -163,7 +165,7 @@ def _flown(device: Device) -> tuple[list[Sample], list[str]]:
         except DeviceError as error:
             fallen.append(str(error))
             time.sleep(0.1)
-        samples += device.read()
+        samples += [checks.judged(sample) for sample in device.read()]
         time.sleep(0.01)
     return samples, fallen
 

@@ -109,6 +109,9 @@ class LockstepTime(HostTime):
 WATCHED = 1.0
 """So long it is read before it is armed [s]."""
 
+_SILENT = 1.0
+"""A stream that has brought nothing valid for longer is said to be silent [s]."""
+
 _ARMING = 0.2
 """Between arming and the first tick [s], which a slow line may take to arm every device."""
 
@@ -266,11 +269,33 @@ class Bench(Plant):
         """What devices, line and guard have to say of the time since the last call."""
         lines = list(dict.fromkeys(self.hardware.notes()))
         lines += [f"{name}: {c.words()}" for name, c in self.hardware.counters.items()]
-        if self.hardware.out_of_range:
-            count = self.hardware.out_of_range
-            lines.append(f"samples at the end of their sensor's range, not valid: {count}")
+        lines += self._of_streams()
         acted = ", ".join(f"{rule} {count}" for rule, count in self.guard.limited.items())
         return [*lines, f"ticks in which a rule limited the command: {acted}"] if acted else lines
+
+    def _of_streams(self) -> list[str]:
+        """Which streams have samples that were not believed, and which have fallen silent."""
+        lines: list[str] = []
+        for name, count in self.hardware.counts.items():
+            if count.bad:
+                lines.append(
+                    f"{name}: {count.bad} of {count.rows} samples not believed; the last: "
+                    f"{count.reason}"
+                )
+            if self.silent(name):
+                since = "" if np.isinf(count.newest) else f" since {count.newest:.2f} s"
+                lines.append(f"{name}: silent{since}")
+        heard = self.hardware.counts.keys()
+        never = [name for name in self.platform.sensors if name not in heard]
+        return [*lines, *(f"{name}: no sample ever came" for name in never)]
+
+    def silent(self, stream: str) -> bool:
+        """Whether a stream of which something came has had nothing valid for long."""
+        sensor = self.platform.sensors.get(stream)
+        if sensor is None:
+            return False
+        age = self.guard.seen.now - self.hardware.counts[stream].newest
+        return age > max(_SILENT, 5.0 / sensor.rate + sensor.latency)
 
     def _note(self) -> None:
         """The loop looks here for how the guard's run ended."""

@@ -101,6 +101,20 @@ FAULTS: Mapping[str, str] = {
     "fault": "the firmware reports a fault: LIMIT of part `value`",
     "drift": "its clock runs fast by `value` (s/s) from now on",
 }
+"""Of the board."""
+
+PART_FAULTS: Mapping[str, str] = {
+    "frozen": "what the sensor of channel `value` shows stands still, from now on",
+    "zero": "the sensor of channel `value` shows zeros, from now on",
+    "spike": "the next sample of channel `value` is 30 in each column",
+    "reversed": "set-points of channel `value` act the other way round, from now on",
+    "dead": "set-points of channel `value` do nothing, from now on; a stage stands",
+    "runaway": "the last part of channel `value` is driven at its limit, whatever it is told",
+}
+"""Of what is wired to the board, which is well itself."""
+
+_FULL = 1e6
+"""Beyond every actuator's limit [SI]; the machine gives what it has."""
 
 
 class EmulatedMicrocontroller(EmulatedDevice):
@@ -152,6 +166,10 @@ class EmulatedMicrocontroller(EmulatedDevice):
         self._loops = 0
         self._until = dict.fromkeys(FAULTS, -np.inf)
         self._corrupt = 0
+        self._parts: dict[str, int] = {}
+        """Faults of parts: kind -> channel."""
+        self._held: dict[int, Array] = {}
+        """Values that stand still, by channel."""
         self._last: dict[int, tuple[int, Array]] = {}
         self._time = 0.0
         self._commands: dict[str, Array] = {}
@@ -183,9 +201,11 @@ class EmulatedMicrocontroller(EmulatedDevice):
         self._corrupt = 0
 
     def inject(self, fault: str, value: float = 0.0) -> None:
-        if fault not in FAULTS:
-            raise UnknownName("fault of a microcontroller", fault, FAULTS)
-        if fault == "reset":
+        if fault not in {*FAULTS, *PART_FAULTS}:
+            raise UnknownName("fault of a microcontroller", fault, {**FAULTS, **PART_FAULTS})
+        if fault in PART_FAULTS:
+            self._parts[fault] = round(value)
+        elif fault == "reset":
             self._restart()
         elif fault == "gap":
             self.far_end.skip(round(value))
@@ -223,6 +243,7 @@ class EmulatedMicrocontroller(EmulatedDevice):
             self.schema.channels[number].stream: value
             for number, value in self.far_end.setpoint.items()
         }
+        told = self._done(told)
         if self.machine is not None:
             for shown in self.machine.step(commands, self._time):
                 # what was true before a restart has no stamp on the new clock
@@ -239,7 +260,35 @@ class EmulatedMicrocontroller(EmulatedDevice):
                 self._due[number] += period
                 self._send(number, time_us, self._measured(self.schema.channels[number].stream))
 
+    def _done(self, told: dict[str, Array]) -> dict[str, Array]:
+        """What parts do of what they are told."""
+        done = dict(told)
+        for kind in ("reversed", "dead", "runaway"):
+            if kind not in self._parts:
+                continue
+            channel = self.schema.channels[self._parts[kind]]
+            if kind == "runaway":
+                done[channel.stream] = np.zeros(channel.columns)
+                done[channel.stream][-1] = _FULL
+            elif channel.stream in done and kind == "reversed":
+                done[channel.stream] = -done[channel.stream]
+            else:
+                done.pop(channel.stream, None)
+        return done
+
+    def _shown(self, number: int, value: Array) -> Array:
+        """What a sensor shows of a value."""
+        if self._parts.get("zero") == number:
+            return np.zeros_like(value)
+        if self._parts.get("spike") == number:
+            del self._parts["spike"]
+            return np.full_like(value, 30.0)
+        if self._parts.get("frozen") == number:
+            return self._held.setdefault(number, value)
+        return value
+
     def _send(self, number: int, time_us: int, value: Array) -> None:
+        value = self._shown(number, value)
         time_before, before = self._last.get(number, (time_us, value))
         if self._is("stale"):
             time_us, value = time_before, before

@@ -5,6 +5,7 @@ written goes nowhere: the loop reads and computes only. Put a guard round it (`t
 """
 
 from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +16,23 @@ from twin.plant.devices.host_time import WALL, HostTime
 from twin.plant.hardware_setup import HardwareSetup, Route
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
+from twin.plant.plausibility import MotionAgreement, SampleChecks, StreamCount
 from twin.platform import Platform
 from twin.signals import Command, Reading, Samples
 
 Array = NDArray[np.float64]
 
-Row = tuple[float, Array, bool]
-"""Time [s], values (columns,), valid."""
+
+class SampleRow(NamedTuple):
+    """What one sample is to the machine."""
+
+    time: float
+    """[s]."""
+    value: Array
+    """(columns,)."""
+    valid: bool
+    reason: str
+    """Why it is not."""
 
 
 class Merged:
@@ -29,12 +40,11 @@ class Merged:
 
     def __init__(self, platform: Platform, routes: Iterable[Route]) -> None:
         """Nothing has come."""
-        self.out_of_range = 0
-        """Samples at or beyond the range that the platform states of their sensor."""
+        self.counts: dict[str, StreamCount] = {}
+        """What came of each stream."""
         self._widths = {route.stream: len(platform.columns(route.stream)) for route in routes}
-        self._ranges = {name: sensor.range for name, sensor in platform.sensors.items()}
-        self._rows: dict[str, list[Row]] = {name: [] for name in self._widths}
-        self._parts: dict[str, dict[int, Row]] = {name: {} for name in self._widths}
+        self._rows: dict[str, list[SampleRow]] = {name: [] for name in self._widths}
+        self._parts: dict[str, dict[int, SampleRow]] = {name: {} for name in self._widths}
 
     def add(self, sample: Sample, route: Route, zero: float, column: int | None = None) -> None:
         """One sample of a device.
@@ -50,28 +60,26 @@ class Merged:
             value = np.asarray(sample.value)
             value = route.taken(value) if column is None else route.taken_of(column, value)
         valid = sample.valid and bool(np.isfinite(value).all())
-        if valid and np.abs(value).max() >= self._ranges.get(route.stream, np.inf):
-            self.out_of_range += 1
-            valid = False
         columns = route.columns if column is None else (column,)
         if len(columns) == self._widths[route.stream]:
             ordered = np.empty(len(columns))
             ordered[list(columns)] = value
-            self._rows[route.stream].append((time, ordered, valid))
+            self._rows[route.stream].append(SampleRow(time, ordered, valid, sample.reason))
         else:
-            self._join(route.stream, columns, (time, value, valid))
+            self._join(route.stream, columns, SampleRow(time, value, valid, sample.reason))
 
     def take(self, until: float) -> Reading:
         """All rows since the last call, in the order of their times."""
         streams: dict[str, Samples] = {}
         for name, rows in self._rows.items():
             if rows:
-                rows.sort(key=lambda row: row[0])
+                rows.sort(key=lambda row: row.time)
                 streams[name] = Samples(
-                    np.array([[row[1] for row in rows]]),
-                    np.array([[row[0] for row in rows]]),
-                    np.array([[row[2] for row in rows]]),
+                    np.array([[row.value for row in rows]]),
+                    np.array([[row.time for row in rows]]),
+                    np.array([[row.valid for row in rows]]),
                 )
+                self._count(name, rows)
                 self._rows[name] = []
         return Reading(until, streams)
 
@@ -79,23 +87,36 @@ class Merged:
         """Forget parts that wait for others: their times are of another zero."""
         for parts in self._parts.values():
             parts.clear()
+        for count in self.counts.values():
+            count.newest = -np.inf
 
-    def _join(self, stream: str, columns: tuple[int, ...], row: Row) -> None:
+    def _count(self, stream: str, rows: list[SampleRow]) -> None:
+        count = self.counts.setdefault(stream, StreamCount())
+        count.rows += len(rows)
+        for row in rows:
+            count.believed = row.valid
+            if row.valid:
+                count.newest = max(count.newest, row.time)
+            else:
+                count.bad += 1
+                count.reason = row.reason or "not a number"
+
+    def _join(self, stream: str, columns: tuple[int, ...], row: SampleRow) -> None:
         """Keep the columns of some parts until all have come: then they are one row.
 
         Its time is the mean of theirs: what drives on one line tell one after the other.
         """
-        time, value, valid = row
         parts = self._parts[stream]
         for place, column in enumerate(columns):
-            parts[column] = (time, value[place : place + 1], valid)
+            parts[column] = row._replace(value=row.value[place : place + 1])
         if len(parts) == self._widths[stream]:
             whole = [parts[column] for column in range(len(parts))]
             self._rows[stream].append(
-                (
-                    float(np.mean([part[0] for part in whole])),
-                    np.concatenate([part[1] for part in whole]),
-                    all(part[2] for part in whole),
+                SampleRow(
+                    float(np.mean([part.time for part in whole])),
+                    np.concatenate([part.value for part in whole]),
+                    all(part.valid for part in whole),
+                    next((part.reason for part in whole if not part.valid), ""),
                 )
             )
             parts.clear()
@@ -130,6 +151,10 @@ class HardwarePlant(Plant):
         self._check_routes()
         self._limits = Limits(platform)
         self._merged = Merged(platform, setup.measured)
+        self._checks = {
+            name: SampleChecks(name, setup.limits(platform, name)) for name in self.devices
+        }
+        self._agreement = MotionAgreement(platform, setup.agreement)
         self._measured = {(route.device, route.source): route for route in setup.measured}
         self._columns = {
             (route.device, route.source, part): column
@@ -152,9 +177,17 @@ class HardwarePlant(Plant):
         return {name: device.counters for name, device in self.devices.items()}
 
     @property
-    def out_of_range(self) -> int:
-        """Samples at or beyond the range that the platform states of their sensor."""
-        return self._merged.out_of_range
+    def counts(self) -> Mapping[str, StreamCount]:
+        """What came of each of the machine's streams."""
+        return self._merged.counts
+
+    @property
+    def doubt(self) -> str:
+        return next(iter(self._agreement.doubts.values()), "")
+
+    def why_bad(self, stream: str) -> str:
+        count = self.counts.get(stream)
+        return "" if count is None or count.believed else count.reason
 
     def connect(self) -> None:
         """Open, greet and configure every device; one that fails leaves none open.
@@ -177,9 +210,12 @@ class HardwarePlant(Plant):
         if until <= self._until:
             self._zero = now - until
             self._merged.begin_anew()
+            self._agreement.begin_anew()
         self._until = until
         for name, device in self.devices.items():
-            for sample in device.read():
+            checks = self._checks[name]
+            for raw in device.read():
+                sample = checks.judged(raw, now)
                 route = self._measured.get((name, sample.stream))
                 if route is not None:
                     column = self._columns.get((name, sample.stream, sample.part))
@@ -188,7 +224,9 @@ class HardwarePlant(Plant):
                 self._fail(device.fault)
             elif device.fault:
                 self.stopped.setdefault(0, device.fault)
-        return self._merged.take(until)
+        reading = self._merged.take(until)
+        self._agreement.take(reading)
+        return reading
 
     def write(self, command: Command) -> Command:
         self._limits.check(command, self.n)

@@ -6,6 +6,9 @@
     [hardware.guard]
     max_balance_step = 0.002              # N m; the other numbers of `twin.plant.guard.rules`
 
+    [hardware.checks.attitude]            # docs/safety.md; what is left out follows from the sensor
+    frozen_after = 20                     # equal values in a row; 0: never
+
     [hardware.devices.feather]
     kind = "microcontroller"              # the rest are the settings of that kind
     port = "/dev/serial/by-id/usb-Adafruit_Feather_M0-if00"
@@ -29,19 +32,22 @@ its command too.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.config import Table, read_toml
 from twin.errors import PlatformError, UnknownName
-from twin.plant.devices.device import DeviceSettings
+from twin.plant.devices.device import DeviceSettings, StreamLimits
 from twin.plant.devices.kinds import KINDS
 from twin.plant.guard.rules import GuardSettings, bench_settings
+from twin.plant.plausibility import COMPARED, sensor_limits
 from twin.platform import Platform
 from twin.rotation import conjugate, matrix, multiply
+from twin.signals import stream_named
 
 Array = NDArray[np.float64]
 
@@ -109,6 +115,43 @@ class HardwareSetup:
     guard: GuardSettings
     calibration: Path | None
     """The file that was read; None: nothing may be armed."""
+    checks: Mapping[str, Mapping[str, float]] = field(default_factory=dict[str, Any])
+    """Stream of the machine -> what [hardware.checks] states of it, by its names."""
+
+    @property
+    def agreement(self) -> dict[str, float]:
+        """Stream -> turn by which it may differ from what the rates show [rad], as stated."""
+        return {name: own["agreement"] for name, own in self.checks.items() if "agreement" in own}
+
+    def limits(self, platform: Platform, device: str) -> dict[str, StreamLimits]:
+        """What the values of a device's streams can be, in its own axes and scale.
+
+        What [hardware.checks] states counts before what the device knows of itself, and that
+        before what follows from the machine's sensor.
+        """
+        known = self.devices[device].limits() if device in self.devices else {}
+        result = dict(known)
+        for route in self.measured:
+            if route.device != device:
+                continue
+            own = known.get(route.source, StreamLimits())
+            if route.stream in platform.sensors:
+                smallest = float(np.min(np.abs(route.scale)))
+                sensor = sensor_limits(platform, route.stream, own.resolution * smallest)
+                own = replace(
+                    own,
+                    range=min(own.range, sensor.range / smallest),
+                    largest_step=min(own.largest_step, sensor.largest_step / smallest),
+                    frozen_after=sensor.frozen_after
+                    if own.frozen_after is None
+                    else own.frozen_after,
+                    oldest=sensor.oldest,
+                )
+            stated = {
+                k: v for k, v in self.checks.get(route.stream, {}).items() if k != "agreement"
+            }
+            result[route.source] = replace(own, **cast(Any, stated))
+        return result
 
 
 def read_hardware(platform: Platform, path: Path | None = None) -> HardwareSetup:
@@ -139,8 +182,9 @@ def read_hardware(platform: Platform, path: Path | None = None) -> HardwareSetup
     commanded = _routes(table.table("commands", required=False), platform, devices, corrections)
     _every_column(table, "streams", measured, platform)
     _every_column(table, "commands", commanded, platform)
+    checks = _checks(table.table("checks", required=False), platform)
     table.close()
-    return HardwareSetup(devices, measured, commanded, guard, calibration)
+    return HardwareSetup(devices, measured, commanded, guard, calibration, checks)
 
 
 def _devices(table: Table) -> dict[str, DeviceSettings]:
@@ -165,6 +209,31 @@ def _guard(table: Table, platform: Platform) -> GuardSettings:
     }
     table.close()
     return GuardSettings(stale_cycles=cycles, **numbers)
+
+
+def _checks(table: Table, platform: Platform) -> dict[str, dict[str, float]]:
+    """Stream -> what is stated of its values."""
+    result: dict[str, dict[str, float]] = {}
+    for stream in table.keys:
+        if stream not in platform.sensors:
+            raise table.fail(
+                stream,
+                "is no sensor of this machine",
+                f"name one of {', '.join(platform.sensors)}",
+            )
+        item, unit = table.table(stream), stream_named(stream).unit
+        stated: dict[str, float] = {}
+        turns = ("agreement",) if stream in COMPARED else ()
+        for name in ("range", "largest_step", "oldest", *turns):
+            if name in item:
+                of = {"oldest": "s", "agreement": "rad"}.get(name, unit)
+                stated[name] = item.number(name, low=0.0, unit=of, infinite=True)
+        if "frozen_after" in item:
+            stated["frozen_after"] = item.whole("frozen_after", low=0)
+        item.close()
+        result[stream] = stated
+    table.close()
+    return result
 
 
 def _calibration(path: Path, platform: Platform) -> dict[str, tuple[float | Array, float | Array]]:

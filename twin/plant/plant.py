@@ -19,6 +19,16 @@ class Plant(abc.ABC):
     safe_reason: str = ""
     """Why the machine was brought to its safe state, a sentence; empty while it was not."""
 
+    @property
+    def doubt(self) -> str:
+        """Why what its streams say of one motion cannot all be true, now; empty: it can."""
+        return ""
+
+    def why_bad(self, stream: str) -> str:
+        """Why the newest sample of a stream is not valid; empty: it is, or nobody knows."""
+        del stream
+        return ""
+
     @abc.abstractmethod
     def read(self, until: float) -> Reading:
         """All samples that arrived by `until` [s].

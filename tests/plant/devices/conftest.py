@@ -10,9 +10,10 @@ import pytest
 from tests.plant.devices.stages import BAUD, drives, stage
 from twin.emulate.emulated import EmulatedDevice, Fault
 from twin.emulate.line import EmulatedLine
-from twin.plant.devices.device import Device, Sample
+from twin.plant.devices.device import Device, DeviceSettings, Sample
 from twin.plant.devices.mdrive import MDrive, MDriveSettings
 from twin.plant.devices.mdrive_line import DriveSettings
+from twin.plant.plausibility import SampleChecks
 
 Plug = Callable[..., EmulatedLine]
 WaitFor = Callable[..., list[Sample]]
@@ -35,13 +36,20 @@ def plug(tmp_path: Path) -> Iterator[Plug]:
 
 @pytest.fixture
 def wait_for() -> WaitFor:
-    """What a session gives until something is so; fails when a busy computer had time for it."""
+    """What a session gives until something is so, judged as for the loop; fails when a busy
+    computer had time for it."""
+
+    checks: dict[Device, SampleChecks] = {}
 
     def waited(device: Device, wanted: Callable[[list[Sample]], bool]) -> list[Sample]:
         samples: list[Sample] = []
         end = time.monotonic() + LONGEST
+        settings = getattr(device, "_settings", None)
+        if device not in checks:
+            limits = settings.limits() if isinstance(settings, DeviceSettings) else {}
+            checks[device] = SampleChecks(device.name, limits)
         while time.monotonic() < end:
-            samples += device.read()
+            samples += [checks[device].judged(sample) for sample in device.read()]
             if wanted(samples):
                 return samples
             time.sleep(0.005)

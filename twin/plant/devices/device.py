@@ -42,6 +42,26 @@ class Sample:
     """Why it is not valid, a sentence."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class StreamLimits:
+    """What the values of one stream can be; `twin.plant.plausibility` holds each sample to it."""
+
+    range: float = math.inf
+    """Full scale [SI]; a value at or above it is saturated."""
+    largest_step: float = math.inf
+    """Between two samples, in any column, that the machine can make [SI]."""
+    frozen_after: int | None = None
+    """So many equal values in a row mean that the sensor has stopped; 0: repeats say nothing;
+    None: as its noise has it."""
+    resolution: float = 0.0
+    """Step of the numbers on the line [SI]."""
+    oldest: float = math.inf
+    """Age at which a sample that arrives is too old to be used [s]."""
+    first_confirmed: bool = False
+    """The first value is not believed, for there is nothing to hold it against: of a line whose
+    checksum is weak."""
+
+
 def missing(stream: str, width: int, host_time: float, reason: str, part: str = "") -> Sample:
     """A sample that never came: `width` values that are not numbers, and the reason."""
     nothing = (math.nan,) * width
@@ -91,6 +111,11 @@ class DeviceSettings(abc.ABC):
     @abc.abstractmethod
     def session(self) -> "Device":
         """A session with this device, not yet connected."""
+
+    def limits(self) -> Mapping[str, StreamLimits]:
+        """What is known of its own streams, by their names; what is absent follows from the
+        machine's sensors."""
+        return {}
 
 
 DeviceCommand = Mapping[str, Array]

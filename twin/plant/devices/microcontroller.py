@@ -23,6 +23,7 @@ from twin.plant.devices.device import (
     DeviceSettings,
     Sample,
     SampleQueue,
+    StreamLimits,
     Worker,
     missing,
 )
@@ -108,6 +109,14 @@ class MicrocontrollerSettings(DeviceSettings):
 
     def session(self) -> "Microcontroller":
         return Microcontroller(self)
+
+    def limits(self) -> dict[str, StreamLimits]:
+        """The steps of channels that travel as counts."""
+        return {
+            channel.stream: StreamLimits(resolution=channel.scale)
+            for channel in self.channels
+            if channel.number == "int32" and not channel.commanded
+        }
 
 
 class Microcontroller(Device):

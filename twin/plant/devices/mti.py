@@ -1,4 +1,4 @@
-"""TODO."""
+"""A session with an MTi inertial unit (Xsens, Movella), over its Xbus messages."""
 
 import math
 import time
@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from twin.errors import DeviceError, UnknownName, UsageError
-from twin.plant.devices.device import DeviceSettings, Sample
+from twin.plant.devices.device import DeviceSettings, Sample, StreamLimits
 from twin.plant.devices.port import Port
-from twin.plant.devices.sensor import Believable, SensorSession
+from twin.plant.devices.sensor import SensorSession
 from twin.plant.devices.xbus import (
     BAUD_CODES,
     CHANNELS,
@@ -111,6 +111,26 @@ class MtiSettings(DeviceSettings):
         """A session with this device, not yet connected."""
         return Mti(self)
 
+    def limits(self) -> dict[str, StreamLimits]:
+        """Full scales of its sensors; a checksum of eight bits lets one message in 256 through."""
+        full_scale = {
+            "gyro": self.full_scale_rate,
+            "accelerometer": self.full_scale_acceleration,
+            # the field in a coil cage is a few times the earth's
+            "magnetometer": 20.0 * (self.magnetic_unit or 1.0),
+            "attitude": 1.01,
+            "temperature": 500.0,
+        }
+        return {
+            name: StreamLimits(
+                range=full_scale[name],
+                largest_step=self.largest_steps.get(name, math.inf),
+                frozen_after=0 if name == "temperature" else self.frozen_after,
+                first_confirmed=name in self.largest_steps,
+            )
+            for name in self.rates
+        }
+
     def outputs(self) -> list[OutputSetting]:
         """The output configuration that these settings ask for."""
         code = PRECISIONS[self.precision]
@@ -149,7 +169,6 @@ class Mti(SensorSession):
         self._clock = DeviceClock(settings.clock_span)
         self._promptest = Promptest()
         self._streams = {CHANNELS[name].kind: name for name in settings.rates}
-        self._doubts = {name: self._checks(name) for name in settings.rates}
         self._refused = 0
         """Error and warning messages since the last request: their code, else 0."""
         self.device_id = 0
@@ -277,7 +296,6 @@ class Mti(SensorSession):
             if kind not in values:
                 continue
             value = self._in_si(name, values[kind])
-            reason = self._doubts[name].doubt(value) or doubt
             self._keep(
                 Sample(
                     name,
@@ -285,27 +303,10 @@ class Mti(SensorSession):
                     now,
                     latency=latency,
                     device_time=device_time,
-                    valid=not reason,
-                    reason=f"{self.name}: {name} {reason}" if reason else "",
+                    valid=not doubt,
+                    reason=f"{self.name}: {name} {doubt}" if doubt else "",
                 )
             )
-
-    def _checks(self, name: str) -> Believable:
-        settings = self._settings
-        limit = {
-            "gyro": settings.full_scale_rate,
-            "accelerometer": settings.full_scale_acceleration,
-            # the field in a coil cage is a few times the earth's
-            "magnetometer": 20.0 * (settings.magnetic_unit or 1.0),
-            "attitude": 1.01,
-            "temperature": 500.0,
-        }[name]
-        return Believable(
-            limit,
-            0 if name == "temperature" else settings.frozen_after,
-            largest_step=settings.largest_steps.get(name, math.inf),
-            unit_length=name == "attitude",
-        )
 
     def _in_si(self, name: str, value: tuple[float, ...]) -> tuple[float, ...]:
         if name == "temperature":

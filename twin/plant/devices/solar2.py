@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from twin.errors import DeviceError, UsageError
-from twin.plant.devices.device import DeviceSettings, Sample, missing
+from twin.plant.devices.device import DeviceSettings, Sample, StreamLimits, missing
 from twin.plant.devices.port import Port
-from twin.plant.devices.sensor import Believable, SensorSession
+from twin.plant.devices.sensor import SensorSession
 
 READ = b"get-x&y"
 START = b"setcasc"
@@ -111,6 +111,8 @@ def describe(reply: bytes, expected: str) -> str:
 
 
 _STREAM = "inclinometer"
+_STEP = math.radians(1e-3)
+"""Of the numbers in its replies [rad]."""
 _ANSWER = 0.1
 """How long an answer may take [s]; 4 ms on the line at 38,400 baud, and the sensor's own time."""
 _FORGETS = 0.12
@@ -166,6 +168,18 @@ class Solar2Settings(DeviceSettings):
         """A session with this device, not yet connected."""
         return Solar2(self)
 
+    def limits(self) -> dict[str, StreamLimits]:
+        """Of its angles: replies have no checksum, so steps are bounded."""
+        return {
+            _STREAM: StreamLimits(
+                range=self.full_scale,
+                largest_step=self.largest_step,
+                frozen_after=self.frozen_after,
+                resolution=_STEP,
+                first_confirmed=math.isfinite(self.largest_step),
+            )
+        }
+
 
 class Solar2(SensorSession):
     """A SOLAR-2 that measures; `inclinometer` is its X and Y angle."""
@@ -181,9 +195,6 @@ class Solar2(SensorSession):
         )
         self._settings = settings
         self._lines = LineParser()
-        self._believable = Believable(
-            settings.full_scale, settings.frozen_after, largest_step=settings.largest_step
-        )
         self._next = 0.0
 
     def _greet(self, port: Port) -> None:
@@ -256,18 +267,17 @@ class Solar2(SensorSession):
                 self._judge(angles, TEXT_REPLY * port.byte_time, "")
 
     def _judge(self, angles: Angles, latency: float, reason: str) -> None:
-        """Keep what has come, as far as it can be believed."""
+        """Keep what has come."""
         self.counters.frames += 1
         value = angles if self._settings.x_first else (angles[1], angles[0])
-        doubt = self._believable.doubt(value) or reason
         self._keep(
             Sample(
                 _STREAM,
                 value,
                 time.monotonic(),
                 latency=latency,
-                valid=not doubt,
-                reason=f"{self.name}: {doubt}" if doubt else "",
+                valid=not reason,
+                reason=f"{self.name}: {reason}" if reason else "",
             )
         )
 

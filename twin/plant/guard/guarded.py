@@ -124,8 +124,14 @@ class Guarded(Plant):
             yield refusal
         if (stale := self.seen.stale(1)) is not None:
             yield SafetyError(
-                f"not armed: no fresh sample of {stale} ({_seconds(self.seen.age(stale))})",
+                f"not armed: no fresh sample of {stale} ({_seconds(self.seen.age(stale))})"
+                f"{self._why_bad(stale)}",
                 "read until every stream runs, and check the device that is silent",
+            )
+        if self._plant.doubt:
+            yield SafetyError(
+                f"not armed: {self._plant.doubt}",
+                "look at both sensors, their axes and their signs in [hardware]",
             )
         lean = self.seen.lean
         if np.isfinite(self.settings.tilt_cutout) and lean is None:
@@ -267,8 +273,10 @@ class Guarded(Plant):
         if stale is not None:
             return (
                 f"{stale} is stale: nothing valid for {_seconds(self.seen.age(stale))}, in "
-                f"{self.settings.stale_cycles} periods"
+                f"{self.settings.stale_cycles} periods{self._why_bad(stale)}"
             )
+        if self._plant.doubt:
+            return self._plant.doubt
         signal = self._air
         if self._carried and signal is False:
             return "the air was lost: the table is coming down"
@@ -276,6 +284,10 @@ class Guarded(Plant):
             return f"{self.seen.lost}; masses hold, wheels coast: capture it first"
         self._carried = self._carried if signal is None else signal
         return ""
+
+    def _why_bad(self, stream: str) -> str:
+        reason = self._plant.why_bad(stream)
+        return f"; {reason}" if reason else ""
 
     def _tilted(self, lean: float) -> str:
         return (
