@@ -156,6 +156,7 @@ class Bench(Plant):
         self.emulation = emulation
         self.setup, self._held = setup, held
         self._stack = ExitStack()
+        self._remarks: list[str] = []
 
     def __enter__(self) -> Self:
         """Start the emulation, if there is one, and connect every device.
@@ -193,6 +194,11 @@ class Bench(Plant):
         applied = self.guard.write(command)
         self._note()
         return applied
+
+    def stop(self, reason: str) -> None:
+        """Bring it to its safe state, because of `reason`; the run ends with it."""
+        self.guard.stop(reason)
+        self._note()
 
     def close(self) -> None:
         self._stack.close()
@@ -265,9 +271,14 @@ class Bench(Plant):
         """How long ago its time `time` was, by the host's clock [s]."""
         return self._host.now() - self.hardware.zero - time
 
+    def remark(self, sentence: str) -> None:
+        """Say this at the end, once, however often it comes."""
+        self._remarks = [item for item in self._remarks if item[:20] != sentence[:20]]
+        self._remarks.append(sentence)
+
     def told(self) -> list[str]:
         """What devices, line and guard have to say of the time since the last call."""
-        lines = list(dict.fromkeys(self.hardware.notes()))
+        lines = [*dict.fromkeys(self.hardware.notes()), *self._remarks]
         lines += [f"{name}: {c.words()}" for name, c in self.hardware.counters.items()]
         lines += self._of_streams()
         acted = ", ".join(f"{rule} {count}" for rule, count in self.guard.limited.items())

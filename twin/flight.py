@@ -1,6 +1,7 @@
 """A run put together from names: platform, law, estimator, plant and reference; checked, flown."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -159,11 +160,15 @@ class Flight:
             SafetyError: why it is not armed, or which actuator does otherwise than predicted.
             DeviceError: a device refuses.
         """
-        if self.bench is not None:
-            from twin.service.first_use import armed  # its drivers take a while to import
+        with ExitStack() as stack:
+            stack.callback(self.controller.close)
+            if self.bench is not None:
+                # its drivers take a while to import
+                from twin.service.answer import BodyAnswer
+                from twin.service.first_use import armed
 
-            clock = armed(self.bench, self._wanted(), tell)
-        try:
+                clock = armed(self.bench, self._wanted(), tell)
+                observers = [*observers, stack.enter_context(BodyAnswer(self.bench))]
             return fly(
                 self.plant,
                 self.estimator,
@@ -173,8 +178,6 @@ class Flight:
                 duration=self.duration,
                 observers=[*observers, *self._progress()],
             )
-        finally:
-            self.controller.close()
 
     def _progress(self) -> list[Observer]:
         """A machine on its bench has a view of its own, and keeps to the wall's clock."""

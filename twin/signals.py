@@ -140,6 +140,15 @@ class Reading:
     streams: Mapping[str, Samples]
 
 
+def valid_rows(reading: Reading, stream: str) -> list[tuple[float, Array]]:
+    """Times [s] and values (k,) of what is valid of a stream in the reading of a single run."""
+    samples = reading.streams.get(stream)
+    if samples is None:
+        return []
+    good = np.flatnonzero(samples.valid[0])
+    return [(float(samples.time[0, i]), samples.value[0, i]) for i in good]
+
+
 @dataclass(slots=True)
 class Estimate:
     """What is believed about the machine at a tick.

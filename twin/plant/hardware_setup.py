@@ -100,7 +100,7 @@ class Route:
         return self.given(value)
 
 
-_UNLIMITED = ("max_balance_step", "tilt_cutout", "watchdog")
+_UNLIMITED = ("max_balance_step", "tilt_cutout", "rate_cutout", "watchdog")
 """Numbers of [hardware.guard] that may be infinite: the operator watches instead."""
 
 

@@ -25,7 +25,7 @@ from twin.rotation import (
     rotate,
     to_rotation_vector,
 )
-from twin.signals import Reading
+from twin.signals import Reading, valid_rows
 
 Array = NDArray[np.float64]
 
@@ -283,10 +283,10 @@ class MotionAgreement:
         """Compare what one tick brought."""
         if not self._tracks:
             return
-        for time, value in _valid(reading, self._rate):
+        for time, value in valid_rows(reading, self._rate):
             self._turn(time, value)
         for name in self._tracks:
-            self._waiting += [(time, name, value) for time, value in _valid(reading, name)]
+            self._waiting += [(time, name, value) for time, value in valid_rows(reading, name)]
         self._waiting.sort(key=lambda row: row[0])
         while self._waiting and self._rates and self._waiting[0][0] <= self._rates[-1][0]:
             time, name, value = self._waiting.pop(0)
@@ -402,11 +402,3 @@ def inclined(angles: Array) -> Array:
     """The vertical in body axes (3,), of roll and pitch as an inclinometer shows them."""
     roll, pitch = np.sin(angles)
     return np.array([-pitch, roll, math.sqrt(max(1.0 - roll**2 - pitch**2, 0.0))])
-
-
-def _valid(reading: Reading, stream: str) -> list[tuple[float, Array]]:
-    samples = reading.streams.get(stream)
-    if samples is None:
-        return []
-    good = np.flatnonzero(samples.valid[0])
-    return [(float(samples.time[0, i]), samples.value[0, i]) for i in good]

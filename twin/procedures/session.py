@@ -24,6 +24,7 @@ from twin.procedures.means import Reach
 from twin.procedures.plan import Notes, Phase, Remark, Statement
 from twin.procedures.setup import WAYS, balancing, random_offsets, refuse, usual_target
 from twin.reference import Hold
+from twin.service.answer import BodyAnswer
 from twin.service.first_use import armed
 from twin.shown import Shown
 from twin.stream.provenance import provenance
@@ -181,6 +182,8 @@ class BalancingSession:
                 observers.append(stack.enter_context(watch(plant, self.duration)))
             commands = {"command_stage_position", *_DAMPING}
             clock = armed(plant, commands, tell) if isinstance(plant, Bench) else SimulatedClock()
+            if isinstance(plant, Bench):
+                observers.append(stack.enter_context(BodyAnswer(plant)))
             outcome = fly(
                 plant,
                 estimator,

@@ -43,6 +43,8 @@ class ObservedShare(NamedTuple):
     share: float
     deviation: float
     """1 sigma."""
+    misfit: float = 1.0
+    """Mean square of what the fit leaves, over that of the noise."""
 
     @property
     def seen(self) -> bool:
@@ -96,7 +98,7 @@ def slid(platform: Platform, seen: FloatingMotion, stage: int) -> Array:
 
 
 def senses(
-    platform: Platform, seen: FloatingMotion, predicted: Sequence[Array]
+    platform: Platform, seen: FloatingMotion, predicted: Sequence[Array], *, knots: float = np.inf
 ) -> list[ObservedShare] | None:
     """What part of each prediction was seen, all of them together.
 
@@ -104,6 +106,8 @@ def senses(
         platform: whose J and m r are taken.
         seen: from before the first was made to push.
         predicted: (m, 3) changes of the rate since the start [rad/s].
+        knots: a torque in body axes acts besides, straight between knots so far apart [s]; inf:
+            none.
 
     Returns:
         None where one of them predicts nothing, or too little was seen.
@@ -115,7 +119,12 @@ def senses(
     turned = [
         _integral(seen.times, cross(axis[None], seen.gravity) @ inverse) for axis in np.eye(3)
     ]
-    columns = (*start, *turned, *predicted)
+    steady = [
+        hat[:, None] * axis[None] @ inverse
+        for hat in _hats(seen.times, knots)
+        for axis in np.eye(3)
+    ]
+    columns = (*start, *turned, *steady, *predicted)
     design = np.stack([column[still].ravel() for column in columns], axis=1)
     wanted = (seen.rate - _integral(seen.times, gyroscopic @ inverse))[still].ravel()
     # in seconds a level table hardly shows M z: it is what the platform says, give or take itself
@@ -127,9 +136,20 @@ def senses(
     prior[:, 3:6] = np.eye(3) / max(float(np.linalg.norm(stated)), reach, 1e-12)
     weighed = np.concatenate([design / noise, prior])
     right = np.concatenate([wanted / noise, prior[:, 3:6] @ stated])
-    if still.sum() < _FEWEST or not weighed[:, 6:].any(axis=0).all():
+    asked = 6 + len(steady)
+    if still.sum() < _FEWEST or not weighed[:, asked:].any(axis=0).all():
         return None
-    return shares(weighed, right, len(wanted))[6:]
+    return shares(weighed, right, len(wanted))[asked:]
+
+
+def _hats(times: Array, apart: float) -> list[Array]:
+    """Integrals (m,) of the functions that are one at one knot and zero at the others."""
+    if not np.isfinite(apart):
+        return []
+    span = float(times[-1] - times[0])
+    knots = times[0] + np.linspace(0.0, span, max(round(span / apart), 1) + 1)
+    hats = [np.interp(times, knots, row) for row in np.eye(len(knots))]
+    return [np.asarray(cumulative_trapezoid(hat, times, initial=0.0)) for hat in hats]
 
 
 def shares(weighed: Array, right: Array, measured: int) -> list[ObservedShare]:
@@ -144,10 +164,10 @@ def shares(weighed: Array, right: Array, measured: int) -> list[ObservedShare]:
     alike = weighed / size
     result, *_ = np.linalg.lstsq(alike, right, rcond=None)
     left = (right - alike @ result)[:measured]
-    worse = max(float(left @ left) / measured, 1.0)
-    deviation = np.sqrt(worse * np.diag(np.linalg.pinv(alike.T @ alike)))
+    misfit = float(left @ left) / measured
+    deviation = np.sqrt(max(misfit, 1.0) * np.diag(np.linalg.pinv(alike.T @ alike)))
     return [
-        ObservedShare(*pair)
+        ObservedShare(*pair, misfit)
         for pair in zip((result / size).tolist(), (deviation / size).tolist(), strict=True)
     ]
 

@@ -18,6 +18,7 @@ from twin.loop import Ended, Outcome, fly
 from twin.plant.guard.guarded import Held
 from twin.platform import Platform, load_platform
 from twin.reference import Hold
+from twin.service.answer import BodyAnswer
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 
@@ -29,9 +30,12 @@ def flown(
     machine: Platform, *faults: Fault, law: str = "free_float", duration: float = 40.0
 ) -> Outcome:
     """How it ended."""
-    with open_bench(
-        machine, "pty", held=Held.floating, faults=faults, lockstep=True, seed=3
-    ) as bench:
+    with (
+        open_bench(
+            machine, "pty", held=Held.floating, faults=faults, lockstep=True, seed=3
+        ) as bench,
+        BodyAnswer(bench) as answer,
+    ):
         clock = bench.begin()
         return fly(
             bench,
@@ -40,6 +44,7 @@ def flown(
             Hold(),
             clock,
             duration=duration,
+            observers=[answer],
         )
 
 
@@ -74,3 +79,23 @@ def test_what_blinds_the_cut_out_stops_a_table_that_falls_over(fault, sentence):
 def test_a_single_wrong_sample_is_left_out_and_the_flight_goes_on():
     outcome = flown(load_platform("cubesat"), Fault("spike", 3.0, value=GYRO), duration=8.0)
     assert outcome.ended is Ended.done, outcome.reason
+
+
+# ---- actuators
+
+STAGES, COILS = 5, 6
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        (Fault("dead", 4.0, value=STAGES), "stage s. does not follow: it was sent to"),
+        (Fault("reversed", 4.0, value=COILS), "command_dipole acts the wrong way round: in"),
+    ],
+    ids=["stage stuck", "coils reversed"],
+)
+@pytest.mark.slow
+def test_an_actuator_that_fails_in_flight_ends_it_with_its_name(fault, sentence):
+    outcome = flown(load_platform("cubesat"), fault, law="mass_magnetic_pid", duration=90.0)
+    assert outcome.ended is Ended.safe_stop
+    assert re.search(sentence, outcome.reason), outcome.reason

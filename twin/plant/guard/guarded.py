@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import SafetyError, UsageError
+from twin.plant.guard.actuators import ActuatorMonitor
 from twin.plant.guard.rules import GuardSettings, Rules, Seen, Watchdog
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
@@ -66,6 +67,7 @@ class Guarded(Plant):
         self._plant, self._calibrated = plant, calibrated
         self._rules = Rules(self.platform, settings)
         self._limits = Limits(self.platform)
+        self._monitor = ActuatorMonitor(self.platform)
         self._word: Held | None = None
         self._applied: Command = {}
         self._watchdog: Watchdog | None = None
@@ -103,6 +105,7 @@ class Guarded(Plant):
         self.stopped = {}
         self.safe_reason = ""
         self._carried = self._air is True
+        self._monitor = ActuatorMonitor(self.platform)
         self._end_watchdog()
         if np.isfinite(self.settings.watchdog):
             self._watchdog = Watchdog(self.settings.watchdog, self._quiet)
@@ -191,7 +194,7 @@ class Guarded(Plant):
         reading = self._plant.read(until)
         self.seen.take(reading)
         if self.phase is GuardPhase.armed:
-            reason = self._plant.stopped.get(0) or self._danger()
+            reason = self._plant.stopped.get(0) or self._danger() or self._monitor.take(reading)
             if reason:
                 self.stop(reason)
         elif self._plant.stopped and not self.safe_reason:
@@ -221,6 +224,7 @@ class Guarded(Plant):
         else:
             self._applied = applied
             self.seen.told(applied, self.platform.tick)
+            self._monitor.told(applied)
         return dict(self._applied)
 
     def truth(self) -> dict[str, Samples]:
@@ -269,6 +273,12 @@ class Guarded(Plant):
         lean = self.seen.lean
         if lean is not None and lean > self.settings.tilt_cutout:
             return self._tilted(lean)
+        rate = self.seen.rate
+        if rate is not None and rate > self.settings.rate_cutout:
+            return (
+                f"it turns by {np.degrees(rate):.1f} deg/s, more than the "
+                f"{np.degrees(self.settings.rate_cutout):.1f} deg/s at which all stops"
+            )
         stale = self.seen.stale(self.settings.stale_cycles)
         if stale is not None:
             return (

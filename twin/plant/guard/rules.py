@@ -109,6 +109,11 @@ class Seen:
         return self._momentum
 
     @property
+    def rate(self) -> float | None:
+        """Of the body, as the gyro says [rad/s]; None: it does not."""
+        return float(np.linalg.norm(self.newest["gyro"][1])) if "gyro" in self.newest else None
+
+    @property
     def lean(self) -> float | None:
         """What the tilt stop limits, the largest that any sensor says [rad]; None: none says."""
         leans: list[float] = []
@@ -186,6 +191,8 @@ class GuardSettings:
     """Largest change of the gravity torque m g r by one move while floating [N m]."""
     tilt_cutout: float
     """Lean at which all stops [rad]; inf: the operator watches it."""
+    rate_cutout: float = np.inf
+    """Rate of the body at which all stops [rad/s]; inf: the operator watches it."""
     height_margin: float = 0.0
     """So far below the CR the CM stays while floating, as the mass moment -m r z [kg m]."""
     stroke_margin: float = 0.0
@@ -204,6 +211,10 @@ class GuardSettings:
     """The machine floats above this [Pa], where `air_pressure` is measured and `floating` not."""
 
 
+_FASTEST = np.radians(30.0)
+"""No table is turned faster on purpose unless that is stated [rad/s], ASSUMED: slews and multisines
+of the papers stay below 10 deg/s."""
+
 WATCHDOG = 1.0
 """Longest silence of a loop on the wall's clock [s] unless stated: far more than a tick that is
 late on a busy computer, far less than a lean takes to grow."""
@@ -212,13 +223,17 @@ late on a busy computer, far less than a lean takes to grow."""
 def guard_settings(platform: Platform) -> GuardSettings:
     """What suits a machine of which nothing is stated.
 
-    A balance step of a hundredth of what its masses can do from end to end, and a cut-out at eight
-    tenths of the way to the stop.
+    A balance step of a hundredth of what its masses can do from end to end, a cut-out at eight
+    tenths of the way to the stop, and one of the rate, of a ball, at 30 deg/s or eight tenths of
+    what its gyro can show.
     """
+    gyro = platform.sensors.get("gyro")
+    fastest = min(_FASTEST, np.inf if gyro is None else 0.8 * gyro.range)
     reach = sum(stage.mass * (stage.travel[1] - stage.travel[0]) for stage in platform.stages)
     return GuardSettings(
         max_balance_step=0.01 * platform.gravity * reach if reach else np.inf,
         tilt_cutout=0.8 * platform.stop_angle,
+        rate_cutout=fastest if platform.base.kind == "ball" else np.inf,
     )
 
 
