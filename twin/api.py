@@ -37,13 +37,14 @@ if TYPE_CHECKING:
     from twin.identification import Identification
     from twin.identification import Settings as IdentificationSettings
     from twin.intake.importing import Imported
-    from twin.loop import Observer
+    from twin.loop import Observer, Outcome
     from twin.plant.guard.guarded import Held
     from twin.platform import Platform
     from twin.procedures.session import Balanced
     from twin.recording import Recording
     from twin.reference import Reference
     from twin.report.contents import Contents
+    from twin.stop import Stopped
     from twin.strapdown import GyroComparison
 
     Machine = str | Path | Platform
@@ -256,17 +257,23 @@ def fly(
 
     Raises:
         TwinError: a name that is not known, parts that do not fit together, a file that is wrong
-            or may not be written, a law that fails.
+            or may not be written, a law that fails. Its `run` is what there is of a flight that it
+            broke off.
     """
+    from dataclasses import replace
+
     import numpy as np
 
     from twin.clock import SimulatedClock, WallClock
+    from twin.errors import RecordingError, TwinError
     from twin.files import check_writable
     from twin.flight import Run, prepare
+    from twin.loop import Ended
     from twin.metrics import Metrics, settled
     from twin.plant.initial import InitialState
     from twin.rehearsal import check_lean, identified_box
     from twin.rotation import from_euler_zyx
+    from twin.stop import Stopped
     from twin.stream.provenance import provenance
     from twin.stream.recorder import FileRecorder, FlightRecorder, MemoryRecorder
 
@@ -285,60 +292,99 @@ def fly(
         joint_angle=float(roll),
         joint_rate=float(rate[0]),
     )
-    with ExitStack() as stack:
-        recorder = None
-        if path is not None or viewer:
-            # early, so that its process comes up while the machine is compiled
-            recorder = stack.enter_context(FileRecorder(path, viewer=viewer))
-        flight = prepare(
-            load(platform),
-            controller=str(controller) if isinstance(controller, Path) else controller,
-            estimator=estimator,
-            plant=plant,
-            reference=reference,
-            duration=duration,
-            seed=seed,
-            initial=initial,
-            gains=gains,
-            effects=added,
-            held=_held(arm),
-            lockstep=lockstep,
-            tell=say,
-        )
-        warnings = tuple(flight.warnings())
-        armed = f", armed as {arm}" if arm else ", not armed: nothing leaves"
-        with_seed = "" if kind == "serial" else f"seed {seed}"
-        how = (with_seed + (armed if kind in BENCHES else "")).removeprefix(", ")
-        what = _flown(flight, controller, estimator, reference)
-        say("\n".join([f"{what}, plant {plant}, {how}", *_beside(flight, warnings)]))
-        if identified is not None:
-            say(check_lean(flight, identified_box(Path(identified))))
-        metrics = Metrics(flight.platform, settle=settled(flight.duration))
-        last = FlightRecorder(flight.plant)
-        every: list[Observer] = [metrics, last, *observers]
-        facts = provenance(flight.platform, seed=seed)
-        memory = MemoryRecorder(flight.platform, facts) if keep else None
-        if memory is not None:
-            every.append(memory)
-        if recorder is not None:
-            recorder.start(flight.platform, facts)
-            every.append(recorder)
-        # last, for a machine on its bench moves from here on
-        stack.enter_context(flight.plant)
-        if flight.bench is not None and watch is not None:
-            every.append(stack.enter_context(watch(flight.bench, flight.duration)))
-        outcome = flight.fly(WallClock() if realtime else SimulatedClock(), every, say)
-    row = {name: value[0] for name, value in metrics.rows().items()}
-    return Run(
+    outcome: Outcome | None = None
+    ended_by: TwinError | Stopped | None = None
+    try:
+        with ExitStack() as stack:
+            recorder = None
+            if path is not None or viewer:
+                # early, so that its process comes up while the machine is compiled
+                recorder = stack.enter_context(FileRecorder(path, viewer=viewer))
+            flight = prepare(
+                load(platform),
+                controller=str(controller) if isinstance(controller, Path) else controller,
+                estimator=estimator,
+                plant=plant,
+                reference=reference,
+                duration=duration,
+                seed=seed,
+                initial=initial,
+                gains=gains,
+                effects=added,
+                held=_held(arm),
+                lockstep=lockstep,
+                tell=say,
+            )
+            warnings = tuple(flight.warnings())
+            armed = f", armed as {arm}" if arm else ", not armed: nothing leaves"
+            with_seed = "" if kind == "serial" else f"seed {seed}"
+            how = (with_seed + (armed if kind in BENCHES else "")).removeprefix(", ")
+            what = _flown(flight, controller, estimator, reference)
+            say("\n".join([f"{what}, plant {plant}, {how}", *_beside(flight, warnings)]))
+            if identified is not None:
+                say(check_lean(flight, identified_box(Path(identified))))
+            metrics = Metrics(flight.platform, settle=settled(flight.duration))
+            last = FlightRecorder(flight.plant)
+            every: list[Observer] = [metrics, last, *observers]
+            facts = provenance(flight.platform, seed=seed)
+            memory = MemoryRecorder(flight.platform, facts) if keep else None
+            if memory is not None:
+                every.append(memory)
+            if recorder is not None:
+                recorder.start(flight.platform, facts)
+                every.append(recorder)
+            # last, for a machine on its bench moves from here on
+            stack.enter_context(flight.plant)
+            if flight.bench is not None and watch is not None:
+                every.append(stack.enter_context(watch(flight.bench, flight.duration)))
+            try:
+                outcome = flight.fly(WallClock() if realtime else SimulatedClock(), every, say)
+            except (TwinError, Stopped) as problem:
+                ended_by, outcome = problem, _ended_by(problem)
+    except RecordingError as problem:
+        if outcome is None:
+            raise
+        if ended_by is None:  # the recording could not be completed
+            ended_by = problem
+            outcome = replace(outcome, ended=Ended.failed, reason=str(problem))
+    if ended_by is not None and (path is not None or flight.bench is not None):
+        last.keep(outcome.reason)
+    bench = flight.bench
+    row = {name: value[0] for name, value in metrics.rows().items() if np.ndim(value)}
+    run = Run(
         flight.platform,
         path if memory is None else memory.recording(),
         outcome,
         row,
         metrics.settle,
         warnings,
-        () if flight.bench is None else tuple(flight.bench.told()),
+        () if bench is None else tuple(bench.told()),
         last.records,
+        None if bench is None else _first_use(bench),
+        {} if bench is None else bench.document(),
     )
+    if ended_by is not None:
+        ended_by.run = run
+        raise ended_by
+    return run
+
+
+def _ended_by(problem: TwinError | Stopped) -> Outcome:
+    """How a flight ended that this broke off."""
+    from twin.clock import Timing
+    from twin.loop import Ended, Outcome
+    from twin.stop import Stopped
+
+    if isinstance(problem, Stopped):
+        reason = f"{problem} before its law began"
+        return Outcome(Ended.safe_stop, reason, 0.0, {}, Timing(), problem.number)
+    return problem.outcome or Outcome(Ended.failed, str(problem), 0.0, {}, Timing())
+
+
+def _first_use(bench: Bench) -> Recording | None:
+    from twin.service.first_use import trial_recording
+
+    return trial_recording(bench)
 
 
 def identify(

@@ -16,9 +16,9 @@ not show is what a slow computer does: the loop's own work takes no time here.
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -157,6 +157,12 @@ class Bench(Plant):
         self.setup, self._held = setup, held
         self._stack = ExitStack()
         self._remarks: list[str] = []
+        self.trial_readings: list[Reading] = []
+        """Of the first use of its actuators, from before the first push."""
+        self.trial_applied: list[tuple[float, Command]] = []
+        """What was applied in it, and from when on [s]."""
+        self.trial_told: list[str] = []
+        """What came of it, a sentence for each actuator."""
 
     def __enter__(self) -> Self:
         """Start the emulation, if there is one, and connect every device.
@@ -283,6 +289,25 @@ class Bench(Plant):
         lines += self._of_streams()
         acted = ", ".join(f"{rule} {count}" for rule, count in self.guard.limited.items())
         return [*lines, f"ticks in which a rule limited the command: {acted}"] if acted else lines
+
+    def document(self) -> dict[str, Any]:
+        """What `told` says, and the first use of actuators, for JSON."""
+        counts = self.hardware.counts
+        return {
+            "devices": {name: asdict(each) for name, each in self.hardware.counters.items()},
+            "streams": {
+                name: {
+                    "samples": counts[name].rows if name in counts else 0,
+                    "not_believed": counts[name].bad if name in counts else 0,
+                    "last_reason": (counts[name].reason if name in counts else "") or None,
+                    "silent": self.silent(name) if name in counts else True,
+                }
+                for name in self.platform.sensors
+            },
+            "limited": dict(self.guard.limited),
+            "first_use": list(self.trial_told),
+            "remarks": [*dict.fromkeys(self.hardware.notes()), *self._remarks],
+        }
 
     def _of_streams(self) -> list[str]:
         """Which streams have samples that were not believed, and which have fallen silent."""

@@ -12,6 +12,11 @@ from typing import Any
 class TwinError(Exception):
     """Base of everything we raise on purpose."""
 
+    outcome: Any = None
+    """How far a run had come that this ended (`twin.loop.Outcome`); None: it was no run."""
+    run: Any = None
+    """What there is of that run (`twin.flight.Run`), where `twin.fly` flew it."""
+
     def __reduce__(self) -> tuple[Any, ...]:
         # their constructors take other arguments than their sentence, and processes send them
         return _rebuilt, (type(self), self.args, self.__dict__)

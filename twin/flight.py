@@ -193,7 +193,7 @@ class Flight:
                 raise TypeError(
                     f"the command is of type {type(wanted).__name__}, not a dict of streams"
                 )
-        except Exception as problem:
+        except (Exception, SystemExit) as problem:
             tell_mistake(law, self.platform, problem)
             raise
         return cast(Command, wanted)
@@ -217,6 +217,10 @@ class Run(Shown):
     """Of a machine on its bench: what its devices, line and guard reported, a sentence each."""
     last_seconds: Mapping[int, Recording] = field(default_factory=dict[int, Recording], repr=False)
     """Of each run that was stopped: what came just before; the reason is in the provenance."""
+    first_use: Recording | None = field(default=None, repr=False)
+    """What was read and applied while the actuators of an armed machine were tried."""
+    bench: Mapping[str, Any] = field(default_factory=dict[str, Any], repr=False)
+    """Of a machine on its bench, for JSON: devices, streams, limits, first use."""
 
     @cached_property
     def recording(self) -> Recording:
@@ -236,17 +240,24 @@ class Run(Shown):
 
     def document(self) -> Mapping[str, Any]:
         """What `twin run --json` prints; SI."""
-        outcome = self.outcome
+        timing = self.outcome.timing
+        late = {name: timing.lateness_at(share) for name, share in _PERCENTILES.items()}
         return {
-            "ended": outcome.ended.value,
-            "reason": outcome.reason or None,
-            "duration": outcome.duration,
-            "overruns": outcome.timing.overruns,
+            "ended": self.outcome.ended.value,
+            "reason": self.outcome.reason or None,
+            "duration": self.outcome.duration,
+            "overruns": timing.overruns,
+            "ticks": timing.ticks,
+            "lateness_s": late if timing.lateness else None,
             "warnings": list(self.warnings),
             "remarks": list(outcome.remarks),
             "metrics": self.metrics,
-            "seconds": outcome.timing.seconds,
+            "seconds": timing.seconds,
+            **self.bench,
         }
+
+
+_PERCENTILES = {"p50": 50.0, "p99": 99.0, "max": 100.0}
 
 
 def prepare(

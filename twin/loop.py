@@ -18,7 +18,7 @@ from twin import stop
 from twin.clock import Clock, Timing
 from twin.controller import AnyController
 from twin.controller.load import tell_mistake, tell_refused
-from twin.errors import CommandError, UnknownName
+from twin.errors import CommandError, TwinError, UnknownName
 from twin.estimators.estimator import Estimator
 from twin.plant.plant import Plant
 from twin.reference import Reference
@@ -117,7 +117,26 @@ def fly(
     Raises:
         ControllerError: the law is of somebody's file, and something in it raises or the machine
             refuses its command.
+        TwinError: a device, or a recorder, failed. Each has the outcome until then with it.
     """
+    try:
+        return _fly(plant, estimator, controller, reference, clock, duration, observers)
+    except TwinError as problem:
+        timing = clock.timing
+        now = max(timing.ticks - 1 + timing.overruns, 0) * plant.platform.tick
+        problem.outcome = Outcome(Ended.failed, str(problem), now, dict(plant.stopped), timing)
+        raise
+
+
+def _fly(
+    plant: Plant,
+    estimator: Estimator,
+    controller: AnyController,
+    reference: Reference,
+    clock: Clock,
+    duration: float,
+    observers: Sequence[Observer],
+) -> Outcome:
     platform, n = plant.platform, plant.n
     runs = range(n)
     estimate = estimator.init(platform, n)
@@ -136,7 +155,7 @@ def fly(
             except stop.Stopped as request:  # a procedure waited for a fit
                 asked = request.number
                 break
-            except Exception as problem:
+            except (Exception, SystemExit) as problem:
                 tell_mistake(controller, platform, problem)
                 raise
             if estimate.awaited:

@@ -47,6 +47,9 @@ SIGNALS = tuple(getattr(signal, name) for name in _NAMES if hasattr(signal, name
 class Stopped(KeyboardInterrupt):
     """Raised by `check` after a request to stop; its text names the signal."""
 
+    run: Any = None
+    """What there is of a flight that had not begun (`twin.flight.Run`)."""
+
     def __init__(self, number: int) -> None:
         super().__init__(f"stopped by {name_of(number)}")
         self.number = number

@@ -84,16 +84,46 @@ class RunVerb:
 
     def run(self) -> int:
         """Fly; the exit code."""
-        from twin.api import fly
-        from twin.cli.live import LiveView
-        from twin.cli.output import print_json, progress, tell
-        from twin.effects import parse_effects
+        from twin.cli.output import print_json, tell
+        from twin.errors import TwinError
         from twin.loop import Ended
         from twin.report.outcomes import flown
         from twin.stop import Stopped
 
+        broken: TwinError | Stopped | None = None
+        try:
+            run = self._fly()
+        except (TwinError, Stopped) as problem:
+            if problem.run is None:
+                raise
+            broken, run = problem, problem.run
+        try:
+            kept = self._keep(run)
+        except (TwinError, OSError) as problem:
+            tell(f"twin: the last seconds could not be kept: {problem}")
+            kept = []
+        if isinstance(broken, TwinError) and broken.outcome is None:
+            raise broken  # it never flew
+        if self.json:
+            print_json({**run.document(), "recording": self.rrd, "records": kept})
+        else:
+            lines = flown(run.platform, run.outcome, run.metrics, run.settle)
+            print("\n".join([*lines, *run.notes, *self._where(kept)]))
+        if broken is not None:
+            raise broken
+        signalled = run.outcome.asked
+        if signalled not in (0, signal.SIGINT):  # a terminal is gone, or a system goes down
+            raise Stopped(signalled)
+        return 0 if run.outcome.ended is Ended.done or signalled else 1
+
+    def _fly(self) -> "Run":
+        from twin.api import fly
+        from twin.cli.live import LiveView
+        from twin.cli.output import progress, tell
+        from twin.effects import parse_effects
+
         with progress():
-            run = fly(
+            return fly(
                 self.platform,
                 self.controller,
                 gains=_gains(self.gains),
@@ -116,16 +146,6 @@ class RunVerb:
                 watch=LiveView,
                 say=tell,
             )
-        kept = self._keep(run)
-        if self.json:
-            print_json({**run.document(), "recording": self.rrd})
-        else:
-            lines = flown(run.platform, run.outcome, run.metrics, run.settle)
-            print("\n".join([*lines, *run.notes, *self._where(kept)]))
-        signalled = run.outcome.asked
-        if signalled not in (0, signal.SIGINT):  # a terminal is gone, or a system goes down
-            raise Stopped(signalled)
-        return 0 if run.outcome.ended is Ended.done or signalled else 1
 
     def kept(self) -> str:
         """What a run leaves on disk that was stopped before its law started."""
@@ -138,11 +158,15 @@ class RunVerb:
         from twin.api import BENCHES
         from twin.stream.runfile import write_recording
 
+        records = {f"flight-{number}": record for number, record in run.last_seconds.items()}
+        # without a recording only where it is all that there is of a flight
+        if run.first_use is not None and (self.rrd is not None or not run.outcome.timing.ticks):
+            records["first-use"] = run.first_use
         kept: list[Path] = []
-        for number, record in run.last_seconds.items():
+        for what, record in records.items():
             # beside the recording, else where one stands, whatever folder the machine is in
             stem = self.rrd or Path(f"{Path(self.platform).resolve().name.replace(':', '-')}.rrd")
-            path = stem.with_name(f"{stem.stem}.flight-{number}.rrd")
+            path = stem.with_name(f"{stem.stem}.{what}.rrd")
             if self.plant.partition(":")[0] in BENCHES:
                 path = _unused(path)
             write_recording(record, path, run.platform)
@@ -150,7 +174,8 @@ class RunVerb:
         return kept
 
     def _where(self, kept: Sequence[Path]) -> list[str]:
-        lines = [f"the last seconds before it was stopped: {path}" for path in kept]
+        of = {False: "the last seconds before it was stopped", True: "the first use of actuators"}
+        lines = [f"{of['.first-use' in path.name]}: {path}" for path in kept]
         if self.rrd is not None:
             lines.append(f"recorded in {self.rrd}: look at it with `twin view {self.rrd}`")
         return lines

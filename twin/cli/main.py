@@ -93,22 +93,36 @@ def _main(words: list[str]) -> int:
     os.environ.setdefault("MUJOCO_GL", "disable")
     stop.keeps(_nothing_kept)
     try:
-        code = _dispatch(words)
+        code, sentence = _dispatch(words), ""
+        if code == WRONG_USE:
+            sentence = "the arguments do not parse; stderr says which"
         sys.stdout.flush()
     except (UsageError, UnknownName) as error:
+        code, sentence = WRONG_USE, str(error)
         print(f"twin: {error}", file=sys.stderr)
-        return WRONG_USE
     except TwinError as error:
+        code, sentence = FAILED, str(error)
         print(f"twin: {error}", file=sys.stderr)
-        return FAILED
     except stop.Stopped as request:
-        print(f"twin: {request}; {stop.kept()}", file=sys.stderr)
-        return request.status
+        code, sentence = request.status, f"{request}; {stop.kept()}"
+        print(f"twin: {sentence}", file=sys.stderr)
     except BrokenPipeError:
-        # The interpreter flushes once more at exit; let it do so into nothing.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return BROKEN_PIPE
+        return _broken_pipe()
+    if sentence and "--json" in words:
+        from twin.cli.output import print_json_of_error
+
+        try:
+            print_json_of_error(sentence, code)
+            sys.stdout.flush()
+        except BrokenPipeError:
+            return _broken_pipe()
     return code
+
+
+def _broken_pipe() -> int:
+    # The interpreter flushes once more at exit; let it do so into nothing.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return BROKEN_PIPE
 
 
 def _dispatch(words: list[str]) -> int:
@@ -132,6 +146,9 @@ def _dispatch(words: list[str]) -> int:
 def _run(name: str, words: list[str]) -> int:
     import tyro
 
+    from twin.cli.output import begin_output
+
+    begin_output()
     module, class_name, _ = VERBS[name]
     arguments: type[Verb] = getattr(importlib.import_module(module), class_name)
     try:

@@ -23,7 +23,24 @@ def print_json(document: object) -> None:
     """Print `document` on stdout; arrays become lists, and what is no finite number null."""
     from twin.shown import as_json
 
+    global _printed
+    _printed = True
     print(as_json(document))
+
+
+_printed = False
+
+
+def print_json_of_error(sentence: str, status: int) -> None:
+    """Print a document that says why there is no other; nothing where one was printed."""
+    if not _printed:
+        print_json({"error": sentence, "status": status})
+
+
+def begin_output() -> None:
+    """A command line begins: nothing was printed yet."""
+    global _printed
+    _printed = False
 
 
 def tell(line: str) -> None:

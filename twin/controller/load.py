@@ -54,7 +54,7 @@ def called(gain: str) -> str:
     return gain if gain.split("_")[-1] == "gain" else f"gain {gain}"
 
 
-def tell_mistake(law: AnyController, platform: Platform, problem: Exception) -> None:
+def tell_mistake(law: AnyController, platform: Platform, problem: BaseException) -> None:
     """Say what a law's own file raised, and where, for its author; of what is no file, nothing.
 
     Args:
@@ -66,6 +66,8 @@ def tell_mistake(law: AnyController, platform: Platform, problem: Exception) -> 
         ControllerError: file, line, kind and message.
     """
     path = file_of(type(law).__module__)
+    if path is None and isinstance(problem, SystemExit):
+        raise ControllerError(f"{type(law).__name__} raised SystemExit; a law ends by `finished`")
     if path is not None and not isinstance(problem, TwinError):
         raise ControllerError(
             f"{path}: {raised_at(path, problem)}; {_check_says_more(path, platform)}"

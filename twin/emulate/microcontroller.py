@@ -243,7 +243,7 @@ class EmulatedMicrocontroller(EmulatedDevice):
             self.schema.channels[number].stream: value
             for number, value in self.far_end.setpoint.items()
         }
-        told = self._done(told)
+        commands = self._done(commands)
         if self.machine is not None:
             for shown in self.machine.step(commands, self._time):
                 # what was true before a restart has no stamp on the new clock

@@ -87,7 +87,6 @@ class RecordingWriter:
         Raises:
             RecordingError: it has ended, or does not come up.
         """
-        self._litter = False
         self._send("start", platform, dict(provenance), remarks)
         ready = self._process.stdout
         assert ready is not None
@@ -110,6 +109,7 @@ class RecordingWriter:
         Raises:
             RecordingError: the process has ended.
         """
+        self._litter = False
         # plain tuples: pickling the class beside each would take three times as long
         self._send("rows", {name: tuple(block) for name, block in blocks.items()})
 
@@ -422,9 +422,15 @@ class FlightRecorder:
             for run in self._plant.stopped.keys() - self.records.keys():
                 self.records[run] = self._record(run)
 
-    def _record(self, run: int) -> Recording:
+    def keep(self, reason: str) -> None:
+        """Record a run that no plant has stopped; of one that has not begun there is nothing."""
+        if self._last and not self.records:
+            self.records[0] = self._record(0, reason)
+
+    def _record(self, run: int, reason: str = "") -> Recording:
         platform = self._plant.platform
-        facts = {"platform": platform.name, "run": run, "reason": self._plant.stopped[run]}
+        reason = reason or self._plant.stopped[run]
+        facts = {"platform": platform.name, "run": run, "reason": reason}
         memory = MemoryRecorder(platform, facts)
         for tick in self._last:
             memory.collect(tick)
