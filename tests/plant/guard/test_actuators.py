@@ -120,6 +120,12 @@ def test_a_stage_that_stands_or_runs_away_is_stopped_with_both_positions():
     assert "does not follow" in stage(lambda t: -drive(SADS, 1.0)(t), lambda t: 1e-3, seconds=6.0)
 
 
+def test_a_stage_that_stands_while_it_is_sent_to_and_fro_is_stopped():
+    to_and_fro = lambda t: 5e-4 * math.copysign(1.0, math.sin(2.0 * math.pi * t))  # noqa: E731
+    assert "was sent over" in stage(lambda t: 0.0, to_and_fro)
+    assert stage(lambda t: 0.5 * to_and_fro(t - 0.2), to_and_fro) == ""
+
+
 def test_a_gimbal_that_stands_while_it_is_told_to_turn_is_stopped():
     tas2 = load_platform("tas2")
     rate = tas2.gimbals[0].rate

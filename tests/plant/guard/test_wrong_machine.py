@@ -103,7 +103,7 @@ STAGES, COILS = 5, 6
         (
             "mass_magnetic_pid",
             Fault("dead", 4.0, value=STAGES),
-            "stage s. does not follow: it was sent to",
+            "stage s. does not follow: ",
         ),
         (
             "magnetic_damping",

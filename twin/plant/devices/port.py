@@ -8,6 +8,9 @@ import contextlib
 import errno
 import os
 import time
+from itertools import count
+from pathlib import Path
+from urllib.parse import parse_qs, urlencode, urlsplit
 
 import serial
 
@@ -23,6 +26,54 @@ _REMEDIES = {
 }
 
 
+_SCHEMES = {
+    "": True,
+    "spy": True,
+    "alt": True,
+    "hwgrep": True,
+    "socket": False,
+    "rfc2217": False,
+    "cp2110": False,
+    "loop": False,
+}
+"""Kinds of URLs that pyserial knows, and whether they are a port of this computer: then nobody else
+may have it open."""
+
+LOG = ".spy"
+"""What the name of a line's log ends in."""
+
+
+def _logged(device: str, url: str) -> tuple[str, Path | None]:
+    """A spy's URL with a log that no file stood at before, and that log.
+
+    A platform that somebody shared may name any file, and pyserial would empty it.
+
+    Raises:
+        DeviceError: the log is no `.spy` file, or cannot be created.
+    """
+    options = parse_qs(urlsplit(url).query, keep_blank_values=True)
+    if "file" not in options:
+        return url, None
+    wanted = Path(options["file"][0])
+    if wanted.suffix != LOG:
+        raise DeviceError(
+            device, f"cannot log into {wanted}", f"give a name that ends in {LOG}, as in imu{LOG}"
+        )
+    for number in count(1):
+        path = wanted if number == 1 else wanted.with_stem(f"{wanted.stem}-{number}")
+        try:
+            # new, and no link: an older log is kept
+            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
+        except FileExistsError:
+            continue
+        except OSError as error:
+            problem = f"cannot log into {path} ({os.strerror(error.errno or 0)})"
+            raise DeviceError(device, problem, "name another place") from error
+        options["file"] = [str(path)]
+        return f"{url.partition('?')[0]}?{urlencode(options, doseq=True)}", path
+    raise AssertionError
+
+
 class Port:
     """One open line to a device. Reading belongs to one thread; so does writing."""
 
@@ -36,16 +87,25 @@ class Port:
         self.url = url
         self.byte_time = (1 + 8 + stop_bits) / baud
         """Of one byte on the line [s]."""
+        scheme = url.partition("://")[0].lower() if "://" in url else ""
+        if scheme not in _SCHEMES:
+            known = ", ".join(f"{name}://" for name in _SCHEMES if name)
+            raise DeviceError(
+                device, f"cannot open {url}: no such kind of port", f"give a path, or {known}"
+            )
+        opened, log = _logged(device, url) if scheme == "spy" else (url, None)
         try:
             self._serial = serial.serial_for_url(
-                url,
+                opened,
                 baudrate=baud,
                 stopbits=stop_bits,
                 timeout=SLICE,
                 write_timeout=1.0,
-                exclusive=True if "://" not in url else None,
+                exclusive=True if _SCHEMES[scheme] else None,
             )
         except (OSError, ValueError) as error:
+            if log is not None:
+                log.unlink(missing_ok=True)
             code = error.errno if isinstance(error, OSError) else None
             # pyserial says of a port that another program holds: EAGAIN, from flock
             code = errno.EBUSY if code in (errno.EAGAIN, errno.EWOULDBLOCK) else code

@@ -30,6 +30,12 @@ _NEAR = 1e-4
 _PITCH = 0.03
 """And so near, as a share of that position: the error of a lead screw's pitch."""
 
+_SWINGS = 10.0
+"""Over which a stage that is sent to and fro must have moved [s]."""
+
+_STIFF = 0.1
+"""By this share of what a drive of half its speed would have, at least."""
+
 _MOVED = 0.25
 """A drive moves by this share of what it could, at least."""
 
@@ -194,11 +200,12 @@ _FEWEST = 8
 
 
 class _Place(NamedTuple):
-    """Where a stage was sent, and where it was read to be [m]."""
+    """Where a stage was sent, where it was read to be, and where a slow drive would be [m]."""
 
     time: float
     target: float
     value: float
+    slow: float
 
 
 class ActuatorMonitor:
@@ -209,6 +216,7 @@ class ActuatorMonitor:
         self._now = -math.inf
         self._platform = platform
         self._stages = [deque[_Place]() for _ in platform.stages]
+        self._swings = [deque[_Place]() for _ in platform.stages]
         self._targets: Array | None = None
         self._integrals: dict[tuple[str, str], list[_Integral]] = {}
         self.begin_anew()
@@ -217,7 +225,7 @@ class ActuatorMonitor:
         """Forget all: time begins anew."""
         platform = self._platform
         self._targets = None
-        for places in self._stages:
+        for places in (*self._stages, *self._swings):
             places.clear()
         self._integrals.clear()
         if "wheel_speed" in platform.sensors:
@@ -282,13 +290,15 @@ class ActuatorMonitor:
             return ""
         stage, sensor = self._platform.stages[number], self._platform.sensors["stage_position"]
         places, target = self._stages[number], float(self._targets[number])
+        if stiff := self._stiff(number, time, target, value):
+            return stiff
         near = _NEAR + _SIGMAS * float(np.max(sensor.noise)) + _PITCH * abs(target)
         way = math.copysign(1.0, target - value)
         if abs(target - value) <= near or (
             places and way * (places[-1].target - places[-1].value) <= 0.0
         ):
             places.clear()
-        places.append(_Place(time, target, value))
+        places.append(_Place(time, target, value, value))
         patience = stage.response + sensor.latency + 2.0 / sensor.rate + self._platform.tick
         patience += _LATE + _FOLLOWS + 2.0 * stage.speed / stage.acceleration
         while len(places) > 1 and places[1].time <= time - patience:
@@ -303,6 +313,27 @@ class ActuatorMonitor:
         return (
             f"stage {stage.name} does not follow: it was sent to {1e3 * target:.3f} mm and reads "
             f"{1e3 * value:.3f} mm, {1e3 * places[0].value:.3f} mm {passed:.2f} s before"
+        )
+
+    def _stiff(self, number: int, time: float, target: float, value: float) -> str:
+        """Why a stage that was sent to and fro has not moved; empty: it has, or was not sent."""
+        stage, sensor = self._platform.stages[number], self._platform.sensors["stage_position"]
+        swings = self._swings[number]
+        slow = value
+        if swings:
+            most = 0.5 * stage.speed * (time - swings[-1].time)
+            slow = swings[-1].slow + min(max(target - swings[-1].slow, -most), most)
+        swings.append(_Place(time, target, value, slow))
+        while swings[0].time < time - _SWINGS:
+            swings.popleft()
+        way = max(each.slow for each in swings) - min(each.slow for each in swings)
+        moved = max(each.value for each in swings) - min(each.value for each in swings)
+        clear = 4.0 * (_NEAR + _SIGMAS * float(np.max(sensor.noise)))
+        if time - swings[0].time < 0.9 * _SWINGS or way < clear or moved > _STIFF * way:
+            return ""
+        return (
+            f"stage {stage.name} does not follow: in {time - swings[0].time:.2f} s it was sent "
+            f"over {1e3 * way:.3f} mm and reads to have moved by {1e3 * moved:.3f} mm"
         )
 
 
