@@ -1,5 +1,6 @@
 """Settings in TOML: whatever stands there is taken or refused in a sentence with its line."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -42,3 +43,26 @@ def test_a_number_that_no_float_holds_is_refused_with_its_line(settings, given, 
 def test_a_whole_number_is_read_to_its_last_digit(settings, given, read):
     settings.write_text(f"count = {given}\n")
     assert read_toml(settings).whole("count") == read
+
+
+@pytest.mark.parametrize(
+    "key", ["a" + ".a" * 20_000, '"a"' + ' . "a"' * 300, "['a'" + ".'a'" * 300]
+)
+def test_a_key_of_thousands_of_parts_is_refused_at_once(tmp_path, key):
+    path = tmp_path / "long.toml"
+    path.write_text(f"title = 1\n{key}{']' if key[0] == '[' else ' = 1'}\n")
+    with pytest.raises(FileError, match=r"long.toml:2: has a key of more than 64 parts"):
+        read_toml(path)
+
+
+def test_prose_with_dots_is_no_key(tmp_path):
+    path = tmp_path / "notes.toml"
+    path.write_text(f'note = "{"A word. " * 500}{"." * 500}"\nkeys = [{"1.5, " * 500}]\n')
+    assert read_toml(path).text("note").startswith("A word.")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes by name there")
+def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(FileError, match="is no regular file; name a TOML file"):
+        read_toml(tmp_path / "pipe.toml")

@@ -22,6 +22,12 @@ _REQUIRED: Any = object()
 LARGEST = 1 << 20
 """A larger file holds no settings [bytes]; it is not read."""
 
+_PARTS = 64
+"""Of a dotted key; a reader takes the square of their number."""
+
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_DOTTED = re.compile(rf"(?<![\w\"'-])(?:{_PART}[ \t]*+\.[ \t]*+){{{_PARTS}}}")
+
 _HEADER = re.compile(r"\s*\[+[^\[\],=]+\]+\s*(#.*)?$")
 
 
@@ -250,6 +256,10 @@ def read_toml(path: Path, error: type[FileError] = FileError) -> Table:
         FileError (or the given subclass): the file is missing, too large, not UTF-8, or no TOML.
     """
     try:
+        if path.exists() and not path.is_file():
+            # to read a pipe is to wait for whoever writes into it
+            what = "a folder" if path.is_dir() else "no regular file"
+            raise error(path, f"is {what}", "name a TOML file")
         with path.open("rb") as file:
             content = file.read(LARGEST + 1)
         if len(content) > LARGEST:
@@ -261,6 +271,9 @@ def read_toml(path: Path, error: type[FileError] = FileError) -> Table:
         raise error(path, f"cannot be read ({problem.strerror})", "check the path") from None
     except UnicodeDecodeError:
         raise error(path, "is not UTF-8 text", "save it as UTF-8") from None
+    if long := _DOTTED.search(text):
+        line = text.count("\n", 0, long.start()) + 1
+        raise error(path, f"has a key of more than {_PARTS} parts", "shorten it", line=line)
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:

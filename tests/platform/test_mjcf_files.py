@@ -107,3 +107,48 @@ def test_what_one_compilation_edits_or_leaves_out_another_has(platform: Path):
     assert (less.nu, [less.site(i).name for i in range(less.nsite)]) == (0, [""])
     whole = load_mjcf(platform)
     assert (whole.nu, [whole.site(i).name for i in range(whole.nsite)]) == (1, ["jet"])
+
+
+MANY = '<worldbody><replicate count="{}"><geom size="1"/></replicate></worldbody>'
+INNER = '<replicate count="100"><geom size="1"/></replicate>'
+FIELD = '<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>'
+PICTURE = '<asset><texture name="t" type="2d" builtin="flat" width="99999" height="99999"/></asset>'
+
+
+@pytest.mark.parametrize(
+    ("body", "made"),
+    [
+        (MANY.format(100_000), "replicate"),
+        (MANY.format("9" * 5000), "replicate"),
+        (f'<worldbody><replicate count="100">{INNER}</replicate></worldbody>', "replicate"),
+        (FIELD, "hfield"),
+        (PICTURE, "texture"),
+    ],
+    ids=["many", "digits", "within", "hfield", "texture"],
+)
+def test_an_element_that_grows_without_bound_is_refused_before_mujoco_sees_it(platform, body, made):
+    platform.write_text(f"<mujoco>{body}</mujoco>")
+    assert complaint(platform).startswith(f"platform.xml:1: <{made}> makes more than")
+
+
+def test_replicas_that_stand_one_after_the_other_do_not_multiply(platform: Path):
+    body = '<replicate count="900" offset="1 0 0"><geom size=".1"/></replicate>' * 2
+    platform.write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    assert load_mjcf(platform).ngeom == 1800
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes by name there")
+@pytest.mark.parametrize("name", ["platform.xml", "other.xml", "mesh.obj"])
+def test_a_pipe_in_place_of_a_file_is_refused_and_not_waited_for(platform: Path, name: str):
+    body = '<asset><mesh file="mesh.obj"/></asset><include file="other.xml"/>'
+    platform.write_text(f"<mujoco>{body}</mujoco>")
+    for other in ("other.xml", "mesh.obj"):
+        platform.with_name(other).write_text("<mujoco/>")
+    platform.with_name(name).unlink()
+    os.mkfifo(platform.with_name(name))
+    assert f"{name} is no regular file" in complaint(platform)
+
+
+def test_an_mjcf_of_many_megabytes_is_refused(platform: Path):
+    platform.write_text(f"<mujoco>{' ' * (9 << 20)}</mujoco>")
+    assert "holds more than 8 MiB" in complaint(platform)

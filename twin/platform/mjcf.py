@@ -22,6 +22,29 @@ _FOLDERS = ("assetdir", "meshdir", "texturedir")
 _MODELS = ("include", "model")
 """Elements whose file is MJCF again."""
 
+LARGEST = 8 << 20
+"""A larger MJCF is not read [bytes]; meshes have files of their own."""
+
+_COPIES = 1000
+"""Bodies that <replicate> may make, one within the other counted by their product; and <flexcomp>
+and <composite> the points of."""
+
+_GRID = 2000 * 2000
+"""Points that an <hfield> or a <texture> may have."""
+
+_DIGITS = 12
+"""Of a number; a longer one is too large for anything."""
+
+_GROWS = {
+    "replicate": (("count",), _COPIES),
+    "composite": (("count",), _COPIES),
+    "flexcomp": (("count",), _COPIES),
+    "hfield": (("nrow", "ncol"), _GRID),
+    "texture": (("width", "height"), _GRID),
+}
+"""Elements from which MuJoCo makes more than stands in the file: attributes whose product counts,
+and the most that it may be."""
+
 
 def check_files(path: Path) -> tuple[bytes, ...]:
     """Follow an MJCF file and all that it includes; what stands in them.
@@ -36,8 +59,9 @@ def check_files(path: Path) -> tuple[bytes, ...]:
 
 
 def _check(path: Path, folder: Path, seen: dict[Path, bytes]) -> None:
-    if path.resolve() in seen or not path.is_file():  # of a missing file MuJoCo tells
+    if path.resolve() in seen or not path.exists():  # of a missing file MuJoCo tells
         return
+    _check_regular(path, path)
     directories: set[str] = {""}
     files: list[tuple[int, str, str]] = []
     parser = expat.ParserCreate()
@@ -50,8 +74,27 @@ def _check(path: Path, folder: Path, seen: dict[Path, bytes]) -> None:
             line=parser.CurrentLineNumber,
         )
 
+    copies: list[int] = [1]
+
+    def leave(element: str) -> None:
+        if element == "replicate":
+            copies.pop()
+
     def collect(element: str, attributes: Mapping[str, str]) -> None:
         line = parser.CurrentLineNumber
+        if element in _GROWS:
+            keys, most = _GROWS[element]
+            size = _product(attributes, keys)
+            if element == "replicate":
+                size = min(size * copies[-1], _COPIES + 1)
+                copies.append(size)
+            if size > most:
+                raise PlatformError(
+                    path,
+                    f"<{element}> makes more than {most} of what it makes",
+                    "make fewer",
+                    line=line,
+                )
         if element == "compiler":
             named = [attributes[key] for key in _FOLDERS if key in attributes]
             directories.update(named)
@@ -62,8 +105,12 @@ def _check(path: Path, folder: Path, seen: dict[Path, bytes]) -> None:
 
     parser.StartDoctypeDeclHandler = refuse_document_type
     parser.StartElementHandler = collect
+    parser.EndElementHandler = leave
     try:
-        text = path.read_bytes()
+        with path.open("rb") as file:
+            text = file.read(LARGEST + 1)
+        if len(text) > LARGEST:
+            raise PlatformError(path, "holds more than 8 MiB", "keep meshes in files of their own")
         seen[path.resolve()] = text
         parser.Parse(text, True)
     except expat.ExpatError as problem:
@@ -83,8 +130,29 @@ def _check(path: Path, folder: Path, seen: dict[Path, bytes]) -> None:
                     "copy it into the folder",
                     line=line,
                 )
+            if element and target.exists():
+                _check_regular(target, path, line)
             if element in _MODELS:
                 _check(target, folder, seen)
+
+
+def _check_regular(target: Path, path: Path, line: int | None = None) -> None:
+    """Refuse what is no file: to read a pipe is to wait for whoever writes into it."""
+    if not target.is_file():
+        raise PlatformError(path, f"{target.name} is no regular file", "put one there", line=line)
+
+
+def _product(attributes: Mapping[str, str], keys: Sequence[str]) -> int:
+    """Of the whole numbers in these attributes; what MuJoCo cannot read either counts as one."""
+    size = 1
+    for key in keys:
+        for word in attributes.get(key, "").split():
+            digits = word.lstrip("+")
+            # a number of thousands of digits is more than any
+            size *= (
+                1 if not digits.isdecimal() else int(digits[:12]) if len(digits) < 12 else 10**12
+            )
+    return size
 
 
 Array = NDArray[np.float64]
