@@ -1,11 +1,13 @@
 """Ticks stand where they should, and lateness is counted, never caught up."""
 
+import gc
+import os
 import time
 
 import numpy as np
 import pytest
 
-from twin.clock import SimulatedClock, WallClock
+from twin.clock import SimulatedClock, WallClock, ahead_of_others
 
 
 def test_simulated_ticks_are_whole_multiples_of_the_period_up_to_the_duration():
@@ -73,3 +75,34 @@ def test_each_phase_is_timed():
         clock.lap("control")
     assert clock.timing.seconds["control"] >= 0.006
     assert clock.timing.seconds["write"] == 0.0
+
+
+needs_linux = pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="no SCHED_FIFO")
+
+
+@needs_linux
+def test_ahead_of_others_all_is_as_before_when_the_block_ends(monkeypatch):
+    asked: list[tuple[int, int]] = []
+
+    def noted(process: int, policy: int, param: os.sched_param) -> None:
+        asked.append((policy, param.sched_priority))
+
+    monkeypatch.setattr(os, "sched_setscheduler", noted)
+    with ahead_of_others():
+        assert not gc.isenabled()
+    assert gc.isenabled()
+    assert gc.get_freeze_count() == 0
+    (begun, ended) = asked
+    assert begun == (os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, 40), "what it starts has no priority"
+    assert ended == (os.sched_getscheduler(0), os.sched_getparam(0).sched_priority)
+
+
+@needs_linux
+def test_what_the_computer_does_not_permit_is_told_and_the_rest_is_had(monkeypatch):
+    def refused(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refused)
+    with ahead_of_others() as missing:
+        assert "no priority (Operation not permitted): `twin doctor` says how" in missing[0]
+        assert not gc.isenabled()

@@ -245,7 +245,8 @@ def fly(
         identified: file of an identification (`Identification.save("FILE.json")`): a machine on its
             bench flies only if its simulation, at all corners of the 95 % set, keeps off the guard.
         lockstep: of plant pty, wait for the emulation in place of keeping to the wall's clock.
-        realtime: keep to the wall's clock.
+        realtime: keep to the wall's clock; on a bench, which does anyway, run ahead of all other
+            work (`twin.clock.ahead_of_others`).
         seed: of all random numbers.
         rrd: record into this file, too, while it flies; one that exists is written anew, but never
             on pty or serial.
@@ -264,7 +265,7 @@ def fly(
 
     import numpy as np
 
-    from twin.clock import SimulatedClock, WallClock
+    from twin.clock import SimulatedClock, WallClock, ahead_of_others
     from twin.errors import RecordingError, TwinError
     from twin.files import check_writable
     from twin.flight import Run, prepare
@@ -337,6 +338,9 @@ def fly(
             stack.enter_context(flight.plant)
             if flight.bench is not None and watch is not None:
                 every.append(stack.enter_context(watch(flight.bench, flight.duration)))
+            if realtime and flight.bench is not None and not lockstep:
+                for sentence in stack.enter_context(ahead_of_others()):
+                    say(f"--realtime: {sentence}")
             try:
                 outcome = flight.fly(WallClock() if realtime else SimulatedClock(), every, say)
             except (TwinError, Stopped) as problem:

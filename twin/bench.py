@@ -112,6 +112,9 @@ WATCHED = 1.0
 _SILENT = 1.0
 """A stream that has brought nothing valid for longer is said to be silent [s]."""
 
+_STALLED = 0.1
+"""An emulation that was not run for longer at a time says so [s]."""
+
 _ARMING = 0.2
 """Between arming and the first tick [s], which a slow line may take to arm every device."""
 
@@ -287,6 +290,11 @@ class Bench(Plant):
         lines = [*dict.fromkeys(self.hardware.notes()), *self._remarks]
         lines += [f"{name}: {c.words()}" for name, c in self.hardware.counters.items()]
         lines += self._of_streams()
+        stalled = 0.0 if self.emulation is None else self.emulation.stalled
+        if stalled > _STALLED:
+            lines.append(
+                f"the emulation was not run for {stalled:.2f} s at a time: its computer is busy"
+            )
         acted = ", ".join(f"{rule} {count}" for rule, count in self.guard.limited.items())
         return [*lines, f"ticks in which a rule limited the command: {acted}"] if acted else lines
 

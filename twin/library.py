@@ -11,6 +11,7 @@ the entry point's name:
 """
 
 import inspect
+import os
 from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -96,9 +97,11 @@ def find_model(name: str) -> tuple[Path, str]:
 
     Raises:
         UnknownName: neither a shipped platform nor a folder with a platform.toml.
+        UsageError: a folder of this name lies here, and a shipped platform has it too.
     """
     for stem, variant in ((name, ""), _split(name)):
         folder = Path(stem)
+        _check_alone(stem, folder)
         if (folder / "platform.toml").is_file():
             return folder.resolve(), variant
         if folder.name == "platform.toml" and folder.is_file():
@@ -107,6 +110,19 @@ def find_model(name: str) -> tuple[Path, str]:
         if stem and stem == shipped.name and (shipped / "platform.toml").is_file():
             return shipped, variant
     raise UnknownName("platform", name, model_names())
+
+
+def _check_alone(stem: str, folder: Path) -> None:
+    """Refuse a bare name that a shipped machine and a folder of somebody's share."""
+    shipped = library("models") / stem
+    both = stem == shipped.name and all(
+        (each / "platform.toml").is_file() for each in (folder, shipped)
+    )
+    if stem and both and not folder.samefile(shipped):
+        raise UsageError(
+            f"{stem!r} is a shipped machine, and a folder here; say .{os.sep}{stem} for the "
+            f"folder, or {shipped} for the other"
+        )
 
 
 def findable(folder: Path, name: str) -> str:

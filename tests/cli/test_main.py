@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from tests.processes import PATIENCE
 from twin import errors
 from twin.cli import main as cli
 from twin.cli.output import print_json
+from twin.library import library
 from twin.stop import Stopped
 
 HEAVY = ("matplotlib", "mujoco", "numpy", "pyarrow", "rerun", "scipy", "tyro")
@@ -221,3 +223,18 @@ def test_json_has_null_for_what_is_not_known(capsys: pytest.CaptureFixture[str])
 
     print_json({"a": np.array([1.0, np.nan]), "b": (np.float64(np.inf), np.int64(3), None)})
     assert json.loads(capsys.readouterr().out) == {"a": [1.0, None], "b": [None, 3, None]}
+
+
+def test_nothing_that_moves_the_cursor_reaches_the_terminal_from_a_file(tmp_path, capsys):
+    """Notes that clear the screen, set the window's name and write into the clipboard."""
+    log = tmp_path / "log"
+    shutil.copytree(library("models") / "vnucec_cubesat" / "logs" / "first_step", log)
+    escapes = r"\u001b[2J\u001b]0;owned\u0007\u001b]52;c;cm0=\u0007\u009b31m"
+    file = log / "log.toml"
+    file.write_text(file.read_text().replace('experiment = "', f'experiment = "{escapes}'))
+    assert cli.main(["show", str(log)]) == 0
+    told = capsys.readouterr()
+    assert "\\x1b[2J" in told.out
+    assert cli.main(["show", "\x1b[2J.rrd"]) != 0
+    both = told.out + told.err + "".join(capsys.readouterr())
+    assert not any(ord(c) < 32 and c not in "\n\t" or 127 <= ord(c) < 160 for c in both)

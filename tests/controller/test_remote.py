@@ -241,6 +241,27 @@ def test_nobody_who_comes_is_told_where_he_was_waited_for(monkeypatch: pytest.Mo
         remote.RemoteLaw(load_platform("sads"), "tcp://127.0.0.1:0", lockstep=True, tell=str)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="all of 127/8 is this computer there")
+def test_a_stranger_is_sent_away_and_the_one_who_may_come_is_waited_for(monkeypatch):
+    monkeypatch.setattr(remote, "COMES", 0.5)
+    told: list[str] = []
+    lines: list[socket.socket] = []
+
+    def come(sentence: str) -> None:
+        told.append(sentence)
+        if found := re.findall(r"tcp://127.0.0.1:(\d+)", sentence):
+            place = ("127.0.0.1", int(found[0]))
+            lines.append(socket.create_connection(place, source_address=("127.0.0.3", 0)))
+
+    with pytest.raises(ControllerError, match="1 from elsewhere were sent away"):
+        remote.RemoteLaw(
+            load_platform("sads"), "tcp://127.0.0.1:0?from=127.0.0.2", lockstep=True, tell=come
+        )
+    assert told[-1] == "127.0.0.3 is not 127.0.0.2: sent away"
+    assert lines[0].recv(1) == b""
+    lines[0].close()
+
+
 def test_a_law_that_arms_for_longer_than_is_taken_is_told_so(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(remote, "COMES", 2.0)
     fly = Program(valid_for_ms=9000).fly
@@ -268,7 +289,10 @@ def test_a_law_made_for_other_channels_is_refused():
         ("tcp://:5001", "tcp://HOST:PORT"),
         ("tcp://127.0.0.1:70000", "tcp://HOST:PORT"),
         ("udp://127.0.0.1:5001", "tcp://HOST:PORT"),
-        ("tcp://192.0.2.1:5001", "cannot listen"),
+        ("tcp://192.0.2.1:5001?from=192.0.2.2", "cannot listen"),
+        ("tcp://0.0.0.0:5001", "whoever comes first would command the machine"),
+        ("tcp://[::]:5001", "whoever comes first would command the machine"),
+        ("tcp://127.0.0.1:5001?peer=1", "is tcp://HOST:PORT"),
     ],
 )
 def test_an_address_that_cannot_be_is_refused(address: str, sentence: str):

@@ -1,14 +1,19 @@
 """The emulated line: bytes take their time, settings must agree, faults are those of the seed."""
 
 import ast
+import os
+import sys
+import termios
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import serial
 
 import twin.emulate.line as line_module
-from twin.emulate.emulated import LINE_FAULTS, Fault, Wire, schedule
-from twin.emulate.line import EmulatedLine, PacedQueue
+from twin.emulate.emulated import LINE_FAULTS, EmulatedDevice, Fault, Wire, schedule
+from twin.emulate.line import EmulatedLine, PacedQueue, Server
 from twin.emulate.mti import EmulatedMti
 from twin.emulate.solar2 import EmulatedSolar2
 from twin.errors import DeviceError, UnknownName, UsageError
@@ -179,3 +184,47 @@ def test_an_emulation_that_is_killed_ends_the_port(tmp_path):
         line.kill()
         with pytest.raises(serial.SerialException):
             exhaust(port)
+
+
+class Heard(EmulatedDevice):
+    """Keeps when each byte came."""
+
+    def __init__(self) -> None:
+        self.baud, self.times = 1_000_000, []
+
+    def receive(self, data: bytes, now: float) -> bytes:
+        self.times += [now] * len(data)
+        return b""
+
+    def advance(self, now: float) -> bytes:
+        return b""
+
+    def power_cycle(self, now: float) -> None:
+        raise NotImplementedError
+
+    def inject(self, fault: str, value: float = 0.0) -> None:
+        raise NotImplementedError
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+def test_what_came_while_the_process_stood_still_is_heard_evenly_over_that_time(
+    tmp_path, monkeypatch
+):
+    device, now = Heard(), [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    server = Server(device, tmp_path / "port", (), 0, start=100.0)
+    host = os.open(tmp_path / "port", os.O_RDWR | os.O_NOCTTY)
+    attributes = termios.tcgetattr(host)
+    attributes[4] = attributes[5] = termios.B1000000
+    termios.tcsetattr(host, termios.TCSANOW, attributes)
+    server.step()
+    os.write(host, b"x" * 100)
+    now[0] += 0.5
+    server.step()
+    now[0] += 0.01
+    server.step()
+    os.close(host)
+    assert len(device.times) == 100
+    assert np.diff(device.times).max() < 0.02, "no set-point of 50 ms would have run out"
+    assert device.times[0] < 0.05
+    assert server.stalled == pytest.approx(0.5)

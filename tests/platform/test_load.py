@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin.errors import PlatformError, UnknownName
-from twin.library import model_names
+from twin.errors import PlatformError, UnknownName, UsageError
+from twin.library import library, model_names
 from twin.platform import load_platform, variants_of
 
 SADS = Path(__file__).parents[2] / "models" / "sads"
@@ -220,3 +220,17 @@ def test_latitude_and_heading_are_the_earths_rotation(folder: Path):
     edit(folder, place.splitlines(keepends=True)[1], "")
     with pytest.raises(PlatformError, match="heading stands without latitude; give both"):
         load_platform(str(folder))
+
+
+def test_a_folder_does_not_stand_in_for_the_shipped_machine_of_its_name(tmp_path, monkeypatch):
+    other = tmp_path / "cubesat"
+    shutil.copytree(library("models") / "sads", other, ignore=shutil.ignore_patterns("logs"))
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UsageError, match=r"'cubesat' is a shipped machine, and a folder here; say"):
+        load_platform("cubesat")
+    with pytest.raises(UsageError, match="and a folder here"):
+        load_platform("cubesat:heavy_masses")
+    assert load_platform("./cubesat").name == "sads"
+    assert load_platform("sads").name == "sads"
+    monkeypatch.chdir(library("models"))
+    assert load_platform("cubesat").name == "cubesat", "it is the same folder"

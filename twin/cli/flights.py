@@ -73,7 +73,9 @@ class RunVerb:
     seed: int = 0
     """Seed of all random numbers."""
     realtime: bool = False
-    """Keep to the wall clock instead of running as fast as the computer can."""
+    """Keep to the wall clock instead of running as fast as the computer can. On a bench, which does
+    so anyway, the loop gets SCHED_FIFO, locked memory and no garbage collection, as far as the
+    computer permits; what it does not permit is reported."""
     rrd: Annotated[Path | None, _arg("OUT.rrd")] = None
     """Record into this file. An existing file is overwritten, except by a run on pty or serial,
     because a session cannot be flown again."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Self, TextIO
 import numpy as np
 
 from twin.bench import Bench
+from twin.cli.output import printable, terminal
 from twin.signals import Tick
 from twin.stop import request
 
@@ -43,7 +44,7 @@ class LiveView:
             out: stderr unless given; it must be a terminal to be written to.
         """
         self._bench, self._duration = bench, duration
-        self._out = out or sys.stderr
+        self._out = terminal(out or sys.stderr)
         self._shown = self._out.isatty()
         self._tick: Tick | None = None
         self._late = deque[float](maxlen=_LATENESS)
@@ -105,7 +106,7 @@ class LiveView:
             lines = self.words()
             up = f"\x1b[{self._lines}A" if self._lines else ""
             self._lines = len(lines)
-            self._out.write(up + "".join(f"\x1b[K{line}\n" for line in lines))
+            self._out.write(up + "".join(f"\x1b[K{printable(line)}\n" for line in lines))
             self._out.flush()
 
     def _listen(self) -> None:

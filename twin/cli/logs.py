@@ -203,7 +203,7 @@ def _show(path: Path) -> int:
     from twin.errors import TwinError
     from twin.processes import run
 
-    code = run([sys.executable, "-c", _VIEWER, str(path)])
+    code = run([sys.executable, "-c", _VIEWER, "--bind=127.0.0.1", str(path)])
     if code:
         raise TwinError(
             f"the viewer ended with code {code}, and says why above; "

@@ -99,13 +99,13 @@ def _main(words: list[str]) -> int:
         sys.stdout.flush()
     except (UsageError, UnknownName) as error:
         code, sentence = WRONG_USE, str(error)
-        print(f"twin: {error}", file=sys.stderr)
+        _complain(sentence)
     except TwinError as error:
         code, sentence = FAILED, str(error)
-        print(f"twin: {error}", file=sys.stderr)
+        _complain(sentence)
     except stop.Stopped as request:
         code, sentence = request.status, f"{request}; {stop.kept()}"
-        print(f"twin: {sentence}", file=sys.stderr)
+        _complain(sentence)
     except BrokenPipeError:
         return _broken_pipe()
     if sentence and "--json" in words:
@@ -117,6 +117,12 @@ def _main(words: list[str]) -> int:
         except BrokenPipeError:
             return _broken_pipe()
     return code
+
+
+def _complain(sentence: str) -> None:
+    from twin.cli.output import printable
+
+    print(f"twin: {printable(sentence)}", file=sys.stderr)
 
 
 def _broken_pipe() -> int:
@@ -146,7 +152,7 @@ def _dispatch(words: list[str]) -> int:
 def _run(name: str, words: list[str]) -> int:
     import tyro
 
-    from twin.cli.output import begin_output
+    from twin.cli.output import begin_output, plain_streams
 
     begin_output()
     module, class_name, _ = VERBS[name]
@@ -163,7 +169,8 @@ def _run(name: str, words: list[str]) -> int:
     check_numbers(verb)
     stop.keeps(getattr(verb, "kept", _nothing_kept))
     stop.check()
-    return verb.run()
+    with plain_streams():
+        return verb.run()
 
 
 def _nothing_kept() -> str:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import get_terminal_size
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, TextIO, cast
 
 import tyro
 
@@ -43,10 +43,58 @@ def begin_output() -> None:
     _printed = False
 
 
+_CONTROL = {
+    code: f"\\x{code:02x}"
+    for code in (*range(0x20), 0x7F, *range(0x80, 0xA0))
+    if chr(code) not in "\n\t"
+}
+
+
+def printable(text: str) -> str:
+    """Text without what moves a terminal's cursor, or writes into its clipboard.
+
+    Titles, notes and names come from files that somebody may have shared.
+    """
+    return text.translate(_CONTROL)
+
+
+class PlainStream:
+    """A stream that passes only printable text on."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+        """For what we draw with ourselves."""
+
+    def write(self, text: str) -> int:
+        """All of it; the number of its characters."""
+        self.stream.write(printable(text))
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+
+@contextmanager
+def plain_streams() -> Generator[None]:
+    """In this block stdout and stderr pass only printable text on."""
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (cast(TextIO, PlainStream(stream)) for stream in before)
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
+
+
+def terminal(stream: TextIO) -> TextIO:
+    """The stream itself, for one who draws on it and whose texts are printable."""
+    return stream.stream if isinstance(stream, PlainStream) else stream
+
+
 def tell(line: str) -> None:
     """Print a line of progress on stderr, above the one that `progress` keeps."""
-    clear = "\r\x1b[K" if sys.stderr.isatty() else ""
-    print(f"{clear}{line}", file=sys.stderr, flush=True)
+    if sys.stderr.isatty():
+        print("\r\x1b[K", end="", file=terminal(sys.stderr))
+    print(line, file=sys.stderr, flush=True)
 
 
 @contextmanager
@@ -74,7 +122,7 @@ def progress() -> Generator[Callable[[str], None]]:
     finally:
         logger.removeHandler(line)
         logger.setLevel(level)
-        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        print("\r\x1b[K", end="", file=terminal(sys.stderr), flush=True)
 
 
 class _Line(logging.Handler):
@@ -98,8 +146,9 @@ class _Line(logging.Handler):
         seconds = time.monotonic() - self._began
         since = f" ({span(seconds)} so far)" if seconds > AFTER else ""
         width = get_terminal_size().columns - len(since) - 5
+        words = printable(words)
         cut = words if len(words) <= width else f"{words[: max(width - 1, 0)]}…"
-        print(f"\r\x1b[K{cut} ...{since}", end="", file=sys.stderr, flush=True)
+        print(f"\r\x1b[K{cut} ...{since}", end="", file=terminal(sys.stderr), flush=True)
 
 
 AFTER = 5.0

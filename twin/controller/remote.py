@@ -10,7 +10,8 @@ import select
 import socket
 import time
 from collections.abc import Callable
-from urllib.parse import urlsplit
+from ipaddress import ip_address
+from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,9 @@ ANSWERS = 10.0
 QUIET = 0.02
 """Set-points that come together follow each other closer than this [s]."""
 
+_TOLD = 5
+"""Strangers that are told of."""
+
 _BAD_ARMING = f"armed with a time-to-live that is not within 1 to {LONGEST_VALID_MS} ms"
 _HALF = 2**15
 _FULL = 2**16
@@ -57,7 +61,8 @@ class RemoteLaw(Controller[str]):
 
         Args:
             platform: whose channels it gets.
-            address: `tcp://HOST:PORT`; port 0: one that is free.
+            address: `tcp://HOST:PORT`; port 0: one that is free. Where HOST is not this computer
+                alone, `tcp://HOST:PORT?from=ADDRESS`: no other is let in.
             lockstep: time is simulated, and stands still until the law has answered. Otherwise it
                 has half a tick; what it said last stays in force for as long as it said.
             tell: takes a sentence that says where it is waited for, and with which channels.
@@ -72,16 +77,12 @@ class RemoteLaw(Controller[str]):
         self._patience = ANSWERS if lockstep else 0.5 * platform.tick
         self._complete = False
         self._far = FarEnd(self.schema, platform.name, LONGEST_VALID_MS, 0)
-        with _listening(address) as server:
+        server, peer = _listening(address)
+        with server:
             host, port = server.getsockname()[:2]
             self._name = f"the law at {SCHEME}{host}:{port}"
             tell(f"waiting for {self._name}\n{_listed(self.schema)}")
-            if not until(lambda: _readable(server), COMES):
-                raise ControllerError(
-                    f"{self._name} has not come within {COMES:g} s; start it, or say where it is "
-                    "expected"
-                )
-            self._line = server.accept()[0]
+            self._line = self._await_peer(server, peer, tell)
         self._line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         try:
             self._await_arming()
@@ -185,6 +186,31 @@ class RemoteLaw(Controller[str]):
         self._line.sendall(self._far.take())
         return True
 
+    def _await_peer(
+        self, server: socket.socket, peer: str, tell: Callable[[str], None]
+    ) -> socket.socket:
+        """The connection of the program that may come; strangers are sent away, and told.
+
+        Args:
+            server: which listens.
+            peer: address that it comes from; empty: any that can reach this one.
+            tell: takes a sentence for each stranger.
+        """
+        end, strangers = time.monotonic() + COMES, 0
+        while until(lambda: _readable(server), max(end - time.monotonic(), 0.0)):
+            line, (came, *_) = server.accept()
+            if not peer or came == peer:
+                return line
+            line.close()
+            strangers += 1
+            if strangers <= _TOLD:
+                tell(f"{came} is not {peer}: sent away")
+        also = f"; {strangers} from elsewhere were sent away" if strangers else ""
+        raise ControllerError(
+            f"{self._name} has not come within {COMES:g} s{also}; start it, or say where it is "
+            "expected"
+        )
+
     def _await_arming(self) -> None:
         end = time.monotonic() + COMES
         problem = f"has not greeted and armed within {COMES:g} s"
@@ -269,16 +295,26 @@ def _listed(schema: Schema) -> str:
     return "\n".join([*rows, f"  schema hash 0x{schema.hash:08X}"])
 
 
-def _listening(address: str) -> socket.socket:
+def _listening(address: str) -> tuple[socket.socket, str]:
+    """What listens there, and the only address that may come; empty: any of this computer."""
     try:
         parts = urlsplit(address)
         host, port = parts.hostname, parts.port
+        options = parse_qs(parts.query, strict_parsing=bool(parts.query))
     except ValueError:
         host = port = None
-    if not address.startswith(SCHEME) or not host or port is None:
+        options = {}
+    if not address.startswith(SCHEME) or not host or port is None or options.keys() - {"from"}:
         raise UsageError(
             f"controller {address!r}: a law in another program is {SCHEME}HOST:PORT, as in "
             f"{SCHEME}127.0.0.1:5001"
+        )
+    peer = options.get("from", [""])[0]
+    if not peer and not _is_loopback(host):
+        raise UsageError(
+            f"controller {address!r}: whoever comes first would command the machine, from anywhere "
+            f"that reaches {host}; say who may, as in {SCHEME}{host}:{port}?from=192.168.1.20, or "
+            f"listen on 127.0.0.1"
         )
     try:
         server = socket.create_server((host, port))
@@ -287,7 +323,15 @@ def _listening(address: str) -> socket.socket:
             f"cannot listen at {address} ({problem.strerror}); name an address of this computer "
             "and a port that is free"
         ) from problem
-    return server
+    return server, peer
+
+
+def _is_loopback(host: str) -> bool:
+    """Whether only programs of this computer reach it there."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def _readable(server: socket.socket) -> bool:

@@ -6,6 +6,8 @@ each byte takes its start, eight data and stop bits, and a host that has set ano
 device's gets garbage. A symbolic link names the port, and is pointed to the new one on a replug.
 """
 
+import contextlib
+import math
 import multiprocessing
 import os
 import select
@@ -59,6 +61,10 @@ class PacedQueue:
 
 BEAT = 0.001
 """Longest that the process sleeps [s]: devices send of themselves."""
+
+_STALL = 0.02
+"""When the process was not run for longer, all that waits is taken to have come evenly meanwhile
+[s]: a board would have heard each set-point as it came, and let none run out."""
 
 _PATIENCE = 1.0
 """Longest wait in lockstep for bytes that were written [s]: an unplugged line loses them."""
@@ -131,6 +137,9 @@ class Server:
         )
         self._to_device, self._to_host = PacedQueue(), PacedQueue()
         self._terminal: _Terminal | None = _Terminal(link)
+        self._stepped: float | None = None
+        self.stalled = 0.0
+        """The longest time for which it was not run [s]."""
 
     def add(self, fault: Fault) -> None:
         """Let it happen, counted from now."""
@@ -154,13 +163,28 @@ class Server:
 
     def step(self) -> tuple[bytes, bytes]:
         """Bytes sent to the host, and bytes received by the device."""
-        instant = self._time()
+        now = self._time()
+        before = now if self._stepped is None or self._granted is not None else self._stepped
+        self._stepped = now
+        self.stalled = max(self.stalled, now - before)
+        came, self._early = self._early, b""
+        if self._terminal is not None:
+            came += self._terminal.read()
+        beats = math.ceil((now - before) / BEAT) if now - before > _STALL else 1
+        said, heard = b"", b""
+        for beat in range(1, beats + 1):
+            part = came[len(came) * (beat - 1) // beats : len(came) * beat // beats]
+            out, into = self._beat(part, before + (now - before) * beat / beats)
+            said, heard = said + out, heard + into
+        return said, heard
+
+    def _beat(self, came: bytes, instant: float) -> tuple[bytes, bytes]:
+        """As `step`, with what came in, at one time."""
         self._happen(instant)
         if self._terminal is None:
             self._device.advance(instant)
             return b"", b""
         byte_time = (1 + 8 + self._device.stop_bits) / self._device.baud
-        came, self._early = self._early + self._terminal.read(), b""
         self._heard += len(came)
         self._to_device.send(came, instant, byte_time)
         matched = self._terminal.baud() == self._device.baud
@@ -238,6 +262,8 @@ class EmulatedLines:
                 "(--plant sim), or emulate on Linux or macOS"
             )
         self.links = dict(links)
+        self.stalled = 0.0
+        """The longest time for which its process was not run [s]; known when it has ended."""
         # A fork would copy the threads' locks of whoever starts this.
         context = multiprocessing.get_context("forkserver")
         self._pipe, theirs = context.Pipe()
@@ -281,6 +307,10 @@ class EmulatedLines:
     ) -> None:
         if self._process.is_alive():
             self._pipe.send(None)
+            with contextlib.suppress(EOFError, OSError):
+                if self._pipe.poll(5.0):
+                    last = self._pipe.recv()
+                    self.stalled = last if isinstance(last, float) else 0.0
             self._process.join(5.0)
         if self._process.is_alive():
             self._process.kill()
@@ -387,6 +417,7 @@ def _serve(
                 while pipe.poll():
                     order = pipe.recv()
                     if order is None:
+                        pipe.send(max(server.stalled for server in servers.values()))
                         return
                     if isinstance(order, Fault):
                         servers[order.device or first].add(order)

@@ -309,6 +309,11 @@ class EmulatedPlatform:
         return self._line
 
     @property
+    def stalled(self) -> float:
+        """The longest time for which its process was not run [s]; known when it has ended."""
+        return 0.0 if self._line is None else self._line.stalled
+
+    @property
     def ports(self) -> dict[str, Path]:
         """Where each device can be opened, by its name; while it runs."""
         return self.line.links

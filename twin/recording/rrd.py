@@ -5,7 +5,11 @@ a column of float64 too. What is drawn only (`plots/`, `world/`) has no header a
 """
 
 import json
+import os
+import socket
+import subprocess
 import sys
+import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -43,6 +47,58 @@ _SCALARS = next(iter(rr.Scalars.columns(scalars=[0.0]))).component_descriptor()
 _TIME = rr.ComponentDescriptor(TIME)
 
 
+LOOPBACK = "127.0.0.1"
+"""The viewer listens here; left to itself it would on all of the computer's addresses, and take
+what anybody in the network sends."""
+
+VIEWER_PORT = 9876
+"""Rerun's own."""
+
+_COMES = 20.0
+"""A viewer has so long to come up [s]."""
+
+
+def open_viewer() -> None:
+    """Start Rerun's viewer unless one listens, and wait until it does.
+
+    Raises:
+        RuntimeError: it is not there, or has ended.
+    """
+    if _listens():
+        return
+    beside = Path(sys.executable).with_name("rerun")
+    command = [str(beside) if beside.exists() else "rerun", *viewer_arguments()]
+    try:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=os.environ | {"RERUN_APP_ONLY": "true"},
+            start_new_session=True,  # it stays when the run is over
+        )
+    except OSError as problem:
+        raise RuntimeError(f"{command[0]}: {problem.strerror}") from None
+    end = time.monotonic() + _COMES
+    while not _listens():
+        if process.poll() is not None:
+            raise RuntimeError(f"it has ended with code {process.returncode}")
+        if time.monotonic() > end:
+            raise RuntimeError(f"it did not come up within {_COMES:g} s")
+        time.sleep(0.05)
+
+
+def viewer_arguments() -> list[str]:
+    """Of the viewer's command line."""
+    return [f"--bind={LOOPBACK}", f"--port={VIEWER_PORT}", "--hide-welcome-screen",
+            "--memory-limit=75%", "--expect-data-soon"]  # fmt: skip
+
+
+def _listens() -> bool:
+    with socket.socket() as line:
+        return line.connect_ex((LOOPBACK, VIEWER_PORT)) == 0
+
+
 class RrdFile:
     """Writes streams into a file, or into a live viewer."""
 
@@ -57,9 +113,8 @@ class RrdFile:
             if path is not None:
                 self.rerun.save(path)
             else:
-                beside = Path(sys.executable).with_name("rerun")
-                viewer = str(beside) if beside.exists() else None
-                rr.spawn(hide_welcome_screen=True, executable_path=viewer, recording=self.rerun)
+                open_viewer()
+                self.rerun.connect_grpc(f"rerun+http://{LOOPBACK}:{VIEWER_PORT}/proxy")
         except RuntimeError as problem:
             reason = str(problem).strip().splitlines()[0]
             remedy = "is the disk full?" if path else "is there a display, and `rerun` on the path?"

@@ -399,7 +399,8 @@ def markdown(answers: Answers) -> str:
     if answers.points:
         parts += ["", "## Over the grid", "", *_markdown_table(point_table(answers))]
     parts += ["", "## Worst runs", "", *_markdown_table(worst_table(answers))]
-    return "\n".join(parts) + "\n"
+    # names and reasons come from files that somebody may have shared; browsers take HTML from here
+    return "\n".join(parts).replace("&", "&amp;").replace("<", "&lt;") + "\n"
 
 
 def _markdown_table(rows: Rows) -> list[str]:

@@ -131,7 +131,7 @@ def permissions_found() -> list[DoctorFinding]:
         DoctorFinding(
             "priority",
             Verdict.good if ahead else Verdict.poor,
-            "SCHED_FIFO is permitted: `chrt -f 40 twin run ...` keeps its time on a busy computer"
+            "SCHED_FIFO is permitted: `twin run --realtime` keeps its time on a busy computer"
             if ahead
             else "SCHED_FIFO is not permitted; add `@realtime - rtprio 99` to "
             "/etc/security/limits.conf and join that group",

@@ -331,7 +331,8 @@ class ActuatorMonitor:
             swings.popleft()
         way = max(each.slow for each in swings) - min(each.slow for each in swings)
         moved = max(each.value for each in swings) - min(each.value for each in swings)
-        clear = 4.0 * (_NEAR + _SIGMAS * float(np.max(sensor.noise)))
+        near = _NEAR + _SIGMAS * float(np.max(sensor.noise))
+        clear = 4.0 * (near + _PITCH * max(abs(each.target) for each in swings))
         if time - swings[0].time < 0.9 * _SWINGS or way < clear or moved > _STIFF * way:
             return ""
         return (
