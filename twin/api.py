@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from twin.diagnosis import Diagnosis, Validation
     from twin.effects import Effect
     from twin.errors import TwinError
-    from twin.flight import Flight, Run
+    from twin.flight import Run
     from twin.identification import Identification
     from twin.identification import Settings as IdentificationSettings
     from twin.intake.importing import Imported
@@ -268,7 +268,7 @@ def fly(
     from twin.clock import SimulatedClock, WallClock, ahead_of_others
     from twin.errors import RecordingError, TwinError
     from twin.files import check_writable
-    from twin.flight import Run, prepare
+    from twin.flight import Run, broken_off, check_start, prepare
     from twin.loop import Ended
     from twin.metrics import Metrics, settled
     from twin.plant.initial import InitialState
@@ -278,9 +278,9 @@ def fly(
     from twin.stream.provenance import provenance
     from twin.stream.recorder import FileRecorder, FlightRecorder, MemoryRecorder
 
-    added = _effects(effects)
+    own = _effects(effects)
     kind, _, log = plant.partition(":")
-    _check_start(plant, identified, (*attitude, *rate, *velocity))
+    check_start(plant, identified, (*attitude, *rate, *velocity))
     path = None if rrd is None else Path(rrd)
     if path is not None:
         replayed = (Path(log),) if kind == "replay" else ()
@@ -311,7 +311,7 @@ def fly(
                 seed=seed,
                 initial=initial,
                 gains=gains,
-                effects=added,
+                effects=own,
                 held=_held(arm),
                 lockstep=lockstep,
                 tell=say,
@@ -320,8 +320,8 @@ def fly(
             armed = f", armed as {arm}" if arm else ", not armed: nothing leaves"
             with_seed = "" if kind == "serial" else f"seed {seed}"
             how = (with_seed + (armed if kind in BENCHES else "")).removeprefix(", ")
-            what = _flown(flight, controller, estimator, reference)
-            say("\n".join([f"{what}, plant {plant}, {how}", *_beside(flight, warnings)]))
+            what = flight.words(controller, estimator, reference)
+            say("\n".join([f"{what}, plant {plant}, {how}", *flight.remarks(warnings)]))
             if identified is not None:
                 say(check_lean(flight, identified_box(Path(identified))))
             metrics = Metrics(flight.platform, settle=settled(flight.duration))
@@ -344,7 +344,7 @@ def fly(
             try:
                 outcome = flight.fly(WallClock() if realtime else SimulatedClock(), every, say)
             except (TwinError, Stopped) as problem:
-                ended_by, outcome = problem, _ended_by(problem)
+                ended_by, outcome = problem, broken_off(problem)
     except RecordingError as problem:
         if outcome is None:
             raise
@@ -364,31 +364,13 @@ def fly(
         warnings,
         () if bench is None else tuple(bench.told()),
         last.records,
-        None if bench is None else _first_use(bench),
+        None if bench is None else bench.first_use(),
         {} if bench is None else bench.document(),
     )
     if ended_by is not None:
         ended_by.run = run
         raise ended_by
     return run
-
-
-def _ended_by(problem: TwinError | Stopped) -> Outcome:
-    """How a flight ended that this broke off."""
-    from twin.clock import Timing
-    from twin.loop import Ended, Outcome
-    from twin.stop import Stopped
-
-    if isinstance(problem, Stopped):
-        reason = f"{problem} before its law began"
-        return Outcome(Ended.safe_stop, reason, 0.0, {}, Timing(), problem.number)
-    return problem.outcome or Outcome(Ended.failed, str(problem), 0.0, {}, Timing())
-
-
-def _first_use(bench: Bench) -> Recording | None:
-    from twin.service.first_use import trial_recording
-
-    return trial_recording(bench)
 
 
 def identify(
@@ -633,6 +615,7 @@ def campaign(
     workers: int = 1,
     cluster: str = "",
     resume: bool = False,
+    trust: Sequence[str | Path] = (),
     say: Say = _silent,
 ) -> Answers:
     """Fly thousands of closed-loop runs that differ as a file says, and say what came of them.
@@ -645,6 +628,7 @@ def campaign(
         workers: processes; the results do not depend on it.
         cluster: address of a Dask scheduler, `tcp://HOST:PORT`, whose workers fly instead.
         resume: go on with what the folder holds.
+        trust: folders whose laws and effects, which are programs, the file may name.
         say: takes the progress.
 
     Returns:
@@ -653,7 +637,9 @@ def campaign(
     Raises:
         CampaignError: a specification or a folder that cannot be used.
     """
-    fly_campaign(spec, folder, workers=workers, cluster=cluster, resume=resume, say=say)
+    fly_campaign(
+        spec, folder, workers=workers, cluster=cluster, resume=resume, trust=trust, say=say
+    )
     return results(folder)
 
 
@@ -664,56 +650,86 @@ def fly_campaign(
     workers: int = 1,
     cluster: str = "",
     resume: bool = False,
+    trust: Sequence[str | Path] = (),
     say: Say = _silent,
 ) -> CampaignRuns:
     """As `campaign`, without its answers: how many runs were flown, and how they ended."""
     from twin.campaigns.execute import fly_spec
     from twin.campaigns.folder import Folder
     from twin.campaigns.read import read_spec
+    from twin.files import trust as trust_folders
 
     _check_workers(workers)
+    trust_folders(*map(Path, trust))
     stated = read_spec(Path(spec))
     return fly_spec(
         stated, Folder(Path(folder)), workers=workers, cluster=cluster, resume=resume, tell=say
     )
 
 
-def forecast(spec: str | Path, *, workers: int = 1) -> Forecast:
+def forecast(spec: str | Path, *, workers: int = 1, trust: Sequence[str | Path] = ()) -> Forecast:
     """What a campaign will take: runs, time and disk, measured on a short probe in this process.
 
     Args:
         spec: the file (docs/campaigns.md).
         workers: processes that will fly it.
+        trust: folders whose laws and effects, which are programs, the file may name.
 
     Raises:
         CampaignError: a specification that cannot be used.
     """
     from twin.campaigns.execute import forecast as forecast_spec
     from twin.campaigns.read import read_spec
+    from twin.files import trust as trust_folders
 
     _check_workers(workers)
+    trust_folders(*map(Path, trust))
     return forecast_spec(read_spec(Path(spec)), workers)
 
 
 def results(
-    folder: str | Path, against: str | Path | None = None, *, say: Say = _silent
+    folder: str | Path,
+    against: str | Path | None = None,
+    *,
+    trust: Sequence[str | Path] = (),
+    say: Say = _silent,
 ) -> Answers:
     """What came of a campaign so far, beside another one.
+
+    Args:
+        folder: of the campaign.
+        against: of the other one.
+        trust: folders whose laws and effects, which are programs, the file may name.
+        say: takes the progress.
 
     Raises:
         CampaignError: no campaign, or nothing of it yet.
     """
     from twin.campaigns.answers import answers
     from twin.campaigns.results import read_results
+    from twin.files import trust as trust_folders
 
+    trust_folders(*map(Path, trust))
     flown = read_results(Path(folder))
     other = None if against is None else read_results(Path(against))
     say("computing")
     return answers(flown, other)
 
 
-def replay(folder: str | Path, run: int, *, rrd: str | Path | None = None) -> Replayed:
+def replay(
+    folder: str | Path,
+    run: int,
+    *,
+    rrd: str | Path | None = None,
+    trust: Sequence[str | Path] = (),
+) -> Replayed:
     """One run of a campaign again, to the same bits.
+
+    Args:
+        folder: of the campaign.
+        run: its number, from 0.
+        rrd: record into this file.
+        trust: folders whose laws and effects, which are programs, the file may name.
 
     Raises:
         UsageError: the campaign has no such run, or `rrd` cannot be written.
@@ -722,51 +738,15 @@ def replay(folder: str | Path, run: int, *, rrd: str | Path | None = None) -> Re
     from twin.campaigns.read import read_spec
     from twin.campaigns.replay import replay as replay_run
     from twin.files import check_writable
+    from twin.files import trust as trust_folders
 
     where, path = Folder(Path(folder)), None if rrd is None else Path(rrd)
     if path is not None:
         check_writable(path, ".rrd")
+    trust_folders(*map(Path, trust))
     spec = read_spec(where.spec)
     where.check_spec()
     return replay_run(spec, where, run, path)
-
-
-def _check_start(plant: str, identified: str | Path | None, motion: Sequence[float]) -> None:
-    """Refuse options of a flight that its plant cannot have."""
-    from twin.errors import UsageError
-
-    kind = plant.partition(":")[0]
-    if identified is not None and kind not in BENCHES:
-        raise UsageError(f"--identified is for a machine on its bench; plant {plant} has no guard")
-    if kind == "serial" and any(motion):
-        raise UsageError(
-            "--attitude, --rate and --velocity are of a simulated machine; a real one starts "
-            "as it stands: leave them out"
-        )
-
-
-def _flown(
-    flight: Flight,
-    controller: str | Path | AnyController,
-    estimator: str | None,
-    reference: str | Reference | None,
-) -> str:
-    """What is flown, by names."""
-    from twin.estimators import usual_estimator
-
-    law = str(controller) if isinstance(controller, str | Path) else type(controller).__name__
-    motion = reference or flight.controller.reference
-    return (
-        f"{flight.platform.name}: {law} with estimator "
-        f"{estimator or usual_estimator(flight.platform)}, reference "
-        f"{motion if isinstance(motion, str) else type(motion).__name__}, "
-        f"{flight.duration:g} s at {flight.platform.control_rate:g} Hz"
-    )
-
-
-def _beside(flight: Flight, warnings: Sequence[str]) -> list[str]:
-    effects = [f"with {effect.words()}" for effect in flight.effects]
-    return [*effects, *(f"warning: {warning}" for warning in warnings)]
 
 
 def _held(arm: str | None) -> Held | None:

@@ -37,7 +37,8 @@ from twin.plant.hardware_setup import HardwareSetup, read_hardware
 from twin.plant.initial import InitialState
 from twin.plant.plant import Plant
 from twin.platform import Platform
-from twin.signals import Command, Reading
+from twin.recording import Recording, Series
+from twin.signals import Array, Command, Reading, stream_named, valid_rows
 
 _PATIENCE = 5.0
 """Longest wait of the wall's clock for bytes that are on their way [s]; then they are lost."""
@@ -297,6 +298,27 @@ class Bench(Plant):
             )
         acted = ", ".join(f"{rule} {count}" for rule, count in self.guard.limited.items())
         return [*lines, f"ticks in which a rule limited the command: {acted}"] if acted else lines
+
+    def first_use(self) -> Recording | None:
+        """What was read and applied while actuators were tried; None: nothing was tried."""
+        streams: dict[str, Series] = {}
+        for name in sorted({name for reading in self.trial_readings for name in reading.streams}):
+            rows = [row for reading in self.trial_readings for row in valid_rows(reading, name)]
+            if rows:
+                times, values = (np.array(each) for each in zip(*rows, strict=True))
+                streams[name] = self._series(name, times, values)
+        if self.trial_applied:
+            times = np.array([time for time, _ in self.trial_applied])
+            for name in self.trial_applied[0][1]:
+                values = np.array([command[name][0] for _, command in self.trial_applied])
+                streams[name] = self._series(name, times, values)
+        facts = {"platform": self.platform.name, "of": "first use"}
+        return Recording(streams, facts) if streams else None
+
+    def _series(self, name: str, times: Array, values: Array) -> Series:
+        order = np.argsort(times, kind="stable")
+        columns, unit = self.platform.columns(name), stream_named(name).unit
+        return Series(times[order], values[order], columns, unit)
 
     def document(self) -> dict[str, Any]:
         """What `told` says, and the first use of actuators, for JSON."""

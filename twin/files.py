@@ -130,6 +130,32 @@ def check_folder(path: Path) -> None:
         raise UsageError(f"you may not write into {above}; name another folder for the figures")
 
 
+_trusted: set[Path] = set()
+"""Folders whose Python files may be run though only another file names them."""
+
+
+def trust(*folders: Path) -> None:
+    """Let files that campaigns name be run from here on where they lie in these folders.
+
+    Raises:
+        UsageError: no such folder.
+    """
+    for folder in folders:
+        if not folder.is_dir():
+            raise UsageError(f"--trust {folder}: there is no such folder; check the path")
+        _trusted.add(folder.resolve())
+
+
+def trusted_folders() -> tuple[Path, ...]:
+    """Those folders."""
+    return tuple(sorted(_trusted))
+
+
+def is_trusted(path: Path) -> bool:
+    """Whether a Python file may be run though nobody has named it on the command line."""
+    return any(path.resolve().is_relative_to(folder) for folder in _trusted)
+
+
 __path__: list[str] = []
 """Modules stand below this one; whoever asks for one of them imports this first."""
 _ran: dict[str, bytes] = {}

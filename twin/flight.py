@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from twin.budget import momentum_budget
-from twin.clock import Clock, check_duration
+from twin.clock import Clock, Timing, check_duration
 from twin.controller import AnyController, Controller, load_controller
 from twin.controller.load import tell_mistake
 from twin.effects import Effect, effects_of, with_effects
-from twin.errors import UnknownName, UsageError
+from twin.errors import TwinError, UnknownName, UsageError
 from twin.estimators import (
     Estimator,
     InclinometerDifferences,
@@ -24,7 +24,7 @@ from twin.estimators import (
     name_of,
     usual_estimator,
 )
-from twin.loop import FlightProgress, Observer, Outcome, fly
+from twin.loop import Ended, FlightProgress, Observer, Outcome, fly
 from twin.plant.initial import InitialState
 from twin.plant.plant import Plant
 from twin.plant.replayed import ReplayedPlant
@@ -35,6 +35,7 @@ from twin.reference import Reference, parse_reference
 from twin.rotation import IDENTITY, from_rotation_vector, multiply, to_euler_zyx
 from twin.shown import Shown
 from twin.signals import Command, Target
+from twin.stop import Stopped
 
 if TYPE_CHECKING:
     from twin.bench import Bench
@@ -79,6 +80,27 @@ class Flight:
         simulated = self.plant if self.bench is None else self.bench.emulation
         real = simulated is None or isinstance(simulated, ReplayedPlant)
         return () if real else effects_of(self.platform)
+
+    def words(
+        self,
+        controller: str | Path | AnyController,
+        estimator: str | None,
+        reference: str | Reference | None,
+    ) -> str:
+        """What is flown, by the names under which it was asked for."""
+        law = str(controller) if isinstance(controller, str | Path) else type(controller).__name__
+        motion = reference or self.controller.reference
+        return (
+            f"{self.platform.name}: {law} with estimator "
+            f"{estimator or usual_estimator(self.platform)}, reference "
+            f"{motion if isinstance(motion, str) else type(motion).__name__}, "
+            f"{self.duration:g} s at {self.platform.control_rate:g} Hz"
+        )
+
+    def remarks(self, warnings: Sequence[str]) -> list[str]:
+        """Effects of a simulated machine and what is foretold, a sentence each."""
+        effects = [f"with {effect.words()}" for effect in self.effects]
+        return [*effects, *(f"warning: {warning}" for warning in warnings)]
 
     def warnings(self) -> list[str]:
         """What will go wrong, known before it starts; a sentence each."""
@@ -258,6 +280,30 @@ class Run(Shown):
 
 
 _PERCENTILES = {"p50": 50.0, "p99": 99.0, "max": 100.0}
+
+
+def broken_off(problem: TwinError | Stopped) -> Outcome:
+    """How a flight ended that this broke off."""
+    if isinstance(problem, Stopped):
+        reason = f"{problem} before its law began"
+        return Outcome(Ended.safe_stop, reason, 0.0, {}, Timing(), problem.number)
+    return problem.outcome or Outcome(Ended.failed, str(problem), 0.0, {}, Timing())
+
+
+def check_start(plant: str, identified: str | Path | None, motion: Sequence[float]) -> None:
+    """Refuse options of a flight that its plant cannot have.
+
+    Raises:
+        UsageError: an identification without a guard, or a start of a real machine.
+    """
+    kind = plant.partition(":")[0]
+    if identified is not None and kind not in ("pty", "serial"):
+        raise UsageError(f"--identified is for a machine on its bench; plant {plant} has no guard")
+    if kind == "serial" and any(motion):
+        raise UsageError(
+            "--attitude, --rate and --velocity are of a simulated machine; a real one starts "
+            "as it stands: leave them out"
+        )
 
 
 def prepare(

@@ -18,6 +18,7 @@ from twin.campaigns.results import read_rows, size_of, table_of
 from twin.campaigns.spec import Spec
 from twin.campaigns.worker import Done, begin, fly, fly_shard, written_shard
 from twin.errors import TwinError
+from twin.files import trusted_folders
 from twin.processes import Pool, first_completed
 from twin.stop import check, listening
 from twin.units import span
@@ -171,7 +172,7 @@ def _by_processes(folder: Folder, shards: Iterable[int], workers: int) -> Iterab
     died = 0
     while waiting:
         folder.sweep()
-        pool = Pool(workers, begin, (str(folder.path),))
+        pool = Pool(workers, begin, (str(folder.path), trusted_folders()))
         submitted: dict[Future[Done], int] = {}
         try:
             while waiting or submitted:

@@ -38,6 +38,7 @@ from twin.controller import AnyController, load_controller
 from twin.effects import Effect, Parameter, effect_named, effects_of, with_effects
 from twin.errors import CampaignError, TwinError, UnknownName
 from twin.estimators import load_estimator, usual_estimator
+from twin.files import is_trusted
 from twin.plant.each import cannot_differ
 from twin.platform import Platform, load_platform
 from twin.procedures import WAYS, balancing, usual_target
@@ -205,6 +206,22 @@ def read_arms(table: Table, procedure: Procedure, target: float | None) -> tuple
     return arms
 
 
+def _check_code(table: Table, key: str, name: str) -> None:
+    """Refuse to run a file that only the specification names: somebody else may have written it.
+
+    Raises:
+        CampaignError: where it lies, and how to let it run.
+    """
+    path = Path(name)
+    if path.suffix == ".py" and path.is_file() and not is_trusted(path):
+        folder = path.resolve().parent
+        raise table.fail(
+            key,
+            f"is {name!r}, Python code that would run with your rights",
+            f"read it, then say --trust {folder}",
+        )
+
+
 def gain_fields(law: AnyController) -> dict[str, str]:
     """Units of a law's gains, by name."""
     known: tuple[Field[Any], ...] = fields(cast(Any, law))
@@ -246,6 +263,7 @@ def _arm(row: Table, table: Table, name: str, procedure: Procedure, target: floa
         _named(source, "controller", begun, controller)
     else:
         source = owner("controller")
+        _check_code(source, "controller", controller)
 
         def loaded(law: str) -> AnyController:
             return load_controller(law, gains)
@@ -287,6 +305,7 @@ def _effects(table: Table, platform: Platform) -> tuple[DispersedEffect, ...]:
 def _given(table: Table) -> list[DispersedEffect]:
     effects: list[DispersedEffect] = []
     for name in table.keys:
+        _check_code(table, name, name)
         kind = _named(table, name, effect_named, name)
         inner = table.table(name)
         known = {parameter.name for parameter in (*kind.parameters(), *kind.settings())}

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import tyro
 
+from twin.cli.output import TrustedFolders
+
 
 @dataclass(frozen=True)
 class Campaign:
@@ -29,6 +31,9 @@ class Campaign:
     """Fly on the workers of this Dask scheduler instead of this computer, to the same bytes."""
     dry_run: bool = False
     """Only print the number of runs, the time and the disk space, measured on a short probe."""
+    trust: TrustedFolders = ()
+    """Run the control laws and effects that the specification names, where they lie in these
+    folders. They are programs and do whatever they say; shipped and installed ones always run."""
     json: bool = False
     """Print one JSON document instead of text."""
 
@@ -50,7 +55,7 @@ class Campaign:
             raise UsageError("no folder for the results is given: twin campaign SPEC.toml DIR")
         workers = self.workers or _cores()
         if self.dry_run:
-            expected = forecast(self.spec, workers=workers)
+            expected = forecast(self.spec, workers=workers, trust=self.trust)
             print_json(expected.document()) if self.json else print(expected)
             return 0
         assert self.folder is not None
@@ -61,6 +66,7 @@ class Campaign:
                 workers=workers,
                 cluster=self.cluster,
                 resume=self.resume,
+                trust=self.trust,
                 say=say,
             )
         for note in runs.notes:
@@ -119,6 +125,9 @@ class Report:
     """File for the page instead, with the table next to it; existing files are overwritten."""
     figures: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """Write the page's figures as SVG and PDF and its tables as CSV into a folder."""
+    trust: TrustedFolders = ()
+    """Run the control laws and effects that the specification names, where they lie in these
+    folders. They are programs and do whatever they say; shipped and installed ones always run."""
     json: bool = False
     """Print one JSON document instead of text."""
 
@@ -136,7 +145,7 @@ class Report:
         if self.figures is not None:
             check_folder(self.figures)
         with progress() as say:
-            result = results(self.folder, self.against, say=say)
+            result = results(self.folder, self.against, trust=self.trust, say=say)
             say("drawing")
             write_campaign_page(page, result)
             write_whole(page.with_suffix(".md"), markdown(result))
@@ -161,6 +170,9 @@ class ReplayVerb:
     """Number of the run, from 0."""
     rrd: Annotated[Path | None, tyro.conf.arg(metavar="OUT.rrd")] = None
     """Record into this file; an existing file is overwritten."""
+    trust: TrustedFolders = ()
+    """Run the control laws and effects that the specification names, where they lie in these
+    folders. They are programs and do whatever they say; shipped and installed ones always run."""
     json: bool = False
     """Print one JSON document instead of text."""
 
@@ -169,7 +181,7 @@ class ReplayVerb:
         from twin.api import replay
         from twin.cli.output import print_json
 
-        replayed = replay(self.folder, self.run_number, rrd=self.rrd)
+        replayed = replay(self.folder, self.run_number, rrd=self.rrd, trust=self.trust)
         if self.json:
             print_json({**replayed.document(), "recording": self.rrd})
         else:

@@ -183,3 +183,6 @@ class LogPart:
 
 Restricted = Annotated[LogPart, tyro.conf.arg(name="")]
 """The type of a verb's field whose arguments these are."""
+
+TrustedFolders = Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR ...")]
+"""The type of a verb's --trust."""

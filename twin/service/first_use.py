@@ -25,7 +25,6 @@ from twin.bench import Bench
 from twin.clock import Clock
 from twin.errors import SafetyError
 from twin.platform import Platform
-from twin.recording import Recording, Series
 from twin.rotation import conjugate, cross, rotate
 from twin.service.sense import (
     FloatingMotion,
@@ -313,21 +312,6 @@ def armed(bench: Bench, streams: Collection[str], tell: Callable[[str], None]) -
     for sentence in first_use(session, streams):
         tell(sentence)
     return bench.begin_anew()
-
-
-def trial_recording(bench: Bench) -> Recording | None:
-    """What was read and applied while actuators were tried; None: nothing was tried."""
-    platform, streams = bench.platform, dict[str, Series]()
-    for name in {name for reading in bench.trial_readings for name in reading.streams}:
-        known = rows(bench.trial_readings, name)
-        if known is not None:
-            streams[name] = Series(*known, platform.columns(name), stream_named(name).unit)
-    if bench.trial_applied:
-        times = np.array([time for time, _ in bench.trial_applied])
-        for name in bench.trial_applied[0][1]:
-            values = np.array([command[name][0] for _, command in bench.trial_applied])
-            streams[name] = Series(times, values, platform.columns(name), stream_named(name).unit)
-    return Recording(streams, {"platform": platform.name, "of": "first use"}) if streams else None
 
 
 def first_use(session: Session, streams: Collection[str]) -> list[str]:
