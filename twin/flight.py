@@ -272,7 +272,7 @@ class Run(Shown):
             "ticks": timing.ticks,
             "lateness_s": late if timing.lateness else None,
             "warnings": list(self.warnings),
-            "remarks": list(outcome.remarks),
+            "remarks": list(self.outcome.remarks),
             "metrics": self.metrics,
             "seconds": timing.seconds,
             **self.bench,
