@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from twin.identification import Identification
     from twin.identification import Settings as IdentificationSettings
     from twin.intake.importing import Imported
-    from twin.loop import Observer, Outcome
+    from twin.loop import Observer
     from twin.plant.guard.guarded import Held
     from twin.platform import Platform
     from twin.procedures.session import Balanced
@@ -54,8 +54,6 @@ if TYPE_CHECKING:
 
 Triple = tuple[float, float, float]
 Say = Callable[[str], None]
-BENCHES = ("pty", "serial")
-"""Kinds of plants that are a machine on its bench, or the emulation of one."""
 BALANCING_DURATION = 7200.0
 """After which a balancing is given up unless told otherwise [s]."""
 
@@ -266,9 +264,9 @@ def fly(
     import numpy as np
 
     from twin.clock import SimulatedClock, WallClock, ahead_of_others
-    from twin.errors import RecordingError, TwinError
+    from twin.errors import TwinError
     from twin.files import check_writable
-    from twin.flight import Run, broken_off, check_start, prepare
+    from twin.flight import BENCHES, Run, broken_off, check_start, plant_words, prepare
     from twin.loop import Ended
     from twin.metrics import Metrics, settled
     from twin.plant.initial import InitialState
@@ -276,7 +274,7 @@ def fly(
     from twin.rotation import from_euler_zyx
     from twin.stop import Stopped
     from twin.stream.provenance import provenance
-    from twin.stream.recorder import FileRecorder, FlightRecorder, MemoryRecorder
+    from twin.stream.recorder import FlightRecorder, MemoryRecorder, Recorded
 
     own = _effects(effects)
     kind, _, log = plant.partition(":")
@@ -293,64 +291,57 @@ def fly(
         joint_angle=float(roll),
         joint_rate=float(rate[0]),
     )
-    outcome: Outcome | None = None
     ended_by: TwinError | Stopped | None = None
-    try:
-        with ExitStack() as stack:
-            recorder = None
-            if path is not None or viewer:
-                # early, so that its process comes up while the machine is compiled
-                recorder = stack.enter_context(FileRecorder(path, viewer=viewer))
-            flight = prepare(
-                load(platform),
-                controller=str(controller) if isinstance(controller, Path) else controller,
-                estimator=estimator,
-                plant=plant,
-                reference=reference,
-                duration=duration,
-                seed=seed,
-                initial=initial,
-                gains=gains,
-                effects=own,
-                held=_held(arm),
-                lockstep=lockstep,
-                tell=say,
-            )
-            warnings = tuple(flight.warnings())
-            armed = f", armed as {arm}" if arm else ", not armed: nothing leaves"
-            with_seed = "" if kind == "serial" else f"seed {seed}"
-            how = (with_seed + (armed if kind in BENCHES else "")).removeprefix(", ")
-            what = flight.words(controller, estimator, reference)
-            say("\n".join([f"{what}, plant {plant}, {how}", *flight.remarks(warnings)]))
-            if identified is not None:
-                say(check_lean(flight, identified_box(Path(identified))))
-            metrics = Metrics(flight.platform, settle=settled(flight.duration))
-            last = FlightRecorder(flight.plant)
-            every: list[Observer] = [metrics, last, *observers]
-            facts = provenance(flight.platform, seed=seed)
-            memory = MemoryRecorder(flight.platform, facts) if keep else None
-            if memory is not None:
-                every.append(memory)
-            if recorder is not None:
-                recorder.start(flight.platform, facts)
-                every.append(recorder)
-            # last, for a machine on its bench moves from here on
-            stack.enter_context(flight.plant)
-            if flight.bench is not None and watch is not None:
-                every.append(stack.enter_context(watch(flight.bench, flight.duration)))
-            if realtime and flight.bench is not None and not lockstep:
-                for sentence in stack.enter_context(ahead_of_others()):
-                    say(f"--realtime: {sentence}")
-            try:
-                outcome = flight.fly(WallClock() if realtime else SimulatedClock(), every, say)
-            except (TwinError, Stopped) as problem:
-                ended_by, outcome = problem, broken_off(problem)
-    except RecordingError as problem:
-        if outcome is None:
-            raise
-        if ended_by is None:  # the recording could not be completed
-            ended_by = problem
-            outcome = replace(outcome, ended=Ended.failed, reason=str(problem))
+    with ExitStack() as stack:
+        recording = None
+        if path is not None or viewer:
+            # early, so that its process comes up while the machine is compiled
+            recording = stack.enter_context(Recorded(path, viewer=viewer))
+        flight = prepare(
+            load(platform),
+            controller=str(controller) if isinstance(controller, Path) else controller,
+            estimator=estimator,
+            plant=plant,
+            reference=reference,
+            duration=duration,
+            seed=seed,
+            initial=initial,
+            gains=gains,
+            effects=own,
+            held=_held(arm),
+            lockstep=lockstep,
+            tell=say,
+        )
+        warnings = tuple(flight.warnings())
+        what = flight.words(controller, estimator, reference)
+        how = plant_words(plant, seed, arm)
+        say("\n".join([f"{what}, {how}", *flight.remarks(warnings)]))
+        if identified is not None:
+            say(check_lean(flight, identified_box(Path(identified))))
+        metrics = Metrics(flight.platform, settle=settled(flight.duration))
+        last = FlightRecorder(flight.plant)
+        every: list[Observer] = [metrics, last, *observers]
+        facts = provenance(flight.platform, seed=seed)
+        memory = MemoryRecorder(flight.platform, facts) if keep else None
+        if memory is not None:
+            every.append(memory)
+        if recording is not None:
+            recording.recorder.start(flight.platform, facts)
+            every.append(recording.recorder)
+        # last, for a machine on its bench moves from here on
+        stack.enter_context(flight.plant)
+        if flight.bench is not None and watch is not None:
+            every.append(stack.enter_context(watch(flight.bench, flight.duration)))
+        if realtime and flight.bench is not None and not lockstep:
+            for sentence in stack.enter_context(ahead_of_others()):
+                say(f"--realtime: {sentence}")
+        try:
+            outcome = flight.fly(WallClock() if realtime else SimulatedClock(), every, say)
+        except (TwinError, Stopped) as problem:
+            ended_by, outcome = problem, broken_off(problem)
+    if recording is not None and recording.problem is not None and ended_by is None:
+        ended_by = recording.problem
+        outcome = replace(outcome, ended=Ended.failed, reason=str(ended_by))
     if ended_by is not None and (path is not None or flight.bench is not None):
         last.keep(outcome.reason)
     bench = flight.bench

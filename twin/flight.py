@@ -279,7 +279,18 @@ class Run(Shown):
         }
 
 
+BENCHES = ("pty", "serial")
+"""Kinds of plants that are a machine on its bench, or the emulation of one."""
 _PERCENTILES = {"p50": 50.0, "p99": 99.0, "max": 100.0}
+
+
+def plant_words(plant: str, seed: int, arm: str | None) -> str:
+    """What flies, which noise it has, and on a bench whether commands leave."""
+    kind = plant.partition(":")[0]
+    words = [f"plant {plant}", *([] if kind == "serial" else [f"seed {seed}"])]
+    if kind in BENCHES:
+        words.append(f"armed as {arm}" if arm else "not armed: nothing leaves")
+    return ", ".join(words)
 
 
 def broken_off(problem: TwinError | Stopped) -> Outcome:

@@ -157,7 +157,7 @@ class RunVerb:
 
     def _keep(self, run: "Run") -> list[Path]:
         """Write the last seconds of every run that was stopped."""
-        from twin.api import BENCHES
+        from twin.flight import BENCHES
         from twin.stream.runfile import write_recording
 
         records = {f"flight-{number}": record for number, record in run.last_seconds.items()}

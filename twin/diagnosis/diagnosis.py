@@ -86,8 +86,8 @@ def carried(baseline: Explanation, explanation: Explanation) -> float:
         return max(in_runs, _share(_excess(baseline), _excess(explanation)))
     with_causes = explanation.problem.whiten(explanation.at, explanation.prediction.exact, EXACT)
     left = with_causes.residual + with_causes.columns @ with_causes.step()
-    excess = baseline.prediction.residual @ baseline.prediction.residual - baseline.samples
-    return _share(max(excess, 1.0), left @ left - explanation.samples)
+    excess = float(np.sum(np.square(baseline.prediction.residual))) - baseline.samples
+    return _share(max(excess, 1.0), float(left @ left) - explanation.samples)
 
 
 def _share(before: float, after: float) -> float:

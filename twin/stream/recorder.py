@@ -375,6 +375,31 @@ class FileRecorder:
         self._writer.write(blocks)
 
 
+class Recorded:
+    """A recorder that is closed in the end. A recording that cannot be completed then is no error
+    of the flight, which has its report: `problem` has it.
+
+    Raises:
+        RecordingError: the file cannot be begun.
+    """
+
+    def __init__(self, path: Path | None, *, viewer: bool) -> None:
+        self.recorder = FileRecorder(path, viewer=viewer)
+        self.problem: RecordingError | None = None
+
+    def __enter__(self) -> Self:
+        self.recorder.__enter__()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *ended: Any) -> None:
+        try:
+            self.recorder.__exit__(kind, *ended)
+        except RecordingError as problem:
+            if kind is not None:
+                raise
+            self.problem = problem
+
+
 class MemoryRecorder:
     """Keeps every run of the batch; `recording(run)` gives one of them.
 
