@@ -243,8 +243,7 @@ def fly(
         identified: file of an identification (`Identification.save("FILE.json")`): a machine on its
             bench flies only if its simulation, at all corners of the 95 % set, keeps off the guard.
         lockstep: of plant pty, wait for the emulation in place of keeping to the wall's clock.
-        realtime: keep to the wall's clock; on a bench, which does anyway, run ahead of all other
-            work (`twin.clock.ahead_of_others`).
+        realtime: keep to the wall's clock; on a bench, run `twin.clock.ahead_of_others`.
         seed: of all random numbers.
         rrd: record into this file, too, while it flies; one that exists is written anew, but never
             on pty or serial.
@@ -648,7 +647,7 @@ def fly_campaign(
     from twin.campaigns.execute import fly_spec
     from twin.campaigns.folder import Folder
     from twin.campaigns.read import read_spec
-    from twin.files import trust as trust_folders
+    from twin.files import trust_folders
 
     _check_workers(workers)
     trust_folders(*map(Path, trust))
@@ -671,7 +670,7 @@ def forecast(spec: str | Path, *, workers: int = 1, trust: Sequence[str | Path] 
     """
     from twin.campaigns.execute import forecast as forecast_spec
     from twin.campaigns.read import read_spec
-    from twin.files import trust as trust_folders
+    from twin.files import trust_folders
 
     _check_workers(workers)
     trust_folders(*map(Path, trust))
@@ -698,7 +697,7 @@ def results(
     """
     from twin.campaigns.answers import answers
     from twin.campaigns.results import read_results
-    from twin.files import trust as trust_folders
+    from twin.files import trust_folders
 
     trust_folders(*map(Path, trust))
     flown = read_results(Path(folder))
@@ -728,8 +727,7 @@ def replay(
     from twin.campaigns.folder import Folder
     from twin.campaigns.read import read_spec
     from twin.campaigns.replay import replay as replay_run
-    from twin.files import check_writable
-    from twin.files import trust as trust_folders
+    from twin.files import check_writable, trust_folders
 
     where, path = Folder(Path(folder)), None if rrd is None else Path(rrd)
     if path is not None:

@@ -134,7 +134,7 @@ _trusted: set[Path] = set()
 """Folders whose Python files may be run though only another file names them."""
 
 
-def trust(*folders: Path) -> None:
+def trust_folders(*folders: Path) -> None:
     """Let files that campaigns name be run from here on where they lie in these folders.
 
     Raises:

@@ -23,7 +23,7 @@ from twin.campaigns.folder import Folder
 from twin.campaigns.read import read_spec
 from twin.cli.main import main
 from twin.errors import UsageError
-from twin.files import trust
+from twin.files import trust_folders
 from twin.library import library
 
 REPOSITORY = Path(__file__).parents[2]
@@ -91,7 +91,7 @@ def test_a_worker_that_is_killed_in_the_middle_changes_no_byte(dask, undisturbed
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="nobody is killed with -9 there")
 def test_a_shard_that_kills_its_workers_is_told_by_name(tmp_path):
-    trust(tmp_path)
+    trust_folders(tmp_path)
     law = tmp_path / "fatal.py"
     law.write_text((library("controllers") / "mass_magnetic_pid.py").read_text() + FATAL)
     file = tmp_path / "spec.toml"

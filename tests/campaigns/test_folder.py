@@ -14,7 +14,7 @@ from twin.campaigns.folder import Folder
 from twin.campaigns.read import read_spec
 from twin.campaigns.results import read_results
 from twin.errors import CampaignError
-from twin.files import trust
+from twin.files import trust_folders
 from twin.library import library
 
 
@@ -26,7 +26,7 @@ def go_on(file: Path, folder: Folder) -> None:
 
 def test_a_campaign_whose_effect_has_changed_is_not_gone_on_with(tmp_path):
     fan, file, folder = tmp_path / "fan.py", tmp_path / "spec.toml", Folder(tmp_path / "out")
-    trust(tmp_path)
+    trust_folders(tmp_path)
     fan.write_text(FAN)
     file.write_text(GOOD.replace("duration = 1.0", "duration = 0.1") + f"[effects.'{fan}']\n")
     assert execute(read_spec(file), folder, workers=1, tell=silent).flown == 24
@@ -95,7 +95,7 @@ def test_laws_and_machines_of_the_same_name_are_told_apart(
         shutil.copytree(library("models") / "cubesat", place / "table")
         shutil.copy(library("controllers") / "mass_magnetic_pid.py", place / "mine.py")
     monkeypatch.chdir(tmp_path)
-    trust(tmp_path)
+    trust_folders(tmp_path)
     file, folder = tmp_path / "spec.toml", Folder(tmp_path / "out")
     file.write_text(GOOD.replace("[effects.stage_backlash]", ARMS))
     go_on(file, folder)
@@ -144,7 +144,7 @@ def test_a_folder_that_moved_with_its_files_is_gone_on_with(tmp_path, monkeypatc
     here.mkdir()
     shutil.copy(library("controllers") / "mass_magnetic_pid.py", here / "law.py")
     (here / "spec.toml").write_text(GOOD.replace('"mass_magnetic_pid"', '"law.py"'))
-    trust(tmp_path)
+    trust_folders(tmp_path)
     monkeypatch.chdir(here)
     go_on(Path("spec.toml"), Folder(Path("out")))
     here.rename(there)

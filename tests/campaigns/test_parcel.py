@@ -15,7 +15,7 @@ from twin.campaigns.read import read_spec
 from twin.campaigns.spec import Spec
 from twin.campaigns.worker import rows_of_shard
 from twin.errors import CampaignError
-from twin.files import trust
+from twin.files import trust_folders
 from twin.library import library
 
 
@@ -27,7 +27,7 @@ def own(tmp_path: Path) -> Spec:
     text = GOOD.replace('"cubesat"', f'"{tmp_path / "mine"}"')
     text = text.replace('"mass_magnetic_pid"', f'"{tmp_path / "law.py"}"')
     (tmp_path / "spec.toml").write_text(text, encoding="utf-8")
-    trust(tmp_path)
+    trust_folders(tmp_path)
     return read_spec(tmp_path / "spec.toml")
 
 
@@ -80,7 +80,7 @@ def test_a_machine_with_other_versions_refuses_to_fly(own, name):
 @pytest.mark.parametrize("there", ["", "# another\n"], ids=["missing", "another"])
 def test_an_effect_of_ones_own_that_is_not_the_same_there_is_refused(tmp_path, there):
     fan, file = tmp_path / "fan.py", tmp_path / "spec.toml"
-    trust(tmp_path)
+    trust_folders(tmp_path)
     fan.write_text(FAN)
     file.write_text(GOOD + f"[effects.'{fan}']\n")
     campaign = packed(read_spec(file))

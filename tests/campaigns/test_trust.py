@@ -9,7 +9,7 @@ from twin.api import results
 from twin.campaigns.folder import Folder
 from twin.cli.main import main
 from twin.errors import CampaignError, UsageError
-from twin.files import trust
+from twin.files import trust_folders
 from twin.library import library
 
 HOSTILE = """
@@ -98,4 +98,4 @@ def test_an_effect_that_only_a_campaign_names_does_not_run_either(shared, capsys
 
 def test_a_folder_that_is_trusted_must_be_there(tmp_path):
     with pytest.raises(UsageError, match="there is no such folder; check the path"):
-        trust(tmp_path / "nowhere")
+        trust_folders(tmp_path / "nowhere")

@@ -12,7 +12,7 @@ from twin.campaigns.folder import Folder
 from twin.campaigns.read import read_spec
 from twin.campaigns.results import read_rows, table_of, write_rows
 from twin.campaigns.spec import Spec
-from twin.files import trust
+from twin.files import trust_folders
 
 _spec: Spec | None = None
 _folder: Folder | None = None
@@ -55,7 +55,7 @@ def rows_of_shard(spec: Spec, shard: int) -> tuple[Done, pa.Table]:
 def begin(path: str, trusted: tuple[Path, ...]) -> None:
     """Read the campaign of a folder, once a process; the code in those folders may run."""
     global _spec, _folder
-    trust(*filter(Path.is_dir, trusted))
+    trust_folders(*filter(Path.is_dir, trusted))
     _folder = Folder(Path(path))
     _spec = read_spec(_folder.spec)
 
