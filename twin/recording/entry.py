@@ -138,7 +138,7 @@ def time_factor(table: Table) -> float:
 
 def si_of(canonical: Stream | None, layout: str) -> str:
     """The unit that the file's values must come to; empty where any will do."""
-    if layout.startswith("euler") or layout == "rotation_vector":
+    if layout.startswith("euler") or layout in ("rotation_vector", "heading"):
         return "rad"
     return canonical.unit if canonical else ""
 
@@ -158,18 +158,19 @@ def unit_of(table: Table, name: str, canonical: Stream | None, layout: str) -> U
     return unit
 
 
-def scale_of(table: Table, unit: Unit, si: str) -> float:
-    """What the values are multiplied by after that."""
+def scale_of(table: Table, unit: Unit, si: str) -> Array:
+    """(1,) or (k,) what the values are multiplied by after that, one for all or one a column."""
     if table.raw("scale", 1.0) == "fit":
-        return 1.0
-    scale = table.number("scale", 1.0)
-    if scale == 0.0:
-        raise table.fail("scale", "is 0", "give the factor to SI")
+        return np.ones(1)
+    listed = isinstance(table.raw("scale", 1.0), list)
+    scale = table.numbers("scale", None if listed else 1, np.ones(1))
+    if not scale.all():
+        raise table.fail("scale", "is 0" if not listed else "holds 0", "give the factor to SI")
     converts = unit.si == si and unit.factor != 1.0
-    if converts and abs(scale / unit.factor - 1.0) < TWICE:
+    if converts and (np.abs(scale / unit.factor - 1.0) < TWICE).any():
         raise table.fail(
             "scale",
-            f"is {scale:g}, which is {table.text('unit')} in {si}, and `unit` converts already",
+            f"is {scale[0]:g}, which is {table.text('unit')} in {si}, and `unit` converts already",
             "remove `scale`, which multiplies what `unit` gives",
         )
     return scale
@@ -298,7 +299,8 @@ class Entry:
     """As named, those to be turned about with a minus before them; empty: the rest of the file."""
     axes: tuple[str, ...]
     unit: Unit
-    scale: float
+    scale: Array
+    """(1,) or (k,) on top of what the unit gives."""
     layout: str
     world_to_body: bool
     noise: Array | None
@@ -456,13 +458,17 @@ class Entry:
             repairs = (*repairs, f"{where}: columns {given} taken by name, as {', '.join(columns)}")
         if self.unit.offset != 0.0:  # adding 0.0 would turn -0.0 into 0.0
             value = np.add(value, self.unit.offset, out=own(value))
-        if self.scale != 1.0:
+        if len(self.scale) not in (1, value.shape[1]):
+            problem = f"has {len(self.scale)} numbers for {value.shape[1]} columns"
+            raise self.table.fail("scale", problem, "give one for all, or one a column")
+        if (self.scale != 1.0).any():
             value = np.multiply(value, self.scale, out=own(value))
         rows = replace(rows, value=value)
         if layout and names == WXYZ:
             value, more = attitude(rows, layout, self.world_to_body, file, where)
             repairs = (*repairs, *more)
-        if layout.startswith("euler") and {"unit", "scale"}.isdisjoint(self.table.keys):
+        angles = layout.startswith("euler") or layout == "heading"
+        if angles and {"unit", "scale"}.isdisjoint(self.table.keys):
             self._check_angles(rows.value)
         if self.name in CONTINUOUS:
             value, more = unwrapped(value, where)

@@ -174,7 +174,7 @@ SEQUENCES = ("zyx", "xyz", "zxy", "yxz", "yzx", "xzy", "zyz", "zxz")
 LAYOUTS = (
     *("wxyz", "xyzw"),
     *(f"euler_{axes}" for axes in SEQUENCES),
-    *("rotation_vector", "matrix"),
+    *("rotation_vector", "matrix", "heading"),
 )
 DIRECTIONS = ("body_to_world", "world_to_body")
 
@@ -198,6 +198,8 @@ def columns_of(layout: str) -> tuple[str, ...]:
         return ("roll", "pitch", "yaw")
     if layout == "rotation_vector":
         return ("x", "y", "z")
+    if layout == "heading":
+        return ("heading",)
     if layout == "matrix":
         return tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
     return ("first", "second", "third")
@@ -221,7 +223,7 @@ def attitude(
 
     Args:
         rows: with values as `layout` has them; angles and rotation vectors in rad, a matrix row by
-            row, its columns the body's axes in the world.
+            row, its columns the body's axes in the world, a heading about the world's z.
         layout: one of LAYOUTS.
         world_to_body: whether they turn world components into body components.
         file: for the error, where the rows are from.
@@ -256,6 +258,10 @@ def attitude(
         )
     elif layout == "matrix":
         quaternion = _of_matrices(rows, file)
+    elif layout == "heading":
+        quaternion = _by_blocks(
+            lambda angle: rotation.from_rotation_vector(angle * [0.0, 0.0, 1.0]), rows.value
+        )
     else:
         quaternion = rows.value
         if layout == "xyzw":

@@ -53,6 +53,8 @@ MOST_COLUMNS = 10_000
 LONGEST_NAME = 1000
 """Of a column, with the objects above it [characters]."""
 
+_LIST = re.compile(rb'"\[([^\]"\r\n]*)\]"')
+"""A cell that holds a list, as programs write an array into one column."""
 _DECIMAL = re.compile(rb"(0?,\d+|\d{4,},\d+|\d+,(\d{1,2}|\d{4,})?)$")
 """One whose comma can only be a decimal one: not three digits behind it, or none to be grouped."""
 _GROUPED = re.compile(rb"\d{1,3}(,\d{3})+\.\d*$|\d{1,3}(,\d{3}){2,}$")
@@ -60,7 +62,11 @@ _GROUPED = re.compile(rb"\d{1,3}(,\d{3})+\.\d*$|\d{1,3}(,\d{3}){2,}$")
 
 
 class TextFile(NumberFile):
-    """A table in a text file. Only what is asked for is held in memory."""
+    """A table in a text file. Only what is asked for is held in memory.
+
+    A column whose cells hold lists of numbers in quotes, "[1, 0, 1]", is as many columns, `NAME[0]`
+    and so on.
+    """
 
     def __init__(
         self,
@@ -88,6 +94,7 @@ class TextFile(NumberFile):
         self._filled: dict[Names, bytearray | None] = {}
         self._last = sys.maxsize
         lines, above = self._text.head(variable)
+        lines, self._lists = _without_lists(lines)
         if not any(line.strip() for line in lines):
             raise LogError(path, "is empty", "check the export")
         self._layout = layout = layout_of(lines, above)
@@ -281,6 +288,8 @@ class TextFile(NumberFile):
             if self._names and self._names in block:  # written again by a recorder that restarted
                 block, count = _without_lines(block, self._names)
                 self._again += count
+            if self._lists:
+                block = _opened(block, self._lists)
             if self._layout.separator == " ":
                 block = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", block)
                 block = re.sub(rb"[ \t]+", b"\t", block)
@@ -367,7 +376,10 @@ class TextFile(NumberFile):
                 if line.strip() and line != names:
                     yield number, line.split()
             return
-        lines = ("" if line == names else line for line in self._text.lines(self._below, self._end))
+        lines = (
+            "" if line == names else self._opened(line)
+            for line in self._text.lines(self._below, self._end)
+        )
         reader = csv.reader(lines, delimiter=self._layout.separator)
         try:
             for row in reader:
@@ -382,7 +394,13 @@ class TextFile(NumberFile):
             ) from None
 
     def _cells(self, line: str) -> list[str]:
-        return split(line, self._layout.separator)
+        return split(self._opened(line), self._layout.separator)
+
+    def _opened(self, line: str) -> str:
+        """A line with the entries of its lists as cells of their own."""
+        if not self._lists:
+            return line
+        return _opened(line.encode(), self._lists).decode()
 
     def _first_error(self, names: Sequence[str]) -> LogError | None:
         places = [(name, self.header.index(name)) for name in names]
@@ -623,6 +641,40 @@ def _units_behind(units: Sequence[str]) -> re.Pattern[bytes] | None:
         return None
     listed = "|".join(map(re.escape, units))
     return re.compile(rf"(?m)(?<=[\d.]) +(?:{listed})(?=[ \t]*(?:[\",;\t\r]|$))".encode())
+
+
+def _without_lists(lines: list[str]) -> tuple[list[str], bytes]:
+    """The first lines of a file, lists in their cells opened and named; and the separator of cells,
+    empty where there is no list."""
+    first = next((i for i, line in enumerate(lines) if _LIST.search(line.encode())), 0)
+    beside = (
+        re.search(r'(?:^|([,;\t]))"\[[^\]"]*\]"(?:$|([,;\t]))', lines[first]) if first else None
+    )
+    if beside is None:
+        return lines, b""
+    near = beside[1] or beside[2] or ","
+    names, cells = (
+        next(csv.reader([line], delimiter=near)) for line in lines[first - 1 : first + 1]
+    )
+    if len(names) != len(cells):
+        return lines, b""
+    opened: list[str] = []
+    for name, cell in zip(names, cells, strict=True):
+        count = len(cell[1:-1].split(",")) if cell[:1] == "[" and cell[-1:] == "]" else 0
+        opened += [f"{name}[{i}]" for i in range(count)] or [name]
+    heading = io.StringIO()
+    csv.writer(heading, delimiter=near, lineterminator="").writerow(opened)
+    lines = [
+        *lines[: first - 1],
+        heading.getvalue(),
+        *(_opened(line.encode(), near.encode()).decode() for line in lines[first:]),
+    ]
+    return lines, near.encode()
+
+
+def _opened(text: bytes, separator: bytes) -> bytes:
+    """A text with the entries of its lists as cells of their own."""
+    return _LIST.sub(lambda found: separator.join(map(bytes.strip, found[1].split(b","))), text)
 
 
 def _without_lines(block: bytes, line: bytes) -> tuple[bytes, int]:
