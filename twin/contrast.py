@@ -83,7 +83,10 @@ class ExcitingLaw(Controller[Platform]):
             command["command_dipole"] = np.tile(size * _waves(3, time), rows)
         if "command_thruster" in platform.commands:
             size = self.thrust * np.array([t.force_limit for t in platform.thrusters])
-            push = np.maximum(size * _waves(len(size), time), 0.0)
+            wave = _waves(len(size), time)
+            push = np.maximum(size * wave, 0.0)
+            whole = np.array([t.on_off for t in platform.thrusters])
+            push[whole & (wave > 0.5)] = size[whole & (wave > 0.5)] / self.thrust
             command["command_thruster"] = np.tile(push, rows)
         return command, state
 

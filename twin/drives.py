@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.errors import PlatformError
 from twin.platform import Platform
+from twin.platform.mjcf import load_mjcf
 
 Index = NDArray[np.intp]
 
@@ -89,6 +90,12 @@ def apply_field(platform: Platform, model: mujoco.MjModel, torquers: list[int]) 
             )
         distance = float(np.linalg.norm(data.site_xpos[site] - anchor))
         model.actuator_gear[actuator, :3] = platform.magnetic_field / distance
+
+
+def heading_inertia(platform: Platform) -> float:
+    """Of what turns with the heading of a planar stage below the ball [kg m^2]."""
+    model = load_mjcf(platform.model_path, visuals=False)
+    return float(model.dof_M0[model.joint(platform.base.planar[2]).dofadr[0]])
 
 
 def lock_joints(platform: Platform, model: mujoco.MjModel) -> None:

@@ -20,6 +20,7 @@ from twin.drives import (
     PRESCRIBED_ARMATURE,
     apply_field,
     floating,
+    heading_inertia,
     lock_joints,
     skew_gimbals,
     weigh_stages,
@@ -128,7 +129,9 @@ def compile_model(platform: Platform) -> Machine:
     base = platform.base
     if base.falls:
         edits.append(partial(_turn_only, joint=base.joint))
-    floats = base.kind == "free" or bool(set(base.planar) - set(base.locked))
+    if base.kind == "planar":
+        edits.append(partial(_turn_about_vertical, joint=base.joint, heading=base.planar[2]))
+    floats = base.travels or bool(set(base.planar) - set(base.locked))
     pushing = platform.thrusters if floats else ()
     # A bearing that stands takes the others' force: a torque says the same, and a step is cheaper.
     # Each of their sites would be moved at every stage of RK4: sixteen are a twentieth of a step.
@@ -145,17 +148,20 @@ def compile_model(platform: Platform) -> Machine:
     joint, actuator = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_ACTUATOR
     base_joint = _named(platform, model, joint, base.joint)
     base_body = _named(platform, model, mujoco.mjtObj.mjOBJ_BODY, base.body)
-    width = (1, 1) if base.kind == "hinge" else (4, 3)
+    width = {"hinge": (1, 1), "planar": (3, 3)}.get(base.kind, (4, 3))
     qpos, dof = int(model.jnt_qposadr[base_joint]), int(model.jnt_dofadr[base_joint])
     wheels = _all(platform, model, joint, platform.wheels)
     stages = _all(platform, model, joint, platform.stages)
     gimbals = _all(platform, model, joint, platform.gimbals)
     rotors = _all(platform, model, joint, platform.rotors)
-    planar = [_named(platform, model, joint, name) for name in base.planar]
+    named = base.planar[:2] if base.kind == "planar" else base.planar
+    planar = [_named(platform, model, joint, name) for name in named]
     place_qpos, place_dof = model.jnt_qposadr[planar[:2]], model.jnt_dofadr[planar[:2]]
     if base.kind == "free":
         place_qpos, place_dof = qpos + np.arange(3), dof + np.arange(3)
         qpos, dof = qpos + 3, dof + 3
+    if base.kind == "planar":
+        qpos, dof = _in_a_row(platform, model, [*planar, base_joint])
     torquers = _all(platform, model, actuator, platform.magnetorquers)
     motor = None if base.actuator is None else _named(platform, model, actuator, base.actuator)
 
@@ -165,10 +171,12 @@ def compile_model(platform: Platform) -> Machine:
     prescribed = model.jnt_dofadr[[*stages, *gimbals, *rotors]]
     model.dof_armature[prescribed] = PRESCRIBED_ARMATURE
     model.jnt_limited[[*stages, *gimbals, *rotors]] = False  # their drives keep to the travel
-    if platform.base.kind == "ball" and np.isinf(platform.stop_angle):
+    if platform.base.kind in ("ball", "planar") and np.isinf(platform.stop_angle):
         model.opt.disableflags |= untouched(model)
     if base.locked:
         lock_joints(platform, model)
+    if base.kind == "planar":
+        model.dof_armature[dof + 2] += heading_inertia(platform)
 
     for effect in on_body:
         effect.edit_model(model, platform)
@@ -211,6 +219,32 @@ def _turn_only(spec: mujoco.MjSpec, joint: str) -> None:
     free = spec.joint(joint)
     if free is not None:
         free.type = mujoco.mjtJoint.mjJNT_BALL
+
+
+def _turn_about_vertical(spec: mujoco.MjSpec, joint: str, heading: str) -> None:
+    """Leave of a ball its turn about z, and of a planar stage its slides."""
+    ball, below = spec.joint(joint), spec.joint(heading)
+    if ball is not None:
+        ball.type = mujoco.mjtJoint.mjJNT_HINGE
+        ball.axis = np.array([0.0, 0.0, 1.0])
+    if below is not None:
+        spec.delete(below)
+
+
+def _in_a_row(platform: Platform, model: mujoco.MjModel, joints: list[int]) -> tuple[int, int]:
+    """Addresses in qpos and qvel of the first of joints that follow one another.
+
+    Raises:
+        PlatformError: they do not.
+    """
+    if joints != list(range(joints[0], joints[0] + len(joints))):
+        raise PlatformError(
+            platform.model_path,
+            f"has other joints between {', '.join(platform.base.planar[:2])} and "
+            f"{platform.base.joint}",
+            "let the ball's body come first on what slides",
+        )
+    return int(model.jnt_qposadr[joints[0]]), int(model.jnt_dofadr[joints[0]])
 
 
 def untouched(model: mujoco.MjModel) -> int:

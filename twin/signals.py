@@ -38,6 +38,8 @@ STREAMS: dict[str, Stream] = {
     "magnetometer": Stream("T", _XYZ, "body"),
     "position": Stream("m", _XYZ, "world"),
     "velocity": Stream("m/s", _XYZ, "world"),
+    "heading": Stream("rad", ("heading",), "about the world's z"),
+    "heading_rate": Stream("rad/s", ("heading",), "about the world's z"),
     "wheel_speed": Stream("rad/s"),
     "gimbal_angle": Stream("rad"),
     "gimbal_rate": Stream("rad/s"),

@@ -1,8 +1,8 @@
 """The catalogue has the effects that the design promises, with their numbers and units.
 
 Each of them is found again where it is hidden, to within its interval:
-`pytest -m "slow or not slow" -s tests/predict/test_effect_columns.py tests/effects/test_refit.py`
-prints truth, estimate and interval of every component.
+`pytest -m "slow or not slow" -s tests/predict/test_effect_columns.py tests/effects/test_refit.py
+tests/effects/test_floor.py` prints truth, estimate and interval of every component.
 """
 
 import re
@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.effects import test_floor as floor
 from tests.effects import test_refit as anew
 from tests.predict import test_effect_columns as columns
 from twin.effects import catalogue, parse_effects
@@ -57,7 +58,7 @@ def test_an_effect_of_the_design_has_its_size_and_units(name):
 
 def test_every_effect_is_hidden_and_found_in_a_recovery_test():
     by_columns = [*columns.HIDDEN, *columns.ON_PARTS, *columns.RINGING]
-    hidden = [*by_columns, *anew.HIDDEN, *anew.SCATTERED]
+    hidden = [*by_columns, *anew.HIDDEN, *anew.SCATTERED, *floor.HIDDEN.values()]
     found = {effect.name for text in hidden for effect in parse_effects(text)}
     assert found == set(BUILT)
 

@@ -40,11 +40,12 @@ class Nozzles:
         """Those of the platform: couples without a net force where its base can slide away.
 
         Raises:
-            ControllerError: they do not turn the body both ways about three axes, as `law` does.
+            ControllerError: they do not turn the body both ways about three axes, on a floor about
+                the vertical, as `law` does.
         """
         base, thrusters = platform.base, platform.thrusters
         refused = ControllerError(
-            f"{law} turns the body both ways about three axes by thrusters that only push, but "
+            f"{law} turns the body both ways about all its axes by thrusters that only push, but "
             f"the {len(thrusters)} of {platform.name} do not; choose a platform whose thrusters do"
         )
         if not thrusters:
@@ -52,6 +53,8 @@ class Nozzles:
         force = np.array([thruster.direction for thruster in thrusters]).reshape(-1, 3)
         arms = np.array([thruster.point for thruster in thrusters]).reshape(-1, 3)
         whole, wanted = np.cross(arms, force).T, np.eye(3)
+        if base.on_floor:
+            wanted = np.diag([0.0, 0.0, 1.0])
         if base.kind == "free" or set(base.planar) - set(base.locked):
             whole = np.vstack([whole, force.T])
             wanted = np.vstack([wanted, np.zeros((3, 3))])
@@ -79,7 +82,8 @@ class Nozzles:
 
     def reach_all_round(self, left: Array, wanted: Array) -> bool:
         """Whether the forces give a torque along every axis, and nothing else, either way."""
-        along = np.concatenate([np.eye(3), -np.eye(3)])
+        axes = np.eye(3)[np.any(wanted != 0.0, axis=0)]
+        along = np.concatenate([axes, -axes])
         whole = along @ wanted.T
         lost = whole - whole @ left @ left.T
         given = np.einsum("nt,rt->nr", self.forces(along), self.effect)

@@ -19,6 +19,7 @@ from twin.effects.on_series import (
     ScatterEffect,
     SeriesEffect,
     columns_of,
+    with_time,
     with_value,
 )
 from twin.platform import Platform, Thruster
@@ -507,6 +508,94 @@ class GasConsumption(SeriesEffect):
     def _lost(self, samples: Samples, platform: Platform) -> Array:
         assert platform.gas is not None
         return self.rate * platform.gas.pressure / platform.gas.mass * samples.time[..., None]
+
+
+@dataclass(frozen=True)
+class NozzleGain(ScaleEffect):
+    """Of the commanded force of one thruster, (1 + e) arrives; -1: none, its valve stays shut."""
+
+    name = "nozzle_gain"
+    domain = Domain.actuator
+    observable = "the machine answers to one thruster otherwise than to its neighbours"
+    streams = ("gyro", "command_thruster")
+    acts_on = "command_thruster"
+    takes = "thruster"
+    exact = True
+
+    error: float = parameter(
+        "of the scale",
+        "1",
+        -0.2,
+        source="ASSUMED: what nozzles of one kind differ by, and more where one is clogged",
+        low=-1.5,
+        high=10.0,
+    )
+
+    def gain(self, platform: Platform) -> Array:
+        return np.where(columns_of(self, platform, self.stream), 1.0 + self.error, 1.0)
+
+
+@dataclass(frozen=True)
+class ThrusterDelay(SeriesEffect):
+    """A force commanded at t acts at t + tau, beyond the delay that platform.toml states."""
+
+    name = "thruster_delay"
+    domain = Domain.actuator
+    observable = "the machine answers to every command after a constant time"
+    streams = ("gyro", "command_thruster")
+    order = Order.delay
+    acts_on = "command_thruster"
+
+    delay: float = parameter(
+        "from the command to the force",
+        "s",
+        0.05,
+        source="ASSUMED: a solenoid valve and half a metre of hose",
+        low=-1.0,
+        high=1.0,
+    )
+
+    def apply(self, samples: Samples, platform: Platform) -> Samples:
+        return with_time(samples, samples.time + self.delay)
+
+    def undo(self, samples: Samples, platform: Platform) -> Samples:
+        return with_time(samples, samples.time - self.delay)
+
+
+@dataclass(frozen=True)
+class ThrusterGain(ScaleEffect):
+    """Of the commanded force of every thruster, (1 + e) arrives.
+
+    Force, mass, J and m r have one common factor, which no motion shows: weak thrusters move a
+    machine as more mass does. It is seen where platform.toml states how well the mass is known.
+    """
+
+    name = "thruster_gain"
+    domain = Domain.actuator
+    observable = "the machine moves by more or less than the thrust says, for the mass stated"
+    streams = ("gyro", "command_thruster")
+    acts_on = "command_thruster"
+    exact = True
+
+    error: float = parameter(
+        "of the scale",
+        "1",
+        -0.1,
+        source="ASSUMED: what the pressure falls by while several valves are open",
+        low=-0.9,
+        high=10.0,
+    )
+
+    def gain(self, platform: Platform) -> Array:
+        return np.ones(1) + self.error
+
+    def hidden_from(self, platform: Platform) -> str:
+        known = platform.mass_sd if platform.base.on_floor else platform.inertia_sd
+        if known is not None:
+            return ""
+        if platform.base.on_floor:
+            return "without mass_sd the mass may take it, and J and m r with it"
+        return "without inertia_sd J and m r may take it"
 
 
 @dataclass(frozen=True)

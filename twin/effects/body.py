@@ -20,6 +20,7 @@ from twin.effects.on_body import (
     State,
     TorqueLaw,
     anchor,
+    mean_direction,
     needs_ball,
     set_inertial,
 )
@@ -72,10 +73,6 @@ class AerodynamicDrag(BodyEffect):
         return -self.drag * size[:, None] * state.rate
 
 
-SHORT = 1e-5
-"""Of a change of the rate, as a part of that: the mean over it is the middle, to 1e-11."""
-
-
 @dataclass(frozen=True)
 class BearingCoulombFriction(BodyEffect):
     """The bearing brakes at every rate alike: torque -c w / sqrt(w^2 + w_s^2).
@@ -117,27 +114,7 @@ class BearingCoulombFriction(BodyEffect):
             squared = np.einsum("ni,ni->n", state.rate, state.rate)
             size = np.sqrt(squared + self.smoothing**2)
             return -self.torque_size * state.rate / size[:, None]
-        return -self.torque_size * _mean_direction(state.rate, state.change, self.smoothing)
-
-
-def _mean_direction(rate: Array, change: Array, smoothing: float) -> Array:
-    """(n, k) mean of w / sqrt(w^2 + w_s^2) over w = rate + s change, s from -1/2 to 1/2.
-
-    Along the change the integrand is the derivative of a root, across it that of an inverse
-    hyperbolic sine.
-    """
-    length = np.linalg.norm(change, axis=1, keepdims=True)
-    along = change / np.where(length > 0.0, length, 1.0)
-    middle = np.sum(rate * along, axis=1, keepdims=True)
-    across = rate - middle * along
-    closest = np.sqrt(np.sum(np.square(across), axis=1, keepdims=True) + smoothing**2)
-    first, last = middle - 0.5 * length, middle + 0.5 * length
-    roots = np.hypot(closest, first) + np.hypot(closest, last)
-    # as the change goes to zero, the integrand in the middle
-    short = length < SHORT * roots
-    swept = np.arcsinh(last / closest) - np.arcsinh(first / closest)
-    weight = np.where(short, 2.0 / roots, swept / np.where(short, 1.0, length))
-    return along * (2.0 * middle / roots) + across * weight
+        return -self.torque_size * mean_direction(state.rate, state.change, self.smoothing)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from twin.files import import_alone
 from twin.library import Registry
 
 _FOLDER = Path(__file__).parent
-_SUBJECTS = ("body", "sensors", "wheels", "actuators")
+_SUBJECTS = ("body", "sensors", "wheels", "actuators", "floor")
 _GROUP = "twin.effects"
 
 

@@ -9,6 +9,7 @@ turns with the body. Only what is neither is a torque law, which Python evaluate
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -23,6 +24,8 @@ CARRIER_MASS = 1e-9
 """[kg] of a body that is there to be pushed on; MuJoCo has none without mass."""
 CARRIER_INERTIA = 1e-12
 """[kg m^2]."""
+SHORT = 1e-5
+"""Of a change of the rate, as a part of that: the mean over it is the middle, to 1e-11."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +42,10 @@ class State:
     """Where a machine stands, in n runs."""
 
     position: Array
-    """(n, 4) attitude of a ball joint, world from body, or (n, 1) angle of a hinge [rad]."""
+    """(n, 4) attitude of a ball joint, world from body, (n, 1) angle of a hinge [rad], or (n, 3)
+    x, y and heading on a floor [m, m, rad]."""
     rate: Array
-    """(n, 3) [rad/s], body axes, or (n, 1)."""
+    """(n, 3) [rad/s], body axes, or (n, 1); on a floor (n, 3) of x, y and heading."""
     wheel_speed: Array
     """(n, wheels) relative to the body [rad/s]."""
     time: Array
@@ -76,6 +80,18 @@ MomentLaw = Callable[[State], Array]
 @dataclass(frozen=True)
 class BodyEffect(Effect, abc.ABC):
     """Acts on the machine. Gives what it needs of the eight; each is nothing by default."""
+
+    on_floor: ClassVar[bool] = False
+    """Whether a machine that glides on a floor, its ball locked, is predicted with it. The torque
+    law of one that needs a floor takes x, y and heading, their rates, and gives force along x and y
+    and the torque about the vertical, (n, 3) [N, N m]."""
+
+    def unfit(self, platform: Platform) -> str:
+        """Of what acts on a body that turns in its bearing a machine on a floor has nothing."""
+        missing = super().unfit(platform)
+        if missing or self.on_floor or platform.base.kind != "planar":
+            return missing
+        return "it acts on a body that turns in a bearing"
 
     @property
     def follows_start(self) -> bool:
@@ -179,6 +195,13 @@ def anchor(spec: mujoco.MjSpec, platform: Platform) -> Array:
     return np.array(spec.joint(platform.base.joint).pos)
 
 
+def needs_floor(platform: Platform) -> str:
+    """Why a platform that does not glide on a floor cannot have an effect."""
+    if platform.base.on_floor:
+        return ""
+    return "it needs a machine of three degrees of freedom on a floor"
+
+
 def needs_ball(platform: Platform) -> str:
     """Why a platform without a ball joint cannot have an effect."""
     return "" if platform.base.kind == "ball" else "it needs a ball joint"
@@ -187,3 +210,23 @@ def needs_ball(platform: Platform) -> str:
 def body_of_joint(model: mujoco.MjModel, joint: str) -> int:
     """The body that a joint moves."""
     return int(model.jnt_bodyid[model.joint(joint).id])
+
+
+def mean_direction(rate: Array, change: Array, smoothing: float) -> Array:
+    """(n, k) mean of w / sqrt(w^2 + w_s^2) over w = rate + s change, s from -1/2 to 1/2.
+
+    Along the change the integrand is the derivative of a root, across it that of an inverse
+    hyperbolic sine.
+    """
+    length = np.linalg.norm(change, axis=1, keepdims=True)
+    along = change / np.where(length > 0.0, length, 1.0)
+    middle = np.sum(rate * along, axis=1, keepdims=True)
+    across = rate - middle * along
+    closest = np.sqrt(np.sum(np.square(across), axis=1, keepdims=True) + smoothing**2)
+    first, last = middle - 0.5 * length, middle + 0.5 * length
+    roots = np.hypot(closest, first) + np.hypot(closest, last)
+    # as the change goes to zero, the integrand in the middle
+    short = length < SHORT * roots
+    swept = np.arcsinh(last / closest) - np.arcsinh(first / closest)
+    weight = np.where(short, 2.0 / roots, swept / np.where(short, 1.0, length))
+    return along * (2.0 * middle / roots) + across * weight

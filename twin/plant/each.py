@@ -125,6 +125,8 @@ def _set_fields(batch: Batch, run: int, common: mujoco.MjModel, own: mujoco.MjMo
         value = getattr(own, name)
         if not np.array_equal(value, getattr(common, name)):
             batch.expand(name)[run] = value
+    if not np.array_equal(own.opt.gravity, common.opt.gravity):
+        batch.expand("opt.gravity")[run] = own.opt.gravity
 
 
 def stacked(effects: Sequence[Effect], platform: Platform) -> Effect:

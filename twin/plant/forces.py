@@ -15,9 +15,9 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from twin.effects import BodyEffect, Effect, State
+from twin.effects import BodyEffect, Effect, EffectError, State
 from twin.model import Machine
-from twin.platform import Gas
+from twin.platform import Gas, Thruster
 from twin.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
@@ -64,8 +64,8 @@ class Forces:
                     moving.append((body, push.wrench))
                 else:
                     constant[body] += push.wrench
-        laws = [effect.torque(platform) for effect in effects]
-        self._laws = [law for law in laws if law is not None]
+        found = [(effect.on_floor, effect.torque(platform)) for effect in effects]
+        self._laws = [(floor, law) for floor, law in found if law is not None]
         self._springs = any(effect.follows_start for effect in effects)
         self._last: Array | None = None
 
@@ -125,7 +125,7 @@ class Forces:
         left: slice | Index = slice(None)  # the rows of those that have not failed
         for k in range(control.shape[1]):
             held = control[left, k : k + 1]
-            held[:, 0, self._machine.base_dof] += self._torque(
+            held[:, 0, : self._machine.model.nv] += self._answer(
                 batch, runs[left], time[left] + k * self._machine.platform.step
             )
             after = np.empty((len(held), 1, states.shape[2]))
@@ -158,20 +158,18 @@ class Forces:
             wrench[:, body] += law(times)
         return wrench
 
-    def _torque(self, batch: Batch, runs: Index, time: Array) -> Array:
-        """(m, k) in the middle of the next step."""
-        machine, rate = self._machine, batch.bind("qvel")
+    def _answer(self, batch: Batch, runs: Index, time: Array) -> Array:
+        """(m, nv) generalised force in the middle of the next step."""
+        machine = self._machine
         times = np.zeros(self._n)
         times[runs] = time
         # of all runs: a law whose parameters differ from run to run has a row for each
-        state = State(
-            batch.bind("qpos")[:, machine.base_qpos],
-            rate[:, machine.base_dof],
-            rate[:, machine.wheel_dof],
-            times,
-        )
+        now = np.zeros((self._n, machine.model.nv))
         with np.errstate(all="ignore" if len(runs) < self._n else None):  # some have stopped
-            now = np.sum([law(state) for law in self._laws], axis=0)[runs]
+            for floor, law in self._laws:
+                state, dof = _state(machine, batch, times, floor=floor)
+                now[:, dof] += law(state)
+        now = now[runs]
         if self._last is None:
             self._last = np.zeros((self._n, now.shape[1]))
             self._last[runs] = now
@@ -180,19 +178,127 @@ class Forces:
         return middle
 
 
+def _state(
+    machine: Machine, batch: Batch, times: Array, *, floor: bool
+) -> tuple[State, Index | slice]:
+    """Of all runs, as a law takes it, and the degrees of freedom that it pushes."""
+    position, rate = batch.bind("qpos"), batch.bind("qvel")
+    if not floor:
+        base = machine.base_dof
+        state = State(
+            position[:, machine.base_qpos], rate[:, base], rate[:, machine.wheel_dof], times
+        )
+        return state, base
+    dof = np.append(machine.place_dof, machine.base_dof.stop - 1)
+    attitude = position[:, machine.base_qpos]
+    heading = 2.0 * np.arctan2(attitude[:, 3], attitude[:, 0])
+    place = np.column_stack([position[:, machine.place_qpos], heading])
+    return State(place, rate[:, dof], rate[:, machine.wheel_dof], times), dof
+
+
 def _failed(failures: Sequence[SimulationError]) -> Index:
     return np.unique(np.concatenate([failure.ids for failure in failures]))
 
 
 def thruster_arms(machine: Machine) -> Array:
     """(thrusters, 3) torque about the CR per force of each [m], body axes, effects and all."""
-    arms: list[Array] = []
+    edited = _edited_thrusters(machine)
+    return np.array([np.cross(item.point, item.direction) for item in edited]).reshape(-1, 3)
+
+
+def thruster_pushes(machine: Machine, thrust: Array, position: Array) -> Array:
+    """(m, k) generalised force of thrusters on the base, effects and all [N, N m].
+
+    Args:
+        machine: compiled.
+        thrust: (m, thrusters) [N].
+        position: (m, .) of the base; only a planar one turns its thrusters against its axes.
+    """
+    if machine.platform.base.kind != "planar":
+        return thrust @ thruster_arms(machine)
+    direction = np.array([item.direction for item in _edited_thrusters(machine)])
+    force = thrust @ direction
+    cosine, sine = np.cos(position[:, 2]), np.sin(position[:, 2])
+    return np.stack(
+        [
+            cosine * force[:, 0] - sine * force[:, 1],
+            sine * force[:, 0] + cosine * force[:, 1],
+            thrust @ thruster_arms(machine)[:, 2],
+        ],
+        axis=-1,
+    )
+
+
+def _edited_thrusters(machine: Machine) -> list[Thruster]:
+    """As a machine's effects have them."""
+    edited: list[Thruster] = []
     for thruster in machine.platform.thrusters:
         for effect in machine.effects:
             if isinstance(effect, BodyEffect):
                 thruster = effect.edit_thruster(thruster)
-        arms.append(np.cross(thruster.point, thruster.direction))
-    return np.array(arms).reshape(-1, 3)
+        edited.append(thruster)
+    return edited
+
+
+class Valves:
+    """Forces of thrusters in n runs, each a delay after its command."""
+
+    def __init__(self, n: int, delay: Array) -> None:
+        """All shut.
+
+        Args:
+            n: runs.
+            delay: (thrusters,) of the valves [s].
+        """
+        self._delay = delay
+        self._commands = [(-np.inf, np.zeros((n, len(delay))), delay)]
+
+    @property
+    def late(self) -> bool:
+        """Whether a force may come after its command."""
+        return any(delay.any() for _, _, delay in self._commands)
+
+    @property
+    def force(self) -> Array:
+        """(n, thrusters) as last commanded [N]."""
+        return self._commands[-1][1]
+
+    def command(self, time: float, force: Array, late: float = 0.0) -> None:
+        """Hold another force.
+
+        Args:
+            time: of the command, not before that of the last one [s].
+            force: (n, thrusters) [N].
+            late: delay beyond the valves' own [s].
+
+        Raises:
+            EffectError: a force would come before its command.
+        """
+        delay = self._delay + late
+        if np.any(delay < 0.0):
+            raise EffectError(
+                f"thrusters would push {-delay.min():g} s before their commands; give an effect "
+                "whose delay with that of platform.toml is 0 or more"
+            )
+        self._commands.append((time, force, delay))
+        # the one before last still acts until the delay of the last one has passed
+        over = [at for at, _, _ in self._commands if at + float(np.max(delay, initial=0.0)) < time]
+        del self._commands[: max(len(over) - 1, 0)]
+
+    def mean(self, start: float, step: float, steps: int) -> Array:
+        """Mean force in each of some steps from a time on, (n, steps, thrusters) [N]."""
+        edges = start + step * np.arange(steps + 1)
+        ends = [at + delay for at, _, delay in self._commands]
+        total = np.zeros((len(self.force), steps, len(self._delay)))
+        for (_, force, _), begin, end in zip(
+            self._commands, ends, [*ends[1:], np.full(len(self._delay), np.inf)], strict=True
+        ):
+            first = np.maximum(edges[:-1, None], begin)
+            held = np.maximum(np.minimum(edges[1:, None], end) - first, 0.0) / step
+            # rounding of the times must not make one force of many
+            held = np.where(np.abs(held - np.round(held)) < 1e-9, np.round(held), held)
+            total += held * force[:, None]
+        return total
 
 
 class Tanks:

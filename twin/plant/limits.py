@@ -28,6 +28,7 @@ class Limits:
         self._joint_torque = platform.base.torque_limit
         self._gimbal_rate = np.array([gimbal.rate for gimbal in platform.gimbals])
         self._force = np.array([thruster.force_limit for thruster in platform.thrusters])
+        self._on_off = np.array([thruster.on_off for thruster in platform.thrusters], dtype=bool)
         coils = platform.magnetorquers
         self._dipole = np.array([coil.dipole_limit for coil in coils])
         self._coil_axes = np.array([coil.axis for coil in coils]).reshape(-1, 3)
@@ -77,8 +78,11 @@ class Limits:
         return np.clip(wanted, -self._gimbal_rate, self._gimbal_rate)
 
     def force(self, wanted: Array) -> Array:
-        """Force [N] of each thruster: none pulls."""
-        return np.clip(wanted, 0.0, self._force)
+        """Force [N] of each thruster: none pulls, and an on-off valve gives all of it or none."""
+        if not self._on_off.any():
+            return np.clip(wanted, 0.0, self._force)
+        whole = np.where(wanted >= 0.5 * self._force, self._force, 0.0)
+        return np.where(self._on_off, whole, np.clip(wanted, 0.0, self._force))
 
     def coils(self, dipole: Array) -> Array:
         """Moment of each coil (n, coils) that gives a dipole (n, 3) [A m^2, body]."""

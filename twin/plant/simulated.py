@@ -6,6 +6,7 @@ with a reason; the others go on to the same bits as if they were alone.
 """
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -16,7 +17,7 @@ from twin.effects import Effect, ReadingEffect, ScatterEffect, series_effects
 from twin.errors import UsageError
 from twin.model import compile_model, untouched
 from twin.plant.each import give_each, set_offsets
-from twin.plant.forces import Forces, Tanks, thruster_arms
+from twin.plant.forces import Forces, Tanks, Valves, thruster_arms
 from twin.plant.initial import InitialState, check_velocity, check_within_stop
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
@@ -111,6 +112,7 @@ class SimulatedPlant(Plant):
         self._joints = PrescribedJoints(self.machine, self._qpos, self._qvel)
         self._tanks = None if platform.gas is None else Tanks(platform.gas, self.n)
         self._thrust = self._thrust_wish = np.zeros((self.n, len(platform.thrusters)))
+        self._valves = Valves(self.n, np.array([item.delay for item in platform.thrusters]))
         self._thrust_torque = np.zeros((self.n, 3))
         self._thrust_arms = thruster_arms(self.machine)
         self._wheel_wish = np.zeros((self.n, len(platform.wheels)))
@@ -181,7 +183,7 @@ class SimulatedPlant(Plant):
         if "command_wheel_torque" in self._applied and "command_wheel_torque" not in command:
             self._applied["command_wheel_torque"] = self._wheel_torque(self._wheel_wish)
         if "command_thruster" in self._applied and "command_thruster" not in command:
-            self._applied["command_thruster"] = self._thrust
+            self._applied["command_thruster"] = self._force_of_thrusters(self._thrust_wish)
         return dict(self._applied)
 
     def drive_stages(self, position: Array) -> None:
@@ -212,13 +214,17 @@ class SimulatedPlant(Plant):
 
     def _done_with(self, name: str, applied: Array) -> Array:
         """What the actuators' effects leave of a command, (n, k)."""
+        return self._acted(name, applied)[0]
+
+    def _acted(self, name: str, applied: Array) -> tuple[Array, float]:
+        """Likewise, and how late it is done [s]."""
         if not self._acts[name]:
-            return applied
+            return applied, 0.0
         stamp = np.full((self.n, 1), self.time)
         samples = Samples(applied[:, None], stamp, self._alive[:, None])
         for act in self._acts[name]:
             samples = act(samples)
-        return samples.value[:, 0]
+        return samples.value[:, 0], float(samples.time[0, 0]) - self.time
 
     def _stage_drive(self, wish: Array) -> Array:
         applied = self._limits.stage_position(wish)
@@ -245,17 +251,19 @@ class SimulatedPlant(Plant):
 
     def _force_of_thrusters(self, wish: Array) -> Array:
         self._thrust_wish = self._limits.force(wish)
-        return self._fed_thrusters()
+        applied = self._thrust_wish if self._tanks is None else self._tanks.fed(self._thrust_wish)
+        self._valves.command(self.time, *self._acted("command_thruster", applied))
+        if not self._valves.late:
+            self._push_with(self._valves.force)
+        return applied
 
-    def _fed_thrusters(self) -> Array:
-        """Valves stay as they were told; without gas they push no more."""
-        wish = self._thrust_wish
-        self._thrust = wish if self._tanks is None else self._tanks.fed(wish)
+    def _push_with(self, force: Array) -> None:
+        """Let thrusters push with (n, thrusters) [N], as far as there is gas."""
+        self._thrust = force if self._tanks is None else self._tanks.fed(force)
         if self.machine.thruster_actuator.size:
             self._ctrl[:, self.machine.thruster_actuator] = self._thrust
         else:
             self._thrust_torque = np.einsum("nt,ti->ni", self._thrust, self._thrust_arms)
-        return self._thrust
 
     def _start(self, initial: InitialState) -> None:
         machine, base = self.machine, self.platform.base
@@ -287,6 +295,18 @@ class SimulatedPlant(Plant):
 
     def _advance(self, steps: int) -> Array:
         """Advance every living run; the states after each step, (n, steps, nq + nv)."""
+        if not self._valves.late:
+            return self._advance_held(steps)
+        force = self._valves.mean(self.time, self.platform.step, steps)
+        changes = np.flatnonzero(np.any(np.diff(force, axis=1), axis=(0, 2))) + 1
+        states: list[Array] = []
+        for first, last in pairwise([0, *changes.tolist(), steps]):
+            self._push_with(force[:, first])
+            states.append(self._advance_held(last - first))
+        return np.concatenate(states, axis=1)
+
+    def _advance_held(self, steps: int) -> Array:
+        """As `_advance`, under forces of thrusters that stay as they are."""
         control = self._joints.forces(steps)
         if self._thrust_torque.any():
             control = self._joints.no_forces(steps) if control is None else control
@@ -324,7 +344,7 @@ class SimulatedPlant(Plant):
             self._force[:] = 0.0
         if self._tanks is not None and self._thrust.any():
             self._tanks.draw(self._thrust, steps * self.platform.step)
-            self._fed_thrusters()
+            self._push_with(self._thrust)
         self._stop_diverged(states[:, -1])
         return states
 

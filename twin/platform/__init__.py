@@ -8,8 +8,10 @@ from twin.platform.load import variants_of as variants_of
 from twin.platform.of_log import check_columns as check_columns
 from twin.platform.of_log import common_platform as common_platform
 from twin.platform.of_log import field_world as field_world
+from twin.platform.of_log import floor_log as floor_log
 from twin.platform.of_log import in_gravity_of as in_gravity_of
 from twin.platform.of_log import in_order_of as in_order_of
+from twin.platform.of_log import on_floor as on_floor
 from twin.platform.of_log import other_machine as other_machine
 from twin.platform.of_log import platform_of as platform_of
 from twin.platform.of_log import platform_or_reason as platform_or_reason

@@ -230,7 +230,11 @@ def _thruster(table: Table, layout: MjcfLayout, base: Base) -> Thruster:
         force_limit=table.number("force_limit", low=0.0, unit="N", infinite=True),
         point=point,
         direction=push,
+        delay=table.number("delay", 0.0, low=0.0, high=1.0, unit="s"),
+        on_off=table.text("valve", "pulsed", among=("pulsed", "on-off")) == "on-off",
     )
+    if thruster.on_off and np.isinf(thruster.force_limit):
+        raise table.fail("valve", "has no force while it is open", "give its `force_limit`")
     table.close()
     return thruster
 
@@ -450,6 +454,7 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
     mass, inertia, offset = _mass_properties(mass_properties)
     inertia_sd = _deviations(mass_properties, "inertia_sd", 6, "kg m^2")
     offset_sd = _deviations(mass_properties, "center_of_mass_offset_sd", 3, "kg m")
+    mass_sd = _deviations(mass_properties, "mass_sd", 1, "kg")
     step, control_rate = _timing(table)
     environment = table.table("environment", required=False)
     gravity = read_gravity(environment, 9.81)
@@ -526,6 +531,7 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
         inertia_sd=inertia_sd,
         center_of_mass_offset_sd=offset_sd,
         estimators=estimators,
+        mass_sd=None if mass_sd is None else float(mass_sd[0]),
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from twin.errors import TwinError, UnknownName, UsageError
 from twin.library import find_model
 from twin.platform.load import load_platform
-from twin.platform.parts import Platform
+from twin.platform.parts import Platform, Sensor
 from twin.recording import Recording, Series
 from twin.recording.column_names import in_order
 from twin.signals import STREAMS
@@ -19,6 +19,13 @@ from twin.signals import STREAMS
 Array = NDArray[np.float64]
 
 
+FLOOR = {
+    "attitude": ("heading", (2,)),
+    "gyro": ("heading_rate", (2,)),
+    "position": ("position", (0, 1)),
+    "velocity": ("velocity", (0, 1)),
+}
+"""Of a machine on a floor: what a sensor's stream is for a prediction, and which of its numbers."""
 TURNING = ("attitude", "gyro", "magnetometer", "wheel_speed", "gimbal_angle", "gimbal_rate")
 """Sensors that read the same wherever the body falls."""
 
@@ -81,7 +88,57 @@ def in_gravity_of(recordings: Sequence[Recording], platform: Platform) -> Platfo
             "[environment] in their log.toml"
         )
     platform = replace(platform, gravity=next(iter(stated))) if stated else platform
+    if platform.base.on_floor:
+        return on_floor(platform)
     return about_center_of_mass(platform) if platform.base.kind == "free" else platform
+
+
+def on_floor(platform: Platform) -> Platform:
+    """A locked ball on a planar stage, as it is predicted: in x, y and heading.
+
+    Its sensors of attitude and rate show heading and rate of turn about the vertical, its cameras
+    x and y.
+    """
+    if platform.base.kind == "planar":
+        return platform
+    sensors: dict[str, Sensor] = {}
+    for name, sensor in platform.sensors.items():
+        if name in FLOOR:
+            stream, columns = FLOOR[name]
+            noise, bias = sensor.noise[list(columns)], sensor.bias[list(columns)]
+            sensors[stream] = replace(sensor, stream=stream, noise=noise, bias=bias)
+        elif name not in ("inclinometer", "accelerometer", "magnetometer"):
+            sensors[name] = sensor
+    return replace(platform, base=replace(platform.base, kind="planar", locked=()), sensors=sensors)
+
+
+def floor_log(recording: Recording) -> Recording:
+    """A log with the streams that a machine shows in x, y and heading; others stay as they are."""
+    streams: dict[str, Series] = {}
+    facts: dict[str, Any] = dict(recording.provenance.get("streams") or {})
+    for name, series in recording.items():
+        if name not in FLOOR or not len(series):
+            streams[name] = series
+            continue
+        stream, columns = FLOOR[name]
+        value = series.value
+        if name == "attitude":
+            w, x, y, z = series.value.T
+            heading = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+            shown = Series(series.time, np.unwrap(heading)[:, None], ("heading",), "rad")
+        elif value.shape[1] <= len(columns):
+            shown = series
+        else:
+            names = tuple(series.columns[i] for i in columns)
+            shown = Series(series.time, value[:, list(columns)], names, series.unit)
+        streams[stream] = shown
+        known = dict(facts.get(name) or {})
+        if isinstance(noise := known.get("noise"), list) and len(noise) > len(columns):
+            known["noise"] = [noise[i] for i in columns]
+        facts[stream] = known
+    return replace(
+        recording, streams=streams, provenance={**recording.provenance, "streams": facts}
+    )
 
 
 def about_center_of_mass(platform: Platform) -> Platform:
@@ -199,6 +256,8 @@ def check_columns(recording: Recording, platform: Platform, streams: Iterable[st
         if name not in recording:
             continue
         has, expected = recording[name].columns, platform.columns(name)
+        if name in ("position", "velocity") and platform.base.on_floor and has == ("x", "y"):
+            continue
         if len(has) != len(expected):
             raise UsageError(
                 f"the log's {name} has {len(has)} columns ({', '.join(has)}), that of "

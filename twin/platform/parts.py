@@ -19,8 +19,9 @@ Array = NDArray[np.float64]
 class Base:
     """The joint between the room and the floating body."""
 
-    kind: Literal["ball", "hinge", "free"]
-    """A free base is carried by nothing: a body that is thrown. Its CR is its body's origin."""
+    kind: Literal["ball", "hinge", "free", "planar"]
+    """A free base is carried by nothing: a body that is thrown. Its CR is its body's origin.
+    A planar one is what a locked ball on a planar stage is for a prediction (`on_floor`)."""
     joint: str
     """Its name in the MJCF."""
     body: str
@@ -41,7 +42,14 @@ class Base:
     @property
     def travels(self) -> bool:
         """Whether the CR may move in the room."""
-        return self.kind == "free" or bool(set(self.planar[:2]) - set(self.locked))
+        return self.kind in ("free", "planar") or bool(set(self.planar[:2]) - set(self.locked))
+
+    @property
+    def on_floor(self) -> bool:
+        """Whether the base has three degrees of freedom: it glides on a floor and turns about the
+        vertical."""
+        free = set(self.planar) - set(self.locked)
+        return self.kind == "planar" or (self.joint in self.locked and free == set(self.planar))
 
 
 @dataclass(frozen=True)
@@ -135,6 +143,10 @@ class Thruster:
     """(3,) where the force acts, from the CR, body axes [m]."""
     direction: Array
     """(3,) of the force on the body, body axes, unit."""
+    delay: float = 0.0
+    """From the command to the force [s]."""
+    on_off: bool = False
+    """Whether its valve is open or shut for a whole tick; else it is open for a part of it."""
 
 
 @dataclass(frozen=True)
@@ -277,6 +289,8 @@ class Platform:
     estimators: tuple[str, ...] = ()
     """Names of `twin.estimators` in order of preference: it flies on the first that its measured
     streams suffice for. Empty: the usual order."""
+    mass_sd: float | None = None
+    """Of the mass [kg]."""
 
     @property
     def tick(self) -> float:
