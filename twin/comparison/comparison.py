@@ -45,7 +45,7 @@ class MomentumBalance:
     time: Array
     """(m,) [s]."""
     momentum: Array | None
-    """(m,) about the vertical, body and wheels [N m s]; None for a hinge."""
+    """(m,) about the vertical, body and wheels [N m s]; None for a hinge and on a floor."""
     energy: Array | None
     """(m,) less the work of the motors [J]; None where sliding masses moved."""
 
@@ -55,6 +55,8 @@ def balance(account: Account) -> MomentumBalance:
     body, base = account.problem.bodies[0], account.problem.base
     machine, motion = body.machine, body.motion
     platform, time = machine.platform, motion.time
+    if platform.base.kind == "planar":
+        return MomentumBalance(time, None, None)
     entries = base.entries(account.theta)
     inertia = np.zeros((3, 3))
     for value, (i, j) in zip(entries[:6], ENTRIES, strict=True):

@@ -229,7 +229,7 @@ class FreeRun:
     time: Array
     """(r, m) [s]."""
     as_built: Array
-    """(r, m, 1) or (r, m, 4) position."""
+    """(r, m, 1), (r, m, 4) or (r, m, 3) position."""
     best: Array
     """Likewise, of the best model."""
     errors: tuple[float, float, float]
@@ -237,6 +237,8 @@ class FreeRun:
     along: tuple[float, float]
     """Median over the runs of the rms error along each [rad]: as built, of the best model. A few
     runs scatter less in it than at their ends."""
+    places: tuple[float, float, float] | None = None
+    """Likewise of x and y [m]; None of a base that does not glide on a floor."""
 
 
 def free_run(horizon: float, as_built: Account, best: Account) -> FreeRun | None:
@@ -256,19 +258,26 @@ def free_run(horizon: float, as_built: Account, best: Account) -> FreeRun | None
     better, *perfect = _positions(body, best, chosen, count, [mean, *drawn])
     time = grid.starts[chosen][:, None] + grid.step * np.arange(count + 1)
     known = _known(best, time.ravel()).reshape(better.shape)
-    truth = known[:, -1]
     along = [
         float(np.median(np.sqrt(np.mean(np.square(_angles(path, known)), axis=1))))
         for path in (built, better)
     ]
-    errors = [
-        _typical(built[:, -1], truth),
-        _typical(better[:, -1], truth),
-        _typical(np.concatenate(perfect)[:, -1], np.tile(better[:, -1], (DRAWS, 1))),
-    ]
-    return FreeRun(
-        horizon, time, built, better, (errors[0], errors[1], errors[2]), (along[0], along[1])
+    truth = known[:, -1]
+    pairs = (
+        (built[:, -1], truth),
+        (better[:, -1], truth),
+        (np.concatenate(perfect)[:, -1], np.tile(better[:, -1], (DRAWS, 1))),
     )
+    before, after, least = (_typical(*pair) for pair in pairs)
+    places = None
+    if truth.shape[-1] == 3:
+        one, two, three = (
+            float(np.median(np.linalg.norm((there - other)[:, :2], axis=1)))
+            for there, other in pairs
+        )
+        places = one, two, three
+    errors = before, after, least
+    return FreeRun(horizon, time, built, better, errors, (along[0], along[1]), places)
 
 
 def _known(account: Account, time: Array) -> Array:
@@ -342,9 +351,9 @@ def _typical(position: Array, truth: Array) -> float:
 
 
 def _angles(position: Array, truth: Array) -> Array:
-    """(...) between positions (..., 1) or (..., 4) [rad]."""
-    if position.shape[-1] == 1:
-        return np.abs(position - truth)[..., 0]
+    """(...) between positions (..., 1) or (..., 4), or of headings (..., 3) [rad]."""
+    if position.shape[-1] != 4:
+        return np.abs(position - truth)[..., -1]
     turn = rotation.multiply(rotation.conjugate(truth), position)
     return np.asarray(np.linalg.norm(rotation.to_rotation_vector(turn), axis=-1))
 

@@ -1,7 +1,8 @@
 """Symptoms: possible departures from a model, as columns along its predicted motion."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -71,6 +72,40 @@ def fixed(axis: int) -> Callable[[Body, Motion], Array]:
         return torque
 
     return law
+
+
+def along_floor(law: Callable[[Body, Motion], Array]) -> Callable[[Body, Motion], Array]:
+    """The force of a law along the floor, without its torque about the vertical."""
+
+    def force(body: Body, at: Motion) -> Array:
+        gliding = replace(at, rate=at.rate * [1.0, 1.0, 0.0])
+        smoothed = replace(body.motion, rate=body.motion.rate * [1.0, 1.0, 0.0])
+        return law(copy_with_motion(body, smoothed), gliding)
+
+    return force
+
+
+def about_vertical(law: Callable[[Body, Motion], Array]) -> Callable[[Body, Motion], Array]:
+    """And its torque about the vertical alone."""
+
+    def torque(body: Body, at: Motion) -> Array:
+        turning = replace(at, rate=at.rate * [0.0, 0.0, 1.0])
+        smoothed = replace(body.motion, rate=body.motion.rate * [0.0, 0.0, 1.0])
+        return law(copy_with_motion(body, smoothed), turning)
+
+    return torque
+
+
+def copy_with_motion(body: Body, motion: Motion) -> Body:
+    """The same log, its motion another."""
+    other = copy(body)
+    other.motion = motion
+    return other
+
+
+def command_whole(body: Body) -> Array:
+    """All that was commanded once more."""
+    return body.commanded()
 
 
 def dipole(axis: int) -> Callable[[Body, Motion], Array]:
@@ -268,8 +303,11 @@ class Symptom:
 def symptoms_of(bodies: Sequence[Body]) -> tuple[Symptom, ...]:
     """Those that the streams of these logs can show."""
     body = bodies[0]
-    ball = body.machine.platform.base.kind == "ball"
-    result = [*_dissipative(), *_steady(bodies, ball=ball), *_inside(body)]
+    kind = body.machine.platform.base.kind
+    on_base = _on_floor() if kind == "planar" else []
+    if not on_base:
+        on_base = [*_dissipative(), *_steady(bodies, ball=kind == "ball")]
+    result = [*on_base, *_inside(body)]
     for output in body.outputs:
         result += _of_sensor(output.stream, output.columns, output.unit, body)
     return tuple(result)
@@ -314,6 +352,49 @@ def _dissipative() -> list[Symptom]:
             "N m s^2",
             on_base(drag),
             dissipative=True,
+        ),
+    ]
+
+
+def _on_floor() -> list[Symptom]:
+    return [
+        _torque(
+            "pad_coulomb_friction",
+            "a force against the motion that does not depend on the speed (pads that touch)",
+            "{} at every speed (pads that touch)",
+            "N",
+            on_base(along_floor(dry)),
+            dissipative=True,
+        ),
+        _torque(
+            "pad_coulomb_friction about the vertical",
+            "a torque against the turn that does not depend on the rate (pads that touch)",
+            "{} at every rate of turn (pads that touch)",
+            "N m",
+            on_base(about_vertical(dry)),
+            dissipative=True,
+        ),
+        _torque(
+            "pad_viscous_friction",
+            "a force that grows with the speed (drag of the pads)",
+            "{} times the speed (drag of the pads)",
+            "N s/m",
+            on_base(along_floor(viscous)),
+        ),
+        _torque(
+            "pad_viscous_friction about the vertical",
+            "a torque that grows with the rate of turn (drag of the pads)",
+            "{} times the rate of turn (drag of the pads)",
+            "N m s",
+            on_base(about_vertical(viscous)),
+        ),
+        _torque(
+            "floor_slope",
+            "a constant force in the room (a floor out of level)",
+            "a constant force of {} along x and y (a floor out of level)",
+            "N",
+            on_base(fixed(0)),
+            on_base(fixed(1)),
         ),
     ]
 
@@ -373,7 +454,7 @@ def _steady(bodies: Sequence[Body], *, ball: bool) -> list[Symptom]:
 def _inside(body: Body) -> list[Symptom]:
     """Between command and torque, or between body and wheels."""
     platform = body.machine.platform
-    hinge = platform.base.kind == "hinge"
+    hinge, planar = platform.base.kind == "hinge", platform.base.kind == "planar"
     driven = 1 if hinge else len(platform.wheels)
     if not np.any(body.commanded()):
         return []
@@ -407,11 +488,11 @@ def _inside(body: Body) -> list[Symptom]:
 
     result = [
         inside(
-            "torque_gain" if hinge else "wheel_torque_gain",
-            "a commanded torque of which another share arrives",
-            "a commanded torque of which {} arrives",
+            "torque_gain" if hinge else "thruster_gain" if planar else "wheel_torque_gain",
+            f"a commanded {'force' if planar else 'torque'} of which another share arrives",
+            f"a commanded {'force' if planar else 'torque'} of which {{}} arrives",
             "1",
-            [command_gain(index) for index in range(driven)],
+            [command_whole] if planar else [command_gain(index) for index in range(driven)],
             offset=1.0,
         ),
         inside(
@@ -422,7 +503,7 @@ def _inside(body: Body) -> list[Symptom]:
             [command_delay],
         ),
     ]
-    if not hinge:
+    if not (hinge or planar):
         result += [
             inside(
                 "wheel_viscous_friction",

@@ -49,6 +49,8 @@ _HINGE = ("joint_angle", "joint_rate")
 """Either one determines the motion of a hinge."""
 _BALL = ("attitude", "gyro", "inclinometer")
 """Any one determines that of a ball joint."""
+_FLOOR = ("heading", "heading_rate")
+"""Either one determines the turn of a machine on a floor."""
 _GIMBAL = ("gimbal_angle", "gimbal_rate")
 """Either one determines that of a gimbal."""
 
@@ -246,11 +248,11 @@ def _why_not(kind: type[Effect], target: str, platform: Platform, bodies: Sequen
             "the moment at which they begin and the base's own periods"
         )
     seen |= {name for body in bodies for name in body.inputs.used}
-    hinge = platform.base.kind == "hinge"
+    shown = {"hinge": _HINGE, "planar": _FLOOR}.get(platform.base.kind, _BALL)
     if target in platform.sensors and not any(target in body.recording for body in bodies):
         return f"not observable: needs stream {target}"
     for name in kind.streams:
-        enough = _enough(effect, name, hinge=hinge)
+        enough = _enough(effect, name, shown)
         if not any(item in body.recording for item in enough for body in bodies):
             return f"not observable: needs stream {' or '.join(enough)}"
         if not any(item in seen for item in enough):
@@ -268,13 +270,14 @@ def _driven(bodies: Sequence[Body]) -> bool:
     return any(drives(body.recording, body.machine) for body in bodies)
 
 
-def _enough(effect: Effect, stream: str, *, hinge: bool) -> tuple[str, ...]:
-    """Streams of which any one replaces a stream that an effect needs."""
+def _enough(effect: Effect, stream: str, shown: tuple[str, ...]) -> tuple[str, ...]:
+    """Streams of which any one replaces a stream that an effect needs; `shown` are those of the
+    base's turn."""
     own = effect.acts_on if isinstance(effect, ScatterEffect) else ""
     if stream == (effect.stream if isinstance(effect, SeriesEffect) else own):
         return (stream,)
     if stream in _BALL:
-        return _HINGE if hinge else _BALL
+        return shown
     return _GIMBAL if stream in _GIMBAL else (stream,)
 
 

@@ -41,6 +41,10 @@ STRAYING = {
     "attitude": 0.01,
     "joint_angle": 0.01,
     "inclinometer": 0.01,
+    "heading": 0.01,
+    "heading_rate": 1e-3,
+    "position": 1e-3,
+    "velocity": 1e-3,
     "gyro": 1e-3,
     "joint_rate": 1e-3,
     "accelerometer": 0.05,
@@ -260,8 +264,15 @@ def _reasoned(
     engine = Engine(candidates.asked, say)
     # columns along a motion that is far from the logs mean little
     lost = baseline.follows and residual_test(baseline).chi2 > LOST
-    state = None if lost else engine.explained(baseline)
-    if state is None or state.residual_test.chi2 > ROUGH or not ordinary(state.explanation.noise):
+    start, strays = baseline, False
+    if lost and baseline.base.machine.platform.base.kind == "planar":
+        # nothing holds a machine on a floor where it is: the least force leads it away, and
+        # disturbances that wander bring the motion back to the logs
+        start = baseline.wandering()
+        strays = residual_test(start).chi2 < ROUGH
+    state = None if lost and not strays else engine.explained(start)
+    rough = state is None or state.residual_test.chi2 > ROUGH
+    if state is None or rough or not (ordinary(state.explanation.noise) or strays):
         say("the base, by segments")
         machine = baseline.base.machine.platform
         segments = baseline_of(logs, machine, follows=False, base=baseline.base)

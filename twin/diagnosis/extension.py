@@ -65,7 +65,7 @@ class Law(BodyEffect):
     name = "{name}"
     domain = Domain.torque
     observable = "what it was found by: motion that nothing else explains"
-    streams = {streams}
+    streams = {streams}{floor}
 
 '''
 _PUSH = '''
@@ -147,6 +147,7 @@ def _torque(terms: Sequence[Term], platform: Platform, path: Path) -> str:
         imports="from twin.rotation import vertical_body\n" if _leans(needed) else "",
         name=path.stem,
         streams='("joint_angle",)' if hinge else '("gyro", "attitude")',
+        floor="\n    on_floor = True" if platform.base.on_floor else "",
     )
     pushes = [
         f"            torque{_place(law, hinge=hinge)} += "

@@ -38,7 +38,8 @@ RARE = 6.0
 @dataclass(frozen=True)
 class Law:
     """A torque about one axis of the base, or an error of one column of a sensor, in proportion to
-    a product; or a torque along a vector."""
+    a product; or a torque along a vector. On a floor the first two axes are those of forces along
+    the room's x and y, the third is the vertical."""
 
     what: str
     """`torque`, or the sensor's stream."""
@@ -72,6 +73,7 @@ def torque_laws(bodies: Sequence[Body]) -> Iterator[Law]:
     """Torque laws of these logs' quantities."""
     machine = bodies[0].machine
     hinge = machine.platform.base.kind == "hinge"
+    planar = machine.platform.base.kind == "planar"
     axes = ("joint",) if hinge else _XYZ
     shown = _quantities(bodies[0])
     rates = [name for name in shown.units if name.startswith("rate")]
@@ -88,8 +90,9 @@ def torque_laws(bodies: Sequence[Body]) -> Iterator[Law]:
     # the squares of the vertical's components add up to 1
     products = [item for item in products if item != ("up_z", "up_z")]
     for index, axis in enumerate(axes):
-        yield from (_torque_law(axis, index, product, shown.units) for product in products)
-    if not hinge:
+        unit = "N" if planar and axis != "z" else "N m"
+        yield from (_torque_law((axis, unit), index, item, shown.units) for item in products)
+    if not (hinge or planar):
         yield from (_along(vector, unit) for vector, unit in VECTORS.items())
 
 
@@ -108,9 +111,13 @@ def _along(vector: str, unit: str) -> Law:
     return Law(TORQUE, ALL, (vector,), whole, Perturbation(name, whole, force=force))
 
 
-def _torque_law(axis: str, index: int, factors: tuple[str, ...], units: dict[str, str]) -> Law:
+def _torque_law(
+    what: tuple[str, str], index: int, factors: tuple[str, ...], units: dict[str, str]
+) -> Law:
+    """Of an axis and its unit: on a floor the torques about x and y are forces along them."""
+    axis, unit = what
     below = [units[name] for name in factors if units[name]]
-    unit = " ".join(["N m", *(f"({item})^-1" for item in below)])
+    unit = " ".join([unit, *(f"({item})^-1" for item in below)])
 
     def force(body: Body) -> Array:
         shown = _quantities(body).values
@@ -137,6 +144,9 @@ def _quantities(body: Body) -> Quantities:
     if position.shape[1] == 1:
         result["angle"] = (position[:, 0], "rad")
         result["rate"] = (rate[:, 0], "rad/s")
+    elif position.shape[1] == 3:
+        units = ("m/s", "m/s", "rad/s")
+        result |= {f"rate_{_XYZ[i]}": (rate[:, i], unit) for i, unit in enumerate(units)}
     else:
         up = rotation.vertical_body(position)
         result |= {f"rate_{name}": (rate[:, i], "rad/s") for i, name in enumerate(_XYZ)}

@@ -196,6 +196,7 @@ _NAMES = {
     "Jxz": "product of inertia Jxz",
     "Jyz": "product of inertia Jyz",
     "J": "inertia about the axis",
+    "mass": "mass",
     "mr_x": "mass moment m r_x",
     "mr_y": "mass moment m r_y",
     "mr_z": "mass moment m r_z",
@@ -211,7 +212,8 @@ class Excitation:
     rate: Array
     """(k,) rms over all logs, about the joint's axes [rad/s]."""
     reach: float
-    """Largest tilt of a ball, largest angle from the mean of a hinge [rad]."""
+    """Largest tilt of a ball, largest angle from the mean of a hinge, or of the heading on a floor
+    [rad]."""
     least_known: Mapping[str, float]
     """Of all combinations of J the one that is known worst: its weights, their squares adding up to
     1; those that count."""
@@ -259,7 +261,8 @@ def excitation_of(
 def _reach(position: Array) -> float:
     if position.shape[-1] == 4:
         return float(rotation.tilt(position).max())
-    return float(np.abs(position - position.mean()).max())
+    turned = position[..., -1]
+    return float(np.abs(turned - turned.mean()).max())
 
 
 def not_excited(base: BaseParameters, theta: Array, half_widths: Array) -> list[str]:
@@ -285,6 +288,8 @@ def common_scale(machine: Machine, recordings: list[Recording]) -> list[str]:
     """
     if any(_mass_moved(r) or _pushed(r) for r in recordings) or machine.platform.rotors:
         return []
+    if machine.platform.base.kind == "planar":
+        return ["one common scale of mass, J and m r: the mass is as stated; needs known thrust"]
     what = "one common scale of J, m r"
     if not machine.platform.wheels:
         if machine.platform.base.kind != "hinge":

@@ -27,7 +27,7 @@ from twin.identification.linear import (
     integral,
     least_squares,
 )
-from twin.identification.prediction_error import Fit, fit
+from twin.identification.prediction_error import NORMAL, Fit, fit
 from twin.identification.track import gyro_bias, track_of
 from twin.model import Machine
 from twin.predict.base import BaseParameters, base_parameters, joint_parameters
@@ -127,6 +127,9 @@ def momentum_fit(logs: list[tuple[Recording, Motion]], base: BaseParameters) -> 
     Raises:
         UsageError: nothing that could be sought shows in the logs, be they too short or still.
     """
+    if base.machine.platform.base.kind == "planar":
+        # the machine as stated is near enough: what is predicted is linear in what is fitted
+        return LinearEstimate(base.as_stated, np.diag(np.square(base.scale)), NORMAL)
     balances = [_balance(recording, motion, base.machine) for recording, motion in logs]
     return least_squares(balances, base, constants=balances[0].target.shape[1])
 

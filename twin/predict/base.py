@@ -87,6 +87,8 @@ class JointParameter:
 def joint_parameters(machine: Machine, wheels: bool) -> tuple[JointParameter, ...]:
     """Those of the base joint, and the damping of wheels whose motion is predicted."""
     model, platform = machine.model, machine.platform
+    if platform.base.kind == "planar":
+        return ()  # drag of pads is an effect's
     base = tuple(range(machine.base_dof.start, machine.base_dof.stop))
     rest = model.qpos_spring[machine.base_qpos].copy()
     joint = platform.base.joint
@@ -138,6 +140,8 @@ class BaseParameters:
     """(9, p) onto Jxx Jyy Jzz Jxy Jxz Jyz, mr_x mr_y mr_z."""
     joints: tuple[JointParameter, ...] = ()
     """What the last entries of theta are, as far as they are not J and m r."""
+    with_mass: bool = False
+    """Whether the first entry of theta is the mass, which `map` has no part in."""
 
     def with_joints(self, joints: tuple[JointParameter, ...]) -> "BaseParameters":
         """With parameters of joints as further entries of theta."""
@@ -164,6 +168,7 @@ class BaseParameters:
             scale=self.scale[keep],
             prior=self.prior[keep],
             map=self.map[:, keep],
+            with_mass=self.with_mass and index != 0,
         )
 
     @property
@@ -205,6 +210,8 @@ class BaseParameters:
             raise TwinError(f"an inertia with principal moment {smallest:.3g} kg m^2 is no body's")
         # About a fixed point the mass itself does no work; enough of it keeps any m r physical.
         mass = max(self.machine.platform.mass, 4.0 * float(offset @ offset) / smallest)
+        if self.machine.platform.base.kind == "planar":
+            mass = float(theta[0]) if self.with_mass else self.machine.platform.mass
         model = copy.copy(self.machine.model)
         try:
             wanted = MassProperties(mass, inertia, offset)
@@ -234,7 +241,15 @@ class BaseParameters:
             for sign in (-1.0, 1.0)
         ]
         values = [float(value) for value in entries]
+        mass: dict[str, Any] = {}
+        if self.with_mass:
+            width = quantile * float(np.sqrt(max(covariance[0, 0], 0.0)))
+            value = float(theta[0])
+            mass = {
+                "mass": {"value": value, "low": value - width, "high": value + width, "unit": "kg"}
+            }
         return {
+            **mass,
             "inertia": {
                 "value": _square(values[:6]),
                 "low": _square(bounds[0][:6]),
@@ -253,6 +268,8 @@ class BaseParameters:
     def not_excited(self) -> tuple[str, ...]:
         """Entries of J and m r that no motion of this joint shows."""
         weightless = not self.machine.platform.gravity
+        if self.machine.platform.base.kind == "planar":
+            return ("J but about the vertical", "m r along the vertical")
         if self.machine.platform.base.kind == "ball":
             return ("m r",) if weightless else ()
         axis = hinge_axis(self.machine)
@@ -270,11 +287,14 @@ def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True
         torque: whether they have a known torque, on a hinge. Without one only J / (m r) shows; then
             m r keeps its stated length, for it is what a scale and a ruler tell. On an upright
             hinge, and without gravity, no m r shows, and J keeps its stated size: on a ball, its
-            largest moment.
+            largest moment. On a floor the mass is held, which the others share a factor with.
         angle: whether they have the angle of a hinge. With its rate alone nobody knows from where
             it counts, and so not which way m r points.
     """
     stated = _stated(machine)
+    if machine.platform.base.kind == "planar":
+        result = _on_floor(machine)
+        return result if torque else result.without(0)
     units = ("kg m^2",) * 6 + ("kg m",) * 3
     if machine.platform.base.kind == "ball":
         size = np.trace(machine.platform.inertia) / 3.0
@@ -329,6 +349,26 @@ def base_parameters(machine: Machine, *, torque: bool = True, angle: bool = True
         scale,
         np.where(np.isfinite(sd), sd, WEAK * scale),
         np.array(columns).reshape(-1, 9).T,
+    )
+
+
+def _on_floor(machine: Machine) -> BaseParameters:
+    """Mass, J about the vertical and m r across it."""
+    platform, places = machine.platform, [2, 6, 7]
+    reach = 1e-2 * platform.mass
+    scale = np.array([platform.mass, platform.inertia[2, 2], reach, reach])
+    known = np.concatenate([[platform.mass_sd or np.inf], _stated_sd(machine)[places]])
+    entries = np.zeros((9, 4))
+    entries[places, [1, 2, 3]] = 1.0
+    return BaseParameters(
+        machine,
+        ("mass", *(NAMES[place] for place in places)),
+        ("kg", "kg m^2", "kg m", "kg m"),
+        np.concatenate([[platform.mass], _stated(machine)[places]]),
+        scale,
+        np.where(np.isfinite(known), known, WEAK * scale),
+        entries,
+        with_mass=True,
     )
 
 
@@ -396,6 +436,8 @@ def base_forces(
             [rad/s^2].
     """
     machine = base.machine
+    if machine.platform.base.kind == "planar":
+        return _floor_forces(base, path, step, extra)
     rate, angle = path.rate[0], path.position[0]
     hinge = angle.shape[-1] == 1
     axis = hinge_axis(machine) if hinge else np.zeros(3)
@@ -418,6 +460,40 @@ def base_forces(
         torque = np.einsum("skip,i->skp", torque, axis)[:, :, None]
     force = np.zeros((*torque.shape[:2], machine.model.nv, torque.shape[-1]))
     force[:, :, machine.base_dof] = torque
+    if base.joints:
+        force[..., -len(base.joints) :] += joint_forces(base.joints, machine, path)
+    return force
+
+
+def _floor_forces(base: BaseParameters, path: States, step: float, extra: Array | None) -> Array:
+    """As `base_forces`, of x, y and heading h with S = R(h) m r:
+
+    m x" - S_y h" - S_x h'^2 = F_x,  m y" + S_x h" - S_y h'^2 = F_y,  J h" + S_x y" - S_y x" = T.
+    """
+    machine = base.machine
+    rate, position = path.rate[0], path.position[0]
+    change = (rate[:, 1:] - rate[:, :-1]) / step - (0.0 if extra is None else extra)
+    # what a slope of the floor pulls with grows with mass and m r as what accelerates does
+    felt = change - np.array([*machine.model.opt.gravity[:2], 0.0])
+    x, y, h = np.moveaxis(felt, -1, 0)
+    heading = 0.5 * (position[:, :-1, 2] + position[:, 1:, 2])
+    spin = np.square(0.5 * (rate[:, :-1, 2] + rate[:, 1:, 2]))
+    none = np.zeros_like(x)
+    columns = {
+        "mass": (-x, -y, none),
+        "Jzz": (none, none, -h),
+    }
+    axes = (np.cos(heading), np.sin(heading)), (-np.sin(heading), np.cos(heading))
+    for name, (across, along) in zip(("mr_x", "mr_y"), axes, strict=True):
+        columns[name] = (
+            along * h + across * spin,
+            -across * h + along * spin,
+            along * x - across * y,
+        )
+    force = np.zeros((*x.shape, machine.model.nv, len(base.names)))
+    for place, name in enumerate(base.names):
+        if name in columns:
+            force[:, :, machine.base_dof, place] = np.stack(columns[name], axis=-1)
     if base.joints:
         force[..., -len(base.joints) :] += joint_forces(base.joints, machine, path)
     return force

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from twin.effects import ScatterEffect
 from twin.errors import UsageError
 from twin.model import Machine
-from twin.platform import field_world
+from twin.platform import field_world, floor_log
 from twin.predict.base import BaseParameters, base_forces
 from twin.predict.inputs import Inputs, felt, pressure, pushed
 from twin.predict.kalman import Linearised, Local
@@ -33,10 +33,28 @@ from twin.recording import Recording, Series
 from twin.signals import DERIVED
 
 Array = NDArray[np.float64]
+SHOWN = {
+    "hinge": ("joint_angle", "joint_rate"),
+    "planar": ("position", "heading", "velocity", "heading_rate"),
+}
+"""Streams that are a part of the state; of any other base an attitude and a gyro."""
+POSITIONS = ("attitude", "joint_angle", "position", "heading")
+"""Those that show where the base stands."""
 CHANGED = 0.005
 """Share by which a noise must differ from what it was taken to be, for a fit to be done again."""
 EXACT = 0.1
 """By how many of its standard deviations a longer step may move an estimate at the very most."""
+
+
+def _shares(machine: Machine) -> Array:
+    """(k,) of a disturbance's torque that acts on each degree of freedom of the base.
+
+    A force on a machine on a floor, which comes with a torque, is that over its radius of gyration.
+    """
+    platform = machine.platform
+    if platform.base.kind != "planar":
+        return np.ones(machine.base_dof.stop - machine.base_dof.start)
+    return np.array([np.sqrt(platform.mass / platform.inertia[2, 2])] * 2 + [1.0])
 
 
 def added_variance(effect: ScatterEffect, inputs: Inputs, time: Array) -> Array:
@@ -81,6 +99,8 @@ class Body:
     def __init__(
         self, machine: Machine, recording: Recording, motion: Motion, grid: StepGrid
     ) -> None:
+        if machine.platform.base.kind == "planar":
+            recording = floor_log(recording)
         field = field_world(recording, machine.platform)
         here = replace(machine.platform, step=grid.step, magnetic_field=field)
         self.machine = replace(machine, platform=here)
@@ -115,7 +135,7 @@ class Body:
         # Of the machine as stated: if its answer to noise were fitted too, a base ten times as
         # heavy, pushed ten times as hard, would explain what a model lacks just as well.
         stated = copy.copy(machine.model)
-        self._pushed = self.rollouts.answer(stated)[:, 0][..., machine.base_dof]
+        self._pushed = self.rollouts.answer(stated)[:, 0][..., machine.base_dof] * _shares(machine)
         self._wander = np.concatenate(self._walks())
 
     def following(self, path: States, pushes: Mapping[str, Array] | None = None) -> "Body":
@@ -301,9 +321,9 @@ class Body:
             for column, sigma in enumerate(output.sigma.T):
                 at = (output.segment, row[:, column])
                 measured[(*at, self._first(output.stream) + column)] = 1.0 / sigma
-                if output.stream in ("attitude", "joint_angle"):
+                if output.stream in POSITIONS:
                     k = path.rate.shape[-1]
-                    measured[(*at, k + column)] = late / sigma
+                    measured[(*at, k + self._first(output.stream) + column)] = late / sigma
         noise, drift = wander(
             answer[..., self._wanderers], self.rollouts.unexplained, self._wander, grid.step
         )
@@ -352,7 +372,8 @@ class Body:
         """Where the numbers that a stream measures stand in a state."""
         k = self.start.rate.shape[-1]
         gimbals = 2 * k + self.start.wheel_speed.shape[-1]
-        places = {"attitude": 0, "joint_angle": 0, "wheel_speed": 2 * k, "gimbal_angle": gimbals}
+        places = {"wheel_speed": 2 * k, "gimbal_angle": gimbals, "heading_rate": k + 2}
+        places |= dict.fromkeys(POSITIONS, 0) | {"heading": 2}
         return places.get(stream, k)
 
     def _ends(self, path: States, start: States) -> Array:
@@ -360,9 +381,8 @@ class Body:
         return path[:, :-1, -1].less(start[1:])
 
     def _predicted(self) -> tuple[str, ...]:
-        hinge = self.machine.platform.base.kind == "hinge"
         wheels = ("wheel_speed",) if self.inputs.wheels_predicted else ()
-        base = ("joint_angle", "joint_rate") if hinge else ("attitude", "gyro")
+        base = SHOWN.get(self.machine.platform.base.kind, ("attitude", "gyro"))
         return (*base, *wheels, "gimbal_angle")
 
     def _told(self) -> dict[str, Series]:

@@ -13,6 +13,7 @@ attitude only as well as its sensors do.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeGuard
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -127,11 +128,12 @@ def slopes_of(effect: Effect, platform: Platform) -> tuple[Perturbation, ...]:
     """The same for a fit that starts at the effect, with how it changes there.
 
     Where stages were is known from their counters to a digit, whatever play their screws have, so
-    in proportion to the play little changes; but it says on which side of the digit they stood.
+    in proportion to the play little changes; but it says on which side of the digit they stood. Nor
+    is what a late thruster does in proportion to its delay.
     """
     parts, size = perturbations_of(effect, platform), amplitudes(effect)
-    stages = isinstance(effect, SeriesEffect) and effect.stream == "command_stage_position"
-    if not parts or not stages or np.count_nonzero(size) != 1 or not effect.values[size].any():
+    bent = of_drive(effect) and effect.stream in ("command_stage_position", "command_thruster")
+    if not parts or not bent or np.count_nonzero(size) != 1 or not effect.values[size].any():
         return parts
     (index,) = np.flatnonzero(size).tolist()
     value, (low, high) = effect.values[index], effect.bounds()
@@ -179,7 +181,7 @@ def amplitudes(effect: Effect) -> NDArray[np.bool_]:
     return np.concatenate([np.full(known.size, known.amplitude) for known in effect.parameters()])
 
 
-def of_drive(effect: Effect) -> bool:
+def of_drive(effect: Effect) -> TypeGuard[SeriesEffect]:
     """Whether it is between a command and what is done: play and dry friction do at a hundredth of
     their size nothing of what they do at all of it."""
     return isinstance(effect, SeriesEffect) and effect.stream.startswith("command_")

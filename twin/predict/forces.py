@@ -27,7 +27,7 @@ from twin import rotation
 from twin.effects import BodyEffect, CoupleEffect, Effect, able, effects_of, with_effects
 from twin.effects.on_body import CARRIER_MASS, TorqueLaw
 from twin.model import Machine, compile_model
-from twin.plant.forces import thruster_arms
+from twin.plant.forces import thruster_pushes
 from twin.platform import Platform
 from twin.predict.base import hinge_axis
 from twin.predict.body import Body
@@ -143,7 +143,9 @@ def force_of(effect: BodyEffect, body: Body, turn: Array | None = None) -> Array
         needed += plainly - inverse(machine, along)[:, shared.dof]
     needed += _pushes(effect, machine, along, middles(body))[:, shared.dof]
     if thrust(body).any():
-        needed[:, plain.base_dof] += thrust(body) @ (thruster_arms(machine) - thruster_arms(plain))
+        position = here.position[:, plain.base_qpos]
+        needed[:, plain.base_dof] += thruster_pushes(machine, thrust(body), position)
+        needed[:, plain.base_dof] -= thruster_pushes(plain, thrust(body), position)
     return on_grid(needed, body)
 
 
@@ -217,7 +219,7 @@ def _along(body: Body, path: States, joints: Along) -> Along:
     wheels = machine.wheel_dof if body.inputs.wheels_predicted else slice(0, 0)
     begin, end = path.position[0, :, :-1], path.position[0, :, 1:]
     bend = -step / 6.0 * np.diff(path.rate[0], axis=1)
-    if machine.platform.base.kind == "hinge":
+    if begin.shape[-1] != 4:
         held = 0.5 * (begin + end) + bend
     else:
         middle = rotation.normalized(begin + end)

@@ -22,7 +22,7 @@ from twin.effects import Effect
 from twin.errors import UsageError
 from twin.model import Machine
 from twin.noise import noise_of
-from twin.plant.forces import STANDARD_GRAVITY, thruster_arms
+from twin.plant.forces import STANDARD_GRAVITY, thruster_arms, thruster_pushes
 from twin.plant.limits import Limits
 from twin.platform import Platform, Sensor, begins_late, field_world
 from twin.predict.logs import Motion, smoothed_series
@@ -334,7 +334,9 @@ class Inputs:
             field_body = rotation.rotate(rotation.conjugate(attitude), self.field_world)
             force[:, machine.base_dof] += rotation.cross(held_mean(self._dipole, edges), field_body)
         if self._thrust is not None:
-            force[:, machine.base_dof] += self.thrust(edges) @ thruster_arms(machine)
+            thrust = self.thrust(edges)
+            position = motion.at(0.5 * (edges[:-1] + edges[1:])).position
+            force[:, machine.base_dof] += thruster_pushes(machine, thrust, position)
         return force
 
     def gimbal_rate(self, edges: Array) -> Array:
@@ -345,10 +347,16 @@ class Inputs:
         return 0.5 * (rate[1:] + rate[:-1])
 
     def thrust(self, edges: Array) -> Array:
-        """(m, thrusters) mean commanded force between m + 1 edges in time [N]."""
+        """(m, thrusters) mean commanded force between m + 1 edges in time, after the delays that
+        platform.toml states [N]."""
+        thrusters = self.machine.platform.thrusters
         if self._thrust is None:
-            return np.zeros((len(edges) - 1, len(self.machine.platform.thrusters)))
-        return held_mean(self._thrust, edges)
+            return np.zeros((len(edges) - 1, len(thrusters)))
+        delay = np.array([thruster.delay for thruster in thrusters])
+        if not np.ptp(delay):
+            return held_mean(self._thrust, edges - delay[0])
+        means = {late: held_mean(self._thrust, edges - late) for late in set(delay.tolist())}
+        return np.stack([means[late][:, i] for i, late in enumerate(delay.tolist())], axis=1)
 
     def joint_states(self, times: Array) -> tuple[Array, Array, Array]:
         """qpos (m, nq), qvel and qacc (m, nv) of the joints that are not the base, as measured.

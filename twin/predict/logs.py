@@ -26,7 +26,7 @@ from twin import rotation
 from twin.errors import UsageError
 from twin.noise.cleaning import cleaned, dead_words, is_needed
 from twin.noise.stuck import OF_AXES, dead_axes, with_neighbours
-from twin.platform import Platform, check_columns
+from twin.platform import Platform, check_columns, floor_log
 from twin.platform.mjcf import load_mjcf
 from twin.recording import Recording, Series
 from twin.signals import OF_MOTION
@@ -66,16 +66,17 @@ LOOK = "`twin show` tells what is read wrongly"
 
 @dataclass(frozen=True)
 class Motion:
-    """The base joint's smoothed motion on a uniform grid; k = 1 (hinge) or 3 (ball)."""
+    """The base joint's smoothed motion on a uniform grid; k = 1 (hinge) or 3 (ball, floor)."""
 
     time: Array
     """(m,) [s]."""
     position: Array
-    """(m, 1) angle [rad] of a hinge, or (m, 4) attitude of a ball."""
+    """(m, 1) angle [rad] of a hinge, (m, 4) attitude of a ball, or (m, 3) x, y and heading on a
+    floor [m, m, rad]."""
     rate: Array
-    """(m, k) [rad/s], body axes."""
+    """(m, k) [rad/s], body axes; on a floor of x, y and heading."""
     acceleration: Array
-    """(m, k) [rad/s^2], body axes."""
+    """(m, k) [rad/s^2], likewise."""
     width: int
     """Samples of the smoothing window."""
 
@@ -98,9 +99,12 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
 
     Raises:
         UsageError: the log lacks the stream that shows it (`joint_angle` or `joint_rate`, or
-            `attitude`, or `gyro` and `inclinometer` or `accelerometer`). An attitude that is known
-            at the start alone will do where a gyro goes on. Or one of them lacks an axis.
+            `attitude`, or `gyro` and `inclinometer` or `accelerometer`, and on a floor `position`
+            and `attitude`). An attitude that is known at the start alone will do where a gyro goes
+            on. Or one of them lacks an axis.
     """
+    if platform.base.kind == "planar":
+        return _on_floor(floor_log(recording), platform)
     stream = "joint_angle" if platform.base.kind == "hinge" else "attitude"
     if stream == "joint_angle" and stream not in recording and "joint_rate" in recording:
         stream = "joint_rate"
@@ -131,6 +135,26 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
         rate = _interpolated(time, gyro_time, smooth_rate)
         acceleration = _interpolated(time, gyro_time, smooth_acceleration)
     return Motion(time, attitude, rate, acceleration, width)
+
+
+def _on_floor(recording: Recording, platform: Platform) -> Motion:
+    """Of x, y and heading, on the heading's clock."""
+    for name in ("position", "heading"):
+        if name not in recording or len(recording[name]) < 2 * WINDOWS[0]:
+            measured = "attitude" if name == "heading" else name
+            raise UsageError(
+                f"the log has no stream {measured!r} of at least {2 * WINDOWS[0]} samples, without "
+                f"which the motion of {platform.name} cannot be predicted"
+            )
+    check_columns(recording, platform, ("position",))
+    heading, place = recording["heading"], recording["position"]
+    time, turned, width = _smoothed(heading, noise_of(heading))
+    there, moved, _ = _smoothed(place, noise_of(place))
+    position, rate, acceleration = (
+        np.concatenate([_interpolated(time, there, along), about], axis=1)
+        for along, about in zip(moved, turned, strict=True)
+    )
+    return Motion(time, position, rate, acceleration, width)
 
 
 def _with_attitude(recording: Recording) -> Recording:
@@ -469,7 +493,7 @@ def usable(recording: Recording, platform: Platform) -> Recording:
 def turns_about_all_axes(platform: Platform) -> bool:
     """Whether the base turns about three axes, so that a sensor must measure all of them."""
     base = platform.base
-    return base.kind != "hinge" and not base.planar and not base.locked
+    return base.kind not in ("hinge", "planar") and not base.planar and not base.locked
 
 
 def within_range(recording: Recording, platform: Platform) -> tuple[Recording, tuple[str, ...]]:

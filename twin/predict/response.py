@@ -32,6 +32,9 @@ from twin.recording import Recording
 Array = NDArray[np.float64]
 LONGEST = 10.0
 """[s]."""
+ON_FLOOR = 2.0
+"""Of a machine on a floor, whose error of place grows with the square of the time: in 10 s a force
+that is off by a twentieth leads it further off than its cameras' noise by a hundred times [s]."""
 GROWTH = 3.0
 """An error of the initial state may grow by exp(3) = 20 within a stretch: then a fit is well posed
 even where the machine stands on its head. Twice as long it would be 400, and Gauss-Newton, started
@@ -60,6 +63,8 @@ def growth_rate(machine: Machine) -> float:
     """Rate [1/s] at which the machine would fall from upright: sqrt(g abs(m r) / J)."""
     platform = machine.platform
     offset = platform.center_of_mass_offset
+    if platform.base.kind == "planar":
+        return 0.0
     if platform.base.kind == "ball":
         smallest = float(np.linalg.eigvalsh(platform.inertia)[0])
     else:
@@ -89,8 +94,8 @@ def command_step(machine: Machine, recording: Recording) -> float:
 
 
 def grid_of(machine: Machine, recording: Recording, motion: Motion, step: float) -> StepGrid:
-    """Equal segments of at most 10 s and at most exp(3) of growth, their steps in time with the
-    commands.
+    """Equal segments of at most 10 s, on a floor 2 s, and at most exp(3) of growth, their steps in
+    time with the commands.
 
     A command that changed within a step would act a little before it was given. It answers to the
     noise of the sample that was read as it was given, and so would seem to foretell it.
@@ -102,7 +107,8 @@ def grid_of(machine: Machine, recording: Recording, motion: Motion, step: float)
         after = float(oftenest[np.searchsorted(oftenest, begin) % len(oftenest)]) - begin
         after %= step
         begin += 0.0 if step - after < EDGE * step else after
-    length = min(LONGEST, GROWTH / max(growth_rate(machine), 1e-9), end - begin)
+    longest = ON_FLOOR if machine.platform.base.kind == "planar" else LONGEST
+    length = min(longest, GROWTH / max(growth_rate(machine), 1e-9), end - begin)
     steps = max(int(length / step + 1e-9), 1)
     segments = max(int(np.ceil((end - begin) / (steps * step) - 1e-6)), 1)
     return StepGrid(begin, step, steps, segments)
@@ -150,6 +156,8 @@ class Response:
         self._turned = np.empty((*position.shape[:2], f, len(self._bases), g))
         """d M / d angle, the base's columns."""
         self._rate = velocity[..., machine.base_dof]
+        planar = machine.platform.base.kind == "planar"
+        self._heading = position[..., machine.base_qpos.start + 2] if planar else None
         data = mujoco.MjData(model)
         for at in np.ndindex(position.shape[:2]):
             whole = mass_matrix(model, data, position[at])
@@ -185,7 +193,7 @@ class Response:
         """(S, K, x, nv) change of the state by a unit impulse on each degree of freedom, a unit
         turn of each gimbal, the base being that of `model`."""
         machine = self._machine
-        inverse = np.linalg.inv(self._mass + self._at_home(model) - self._home)
+        inverse = np.linalg.inv(self._mass + self._turned_by(self._at_home(model) - self._home))
         gimbals = machine.gimbal_dof
         k, w, g = len(self._bases), len(self._wheels), len(gimbals)
         answer = np.zeros((*inverse.shape[:2], 2 * k + w + g, model.nv))
@@ -195,6 +203,18 @@ class Response:
             answer[:, :, k : 2 * k + w, gimbals] = -(inverse @ self._gyro)[:, :, self._moved]
             answer[:, :, 2 * k + w :, gimbals] = np.eye(g)
         return answer
+
+    def _turned_by(self, change: Array) -> Array:
+        """A change (f, f) of M at the heading 0, at the headings that there are."""
+        if self._heading is None:
+            return change
+        turn = np.zeros((*self._heading.shape, len(change), len(change)))
+        turn[...] = np.eye(len(change))
+        x, y = self._bases[:2]
+        turn[..., x, x] = turn[..., y, y] = np.cos(self._heading)
+        turn[..., y, x] = np.sin(self._heading)
+        turn[..., x, y] = -turn[..., y, x]
+        return turn @ change @ turn.swapaxes(-1, -2)
 
     def _at_home(self, model: mujoco.MjModel) -> Array:
         whole = mass_matrix(model, mujoco.MjData(model), model.qpos0)
@@ -282,6 +302,73 @@ def transitions(
     damping = model.dof_damping[dofs] + 2.0 * model.dof_dampingpoly[dofs, 0] * np.abs(rates)
     slope[..., moving, :] -= damping[..., None] * gains
     return _in_velocities(masses, _exponential(passage.step * slope), moving, gimbals)
+
+
+def is_planar(machine: Machine, model: mujoco.MjModel) -> bool:
+    """Whether a machine glides on a floor, and carries nothing that moves."""
+    rough = model.neq or model.ntendon or model.dof_frictionloss.any()
+    return machine.platform.base.kind == "planar" and model.nv == 3 and not rough
+
+
+def floor_transitions(
+    machine: Machine,
+    model: mujoco.MjModel,
+    path: States,
+    thrust: Array,
+    step: float,
+    answering: Array | None,
+) -> tuple[Array, float]:
+    """Changes of x, y, heading and their rates from one instant to the next, as `transitions`.
+
+    With T the turn by the heading h, K its generator and M = T M_0 T^T:
+
+        M dv/dt = T F + forces in the room + (h')^2 S - D v + gravity on a slope
+
+    whose derivative by h has K T F - (K M + M K^T) dv/dt in it.
+
+    Args:
+        machine: on a floor.
+        model: with the base that went this path.
+        path: (S, steps + 1, .).
+        thrust: (S, steps, 3) force and torque that turn with the body, as at the heading 0.
+        step: [s].
+        answering: as in `Passage`.
+
+    Returns:
+        (S, steps, 6, 6), and the largest rate at which what answers to the path brakes it [1/s].
+    """
+    middle = path[:, :-1].moved(0.5 * path[:, 1:].less(path[:, :-1]))
+    acceleration = (path.rate[:, 1:] - path.rate[:, :-1]) / step
+    heading, spin = middle.position[..., 2], middle.rate[..., 2]
+    home = mass_matrix(model, mujoco.MjData(model), model.qpos0)
+    generator = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    turn = np.zeros((*heading.shape, 3, 3))
+    turn[..., 0, 0] = turn[..., 1, 1] = np.cos(heading)
+    turn[..., 1, 0] = np.sin(heading)
+    turn[..., 0, 1] = -turn[..., 1, 0]
+    turn[..., 2, 2] = 1.0
+    masses = turn @ home @ turn.swapaxes(-1, -2)
+    # S, m r in the room's axes, stands beside the heading: M = ((m, 0, -S_y), (0, m, S_x), ...)
+    moment = np.stack([masses[..., 1, 2], -masses[..., 0, 2], np.zeros_like(heading)], axis=-1)
+    gravity = model.opt.gravity
+    by_heading = turn @ thrust[..., None] + np.square(spin)[..., None, None] * moment[..., None]
+    by_heading = (generator @ by_heading)[..., 0]
+    by_heading[..., 2] -= moment[..., 1] * gravity[1] + moment[..., 0] * gravity[0]
+    bent = generator @ masses + masses @ generator.T
+    by_heading = by_heading - (bent @ acceleration[..., None])[..., 0]
+    by_rate = np.zeros_like(masses) - np.diag(model.dof_damping[machine.base_dof])
+    by_rate[..., 2] += 2.0 * spin[..., None] * moment
+    inverse = np.linalg.inv(masses)
+    slope = np.zeros((*heading.shape, 6, 6))
+    slope[..., :3, 3:] = np.eye(3)
+    slope[..., 3:, 2] = (inverse @ by_heading[..., None])[..., 0]
+    slope[..., 3:, 3:] = inverse @ by_rate
+    braking = 0.0
+    if answering is not None:
+        answers = inverse @ answering
+        braking = float(np.abs(answers[..., 3:]).max())
+        slope[..., 3:, :] += answers
+    return _exponential(step * slope), braking
 
 
 def _restoring(machine: Machine, model: mujoco.MjModel, passage: Passage, position: Array) -> Array:

@@ -12,9 +12,18 @@ from numpy.typing import NDArray
 from twin.effects import HingeSpring, State
 from twin.errors import TwinError
 from twin.model import Machine
+from twin.plant.forces import thruster_pushes
 from twin.predict.inputs import Inputs
 from twin.predict.logs import Motion
-from twin.predict.response import Passage, Response, Segment, is_gyrostat, transitions
+from twin.predict.response import (
+    Passage,
+    Response,
+    Segment,
+    floor_transitions,
+    is_gyrostat,
+    is_planar,
+    transitions,
+)
 from twin.predict.sensors import StepGrid
 from twin.predict.states import STEP, PathForces, States, carried_states, reached, torque_of
 from twin.predict.swing import Answer, Swing, Swinging
@@ -106,6 +115,11 @@ class Rollouts:
                 if beside is not None:
                     return beside
         x = start.width
+        if is_planar(self.machine, model) and not self._contacts:
+            path, _, _ = self._paths(model, start.one(), push)
+            beside = self._beside_on_floor(model, path, push)
+            if beside is not None:
+                return beside
         shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
         paths = self.paths(model, start.one().moved(shifts), push)
         return paths, carried_states(np.moveaxis(paths[1:].less(paths[:1]), 0, -1) / STEP)
@@ -132,6 +146,28 @@ class Rollouts:
             path[0], position, velocity, self._dipole, field, self.grid.step, answering
         )
         carried = transitions(self.machine, model, masses, passage)
+        beside = path.moved(STEP * np.moveaxis(reached(carried), -1, 0))
+        return States.joined([path, beside]), carried
+
+    def _beside_on_floor(
+        self, model: mujoco.MjModel, path: States, push: PathForces | None
+    ) -> tuple[States, Array] | None:
+        """As `_beside`, of x, y and heading."""
+        machine = self.machine
+        thrust = self._control[..., machine.thruster_actuator]
+        count = thrust.shape[0] * thrust.shape[1]
+        level = np.zeros((count, 3))
+        pushed = thruster_pushes(machine, thrust.reshape(count, -1), level).reshape(
+            *thrust.shape[:2], 3
+        )
+        answering = None
+        if push is not None and push.laws:
+            answering = push.slopes(path[0], self.grid.begins)
+        carried, braking = floor_transitions(
+            machine, model, path[0], pushed, self.grid.step, answering
+        )
+        if self.grid.step * braking > STIFF:
+            return None
         beside = path.moved(STEP * np.moveaxis(reached(carried), -1, 0))
         return States.joined([path, beside]), carried
 
@@ -261,7 +297,7 @@ class Rollouts:
     def _along(self, motion: Motion) -> tuple[Array, Array]:
         """(S, steps or 1, nq) and (S, steps or 1, nv) of the log's motion."""
         grid, machine = self.grid, self.machine
-        if not machine.gimbal_dof.size:
+        if not machine.gimbal_dof.size and machine.platform.base.kind != "planar":
             position, velocity = self._position.copy(), self._velocity.copy()
             position[:, machine.base_qpos] = self.start.position
             return position[:, None], velocity[:, None]

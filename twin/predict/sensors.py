@@ -340,13 +340,17 @@ class Output:
             first, last = ends(self.sense.shown(path))
             return first + part * (last - first)
         straight = {"wheel_speed": path.wheel_speed, "gimbal_angle": path.gimbal_angle}
+        if path.position.shape[-1] == 3:
+            straight |= {"velocity": path.rate[..., :2], "heading_rate": path.rate[..., 2:]}
         if self.stream in ("gyro", "joint_rate", *straight):
             first, last = ends(straight.get(self.stream, path.rate))
             return first + part * (last - first)
         first, last = ends(path.position)
         rate_first, rate_last = ends(path.rate)
-        if self.stream == "joint_angle":
-            return first + _cubic(last - first, step * rate_first, step * rate_last, part)
+        if path.position.shape[-1] != 4:
+            risen = _cubic(last - first, step * rate_first, step * rate_last, part)
+            shown = {"position": slice(0, 2), "heading": slice(2, 3)}.get(self.stream, slice(None))
+            return (first + risen)[..., shown]
         turn = rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(first), last))
         return rotation.multiply(
             first,

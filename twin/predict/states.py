@@ -29,9 +29,10 @@ class States:
     """
 
     position: Array
-    """(..., 1) angle of a hinge [rad] or (..., 4) attitude of a ball."""
+    """(..., 1) angle of a hinge [rad], (..., 4) attitude of a ball, or (..., 3) x, y and heading on
+    a floor [m, m, rad]."""
     rate: Array
-    """(..., k) [rad/s], body axes."""
+    """(..., k) [rad/s], body axes; on a floor of x, y and heading."""
     wheel_speed: Array
     """(..., w) [rad/s]; width 0 where the wheels are not predicted."""
     gimbal_angle: Array

@@ -439,11 +439,18 @@ def first_of(diagnosis: Diagnosis) -> str:
 def _free_runs(result: Mapping[float, FreeRun | None], of: str = "") -> str:
     runs = [
         f"{horizon:g} s: {np.degrees(run.errors[0]):.2g} to {np.degrees(run.errors[1]):.2g} deg "
-        f"(perfect {np.degrees(run.errors[2]):.2g})"
+        f"(perfect {np.degrees(run.errors[2]):.2g}){_places(run)}"
         for horizon, run in result.items()
         if run is not None and run.errors[1] < MEANINGFUL
     ]
     return f" Free runs{of}, before and after: {'; '.join(runs)}." if runs else ""
+
+
+def _places(run: FreeRun) -> str:
+    if run.places is None:
+        return ""
+    before, after, perfect = (1e3 * error for error in run.places)
+    return f" and {before:.3g} to {after:.3g} mm (perfect {perfect:.2g})"
 
 
 def _base(diagnosis: Diagnosis) -> list[str]:

@@ -20,13 +20,18 @@ def document(comparisons: Sequence[Comparison], transfers: Sequence[Transfer]) -
 
 
 def free_run_document(runs: Mapping[float, FreeRun | None]) -> dict[str, Any]:
-    """Typical errors [rad] by horizon [s]; null where a log is too short."""
+    """Typical errors [rad] by horizon [s], on a floor of x and y [m] besides; null where a log is
+    too short."""
     return {
         f"{horizon:g}": None
         if run is None
-        else dict(zip(("before", "after", "perfect"), run.errors, strict=True))
+        else {**_free_run(run.errors), **({"place": _free_run(run.places)} if run.places else {})}
         for horizon, run in runs.items()
     }
+
+
+def _free_run(errors: tuple[float, float, float]) -> dict[str, Any]:
+    return dict(zip(("before", "after", "perfect"), errors, strict=True))
 
 
 def _log(comparison: Comparison) -> dict[str, Any]:

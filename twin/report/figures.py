@@ -51,8 +51,12 @@ def drawn_motion(motion: Motion, run: FreeRun | None, *, before: str, after: str
         first = motion.position[0]
         measured = _turned(motion.position, first)
         drawn = [] if run is None else [(run.as_built, BUILT, before), (run.best, BEST, after)]
+        names = ["turn" if width == 1 else f"turn about {axis}" for axis in "xyz"]
+        units, factors = [unit] * 3, [factor] * 3
+        if motion.position.shape[1] == 3:
+            names, units, factors = ["x", "y", "heading"], ["m", "m", unit], [1.0, 1.0, factor]
         for k, panel in enumerate(panels):
-            axis = "" if width == 1 else f" about {'xyz'[k]}"
+            factor = factors[k]
             panel.plot(
                 motion.time, measured[:, k] / factor, color=MEASURED, label="measured", lw=2.6
             )
@@ -66,7 +70,7 @@ def drawn_motion(motion: Motion, run: FreeRun | None, *, before: str, after: str
                         label=None if i else label,
                     )
             _frame(panel, measured[:, k] / factor)
-            panel.set_ylabel(f"turn{axis} [{unit}]")
+            panel.set_ylabel(f"{names[k]} [{units[k]}]")
         panels[0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         panels[-1].set_xlabel("time [s]")
         return figure
@@ -277,7 +281,7 @@ def _draw_friction(
 
 def _turned(position: Array, first: Array) -> Array:
     """(m, k) angle, or rotation vector from the first attitude [rad]."""
-    if position.shape[-1] == 1:
+    if position.shape[-1] != 4:
         return position
     return rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(first), position))
 

@@ -241,7 +241,14 @@ def _entries(identification: Identification) -> list[str]:
         np.diag(base.map @ identification.covariance @ base.map.T)
     )
     seen = np.abs(base.map).sum(axis=1) > 0.0
-    if platform.base.kind == "hinge":
+    mass = platform.mass
+    if platform.base.kind == "planar":
+        mass = float(identification.theta[0]) if base.with_mass else mass
+        told = (
+            pair(mass, identification.half_widths[0]) if base.with_mass else f"{mass:g} (as stated)"
+        )
+        lines = [f"mass  {told} kg", f"Jzz   {pair(values[2], half[2])} kg m^2 about the vertical"]
+    elif platform.base.kind == "hinge":
         axis = hinge_axis(base.machine)
         if "J" in base.names:
             size = pair(identification.theta[0], identification.half_widths[0])
@@ -261,6 +268,12 @@ def _entries(identification: Identification) -> list[str]:
             if not seen[6 + i]:
                 continue
             value, width = values[6 + i] + extra[i], half[6 + i]
+            if platform.base.kind == "planar":
+                lines.append(
+                    f"m r_{axis} {pair(value, width)} kg m"
+                    f" = {pair(value / mass * 1e3, width / mass * 1e3)} mm of {mass:g} kg{place}"
+                )
+                continue
             lines.append(
                 f"m r_{axis} {pair(value, width)} kg m"
                 f" = {pair(value * platform.gravity, width * platform.gravity)} N m"
@@ -307,6 +320,12 @@ def _excitation(identification: Identification) -> list[str]:
     reach = f"{three_digits(float(np.degrees(moved.reach)))} deg"
     if identification.platform.base.kind == "hinge":
         return [f"Excitation: rate {rates} deg/s rms, angle up to {reach} from its mean"]
+    if identification.platform.base.kind == "planar":
+        x, y, turn = moved.rate.tolist()
+        return [
+            f"Excitation: speed {printed(float(np.hypot(x, y)), 'm/s')} and turn "
+            f"{three_digits(float(np.degrees(turn)))} deg/s rms"
+        ]
     weights = " ".join(
         f"{'+-'[weight < 0.0]} {abs(weight):.1f} {name}"
         for name, weight in moved.least_known.items()

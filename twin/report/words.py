@@ -369,6 +369,9 @@ def _free_runs(comparison: Comparison) -> list[str]:
                 f"after {horizon:g} s by {built} as built and {best} with the best model, where a "
                 f"perfect one would be off by {perfect}"
             )
+            if run.places is not None:
+                built, best, perfect = (printed(error, "m") for error in run.places)
+                parts[-1] += f", in place by {built}, {best} and {perfect}"
     return [f"A free run is typically off {_listed(parts)}."] if parts else []
 
 
