@@ -355,6 +355,10 @@ def _extended(diagnosis: Diagnosis, folder: Path) -> Platform:
         base[key] = [_rounded(value) for value in entries[own]]
         ends = ", ".join(f"{value:.2g}" for value in half[own])
         base[key].comment(f"fitted to {logs}; 95 %: +- {ends}")
+    if result.base.with_mass:
+        base["mass"] = _rounded(float(result.at.theta[0]))
+        width = NORMAL * float(np.sqrt(result.covariance[0, 0]))
+        base["mass"].comment(f"fitted to {logs}; 95 %: +- {width:.2g}")
     document["title"] = f"{platform.title}, as its logs have it"
     if diagnosis.causes:
         effects = document.setdefault("effects", tomlkit.table())
