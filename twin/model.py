@@ -229,6 +229,8 @@ def _turn_about_vertical(spec: mujoco.MjSpec, joint: str, heading: str) -> None:
         ball.axis = np.array([0.0, 0.0, 1.0])
     if below is not None:
         spec.delete(below)
+    for key in list(spec.keys):  # of joints that are no more
+        spec.delete(key)
 
 
 def _in_a_row(platform: Platform, model: mujoco.MjModel, joints: list[int]) -> tuple[int, int]:

@@ -10,6 +10,7 @@ with S the mass moment turned by the heading h; by another integrator, and no Mu
 from dataclasses import replace
 from itertools import pairwise
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -24,6 +25,7 @@ from twin.predict.body import Body, body_of
 from twin.predict.forces import predicted_machine
 from twin.predict.innovations import Problem
 from twin.predict.logs import motion_of
+from twin.predict.response import mass_matrix
 from twin.predict.states import STEP, States, carried_states
 from twin.recording import Recording, Series
 
@@ -206,3 +208,13 @@ def test_the_columns_of_mass_inertia_and_mass_moment_are_derivatives_of_the_pred
         numeric = (ends[0] - ends[1]) / (2e-3 * scale)
         error = np.linalg.norm(columns[..., i] - numeric) / np.linalg.norm(numeric)
         assert error < 2e-3, base.names[i]
+
+
+def test_a_locked_ball_on_a_stage_carries_the_inertia_of_both_and_its_gyros():
+    stated = load_platform("astros:mode_a")
+    machine = predicted_machine(on_floor(stated))
+    assert (machine.base_dof.start, machine.base_dof.stop) == (0, 3)
+    whole = mass_matrix(machine.model, mujoco.MjData(machine.model), machine.model.qpos0)
+    upper, lower = stated.inertia[2, 2], 4.0  # [kg m^2] of the stage, as its MJCF has it
+    assert whole[2, 2] == pytest.approx(upper + lower, rel=1e-6)
+    assert whole[0, 0] == pytest.approx(stated.mass + 15.0 + 45.0, rel=1e-9)
