@@ -238,7 +238,7 @@ class FreeRun:
     """Median over the runs of the rms error along each [rad]: as built, of the best model. A few
     runs scatter less in it than at their ends."""
     places: tuple[float, float, float] | None = None
-    """Likewise of x and y [m]; None of a base that does not glide on a floor."""
+    """As `errors`, of x and y [m]; None of a base that does not glide on a floor."""
 
 
 def free_run(horizon: float, as_built: Account, best: Account) -> FreeRun | None:
