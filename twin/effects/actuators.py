@@ -527,7 +527,7 @@ class NozzleGain(ScaleEffect):
         "1",
         -0.2,
         source="ASSUMED: what nozzles of one kind differ by, and more where one is clogged",
-        low=-1.5,
+        low=-10.0,
         high=10.0,
     )
 
