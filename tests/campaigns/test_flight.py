@@ -10,6 +10,7 @@ from twin.campaigns.draw import draw
 from twin.campaigns.flight import flown
 from twin.controller import load_controller
 from twin.errors import ControllerError
+from twin.files import trust_folders
 from twin.platform import load_platform
 
 ARMS = """
@@ -195,6 +196,7 @@ DIPOLES = {"that takes no columns": "1e-3 * math.tanh(self.gain)", "made with th
 def test_a_law_that_cannot_have_its_gains_as_columns_flies_in_batches(kind, tmp_path, spec_of):
     path = tmp_path / "own.py"
     path.write_text(OWN.replace("DIPOLE", DIPOLES[kind]), encoding="utf-8")
+    trust_folders(tmp_path)
     spec = spec_of(
         ('"mass_magnetic_pid"', repr(str(path))),
         ("derivative = { grid = [1e-3, 2e-3] }", "gain = { uniform = [1.0, 2.0] }"),

@@ -51,6 +51,15 @@ def test_an_encoder_shows_waves_around_the_turn_and_its_rate_is_that_of_what_it_
     agrees("encoder_error: rate, by its formula", np.abs(off).max() / 1e-3, 1e-11)
 
 
+def test_a_rate_sensor_that_shakes_shows_a_sinusoid_beside_the_rate(agrees):
+    platform = undisturbed(load_platform("dfki_pendulum"))
+    shaken = with_effects(platform, parse_effects("joint_rate_vibration=0.02/-0.01/8"))
+    sound, faulty = (swing(machine) for machine in (platform, shaken))
+    turns = 2.0 * np.pi * 8.0 * platform.tick * np.arange(len(sound["joint_rate"]))
+    off = faulty["joint_rate"] - sound["joint_rate"] - 0.02 * np.sin(turns) + 0.01 * np.cos(turns)
+    agrees("joint_rate_vibration: reading, by its formula", np.abs(off).max() / 1e-2, 1e-11)
+
+
 def swing(machine):
     """Angle and rate (n,) that are shown."""
     plant = SimulatedPlant(machine, initial=InitialState(joint_angle=2.0))

@@ -132,8 +132,8 @@ def test_a_simulated_machine_on_a_floor_follows_its_equations_of_motion(
     place = np.linalg.norm(qpos[0, machine.place_qpos] - true[:2])
     turned = abs(np.angle(np.exp(1j * (heading - true[2]))))
     # a step in which a valve switches gets the mean force: exact to the second order
-    agrees("kentucky_planar: place after 12 s", place, 2e-5, "m")
-    agrees("kentucky_planar: heading after 12 s", turned, 5e-5, "rad")
+    agrees("kentucky_planar: place after 12 s", place, 3e-6, "m")
+    agrees("kentucky_planar: heading after 12 s", turned, 2e-6, "rad")
     assert np.abs(qvel[0, machine.place_dof] - true[3:5]).max() < 1e-5
 
 
@@ -172,9 +172,9 @@ def test_a_prediction_of_a_machine_on_a_floor_follows_its_equations_of_motion(
     path = body.rollouts.paths(machine.model, start.one())
     count = len(ends)
     place = np.linalg.norm(path.position[0, :count, -1, :2] - ends[:, :2], axis=1).max()
-    agrees("prediction on a floor: place after 10 s", float(place), 1e-4, "m")
+    agrees("prediction on a floor: place after 10 s", float(place), 5e-6, "m")
     turned = float(np.abs(path.position[0, :count, -1, 2] - ends[:, 2]).max())
-    agrees("prediction on a floor: heading after 10 s", turned, 2e-4, "rad")
+    agrees("prediction on a floor: heading after 10 s", turned, 1e-5, "rad")
 
 
 def test_the_neighbours_of_a_path_on_a_floor_follow_from_its_equations(

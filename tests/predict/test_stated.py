@@ -20,7 +20,7 @@ from twin.recording import Recording
 STATED = {
     "a law of the motion": "bearing_coulomb_friction=0.004",
     "a torque with the body's axes": "bearing_swirl_torque=0.05",
-    "a push with the room's axes": "room_draft=0.1/0.0/0.3/0.2/0.1/0.0/0.05/0.5",
+    "a push with the room's axes": "room_draft=0.4/0.0/0.8/0.1/0.05/0.0/0.05/0.5",
     "a change of MuJoCo's model": "bearing_viscous_friction=0.2",
     "a spring at rest where a run starts": "harness_stiffness=0.1",
     "a part that rings": "flexible_appendage=1.5/0.01/0.4/0.36/0.48/0.8",

@@ -157,7 +157,6 @@ class RunVerb:
 
     def _keep(self, run: "Run") -> list[Path]:
         """Write the last seconds of every run that was stopped."""
-        from twin.flight import BENCHES
         from twin.stream.runfile import write_recording
 
         records = {f"flight-{number}": record for number, record in run.last_seconds.items()}
@@ -169,7 +168,7 @@ class RunVerb:
             # beside the recording, else where one stands, whatever folder the machine is in
             stem = self.rrd or Path(f"{Path(self.platform).resolve().name.replace(':', '-')}.rrd")
             path = stem.with_name(f"{stem.stem}.{what}.rrd")
-            if self.plant.partition(":")[0] in BENCHES:
+            if run.bench:
                 path = _unused(path)
             write_recording(record, path, run.platform)
             kept.append(path)

@@ -126,7 +126,7 @@ class VibrationEffect(SeriesEffect, abc.ABC):
 
     @abc.abstractmethod
     def sinusoid(self) -> tuple[Array, Array, float]:
-        """s and c (k,) in the stream's unit, and f [Hz]."""
+        """s and c, (k,) or a number, in the stream's unit, and f [Hz]."""
 
     def apply(self, samples: Samples, platform: Platform) -> Samples:
         return with_value(samples, samples.value + self._error(samples))

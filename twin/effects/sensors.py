@@ -345,7 +345,7 @@ class JointRateVibration(VibrationEffect):
     )
 
     def sinusoid(self) -> tuple[Array, Array, float]:
-        return np.array([self.sine]), np.array([self.cosine]), self.frequency
+        return np.asarray(self.sine), np.asarray(self.cosine), self.frequency
 
     def at_frequency(self, hertz: float, gravity: float) -> tuple[Self, ...]:
         del gravity
