@@ -212,7 +212,8 @@ _CLAMPED = (1.0, 0.985)
 """Clamped frequencies tried for one that a free body shows, in parts of it: of a part far smaller
 than the body, and of one of 3 % of its inertia."""
 _BROAD = 0.05
-"""Damping ratio with which it is sought all over a spectrum."""
+"""Damping ratio with which it is sought all over a spectrum: what rings longer is out of step with
+what rings but a hundredth faster, and a line is not known so well."""
 _AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """About which it is sought."""
 
@@ -384,9 +385,6 @@ class HarnessStiffness(BodyEffect):
         return HingeSpring(self.stiffness, self.reference[0])
 
 
-"""Of a period, that RK4 needs to follow it."""
-"""Damping ratio with which it is sought: what rings longer is out of step with what rings but a
-hundredth faster, and a line is not known so well."""
 _ARM = 0.4
 """Distance from the CR at which its pivot is sought [m]: nearer to it, a turn of the body hardly
 makes it ring, and what it does besides is what another base does."""
