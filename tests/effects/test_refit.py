@@ -42,8 +42,6 @@ HIDDEN = {
     "magnetorquer_gain": "cubesat",
     "joint_torque_gain": "dfki_pendulum",
     "encoder_error": "dfki_pendulum",
-    "joint_rate_vibration=0.05/0.03/8": "dfki_pendulum",
-    "gyro_vibration=0.002/-0.001/0.0005/0.001/0.0005/-0.002/4": "sads",
     "thruster_misalignment": "whorl1",
     "gas_consumption": "astros",
 }

@@ -2,6 +2,7 @@
 
 import csv
 import re
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -26,7 +27,7 @@ def identified(run: Run) -> Identification:
 
 def verdict(page: str) -> str:
     (answer,) = re.findall(r"<p class='verdict'>(.*?)</p>", page)
-    return re.sub("<.*?>", "", answer)
+    return unescape(re.sub("<.*?>", "", answer))
 
 
 def test_a_runs_page_begins_with_how_it_tracked_and_ends_with_where_it_is_from(run: Run):

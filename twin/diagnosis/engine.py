@@ -69,6 +69,9 @@ class SearchSettings:
     """or this share of the cause's own evidence, whichever is larger."""
     rivals: int = 3
     """Rivals that are fitted, at most."""
+    shaken: float = 5.0
+    """Frequency of a line above which a sensor is asked to vibrate from the start of a search [Hz]:
+    slower ones may be of a panel or of a liquid, and come with these."""
     inexact: float = 1e-4
     """Share of the strongest cause's gain that is numerical error: the base's columns neglect how a
     strong cause responds to a change of the base."""
@@ -201,8 +204,8 @@ class Engine:
         """
         self.candidates = tuple(candidate for candidate in candidates if not candidate.effect.winds)
         self.shaken: tuple[Candidate, ...] = ()
-        """Vibrations of sensors at the lines of the baseline's residual: candidates from the start,
-        since other faults of that sensor would reproduce part of a line."""
+        """Vibrations of sensors at the fast lines of the baseline's residual: candidates from the
+        start, since other faults of that sensor would reproduce part of a line."""
         self.winding = tuple(candidate for candidate in candidates if candidate.effect.winds)
         """Candidates without a usual number of waves a turn: screened in the last stage only."""
         self.say = say
@@ -258,7 +261,8 @@ class Engine:
         self._named, self._baseline, self._inflation = None, baseline, np.inf
         self._laws_asked = False
         shaken = [item for item in self.candidates if isinstance(item.effect, VibrationEffect)]
-        self.shaken = ringing(shaken, lines_of(baseline) if shaken else (), baseline.bodies)
+        lines = [hertz for hertz in lines_of(baseline) if hertz > SETTINGS.shaken] if shaken else []
+        self.shaken = ringing(shaken, lines, baseline.bodies)
 
     def _single_causes(self, state: SearchState) -> list[SearchState]:
         """Of independent segments: the best candidates fitted one at a time, until one leaves noise
@@ -725,13 +729,8 @@ def _may_be_none(explanation: Explanation, index: int) -> bool:
 
 
 def _possible(explanation: Explanation, effect: Effect) -> bool:
-    """Whether the machine can have the effect in that size: not where a fit ends at a bound of
-    what such an effect can be."""
+    """Whether the machine can have the effect in that size."""
     platform = explanation.bodies[0].machine.platform
-    sizes, bounds = effect.values[amplitudes(effect)], effect.bounds()
-    low, high = (bound[amplitudes(effect)] for bound in bounds)
-    if np.any((sizes != 0.0) & ((sizes <= low) | (sizes >= high))):
-        return False
     try:
         compile_model(with_effects(able(platform, effect), (effect,)))
     except TwinError:
