@@ -146,10 +146,3 @@ class PadViscousFriction(BodyEffect):
         for name in platform.base.planar[:2]:
             spec.joint(name).damping[0] += self.damping
         spec.joint(platform.base.joint).damping[0] += self.turning
-
-    def predicted_torque(self, platform: Platform) -> TorqueLaw:
-        del platform
-        return self._law
-
-    def _law(self, state: State) -> Array:
-        return -np.array([self.damping, self.damping, self.turning]) * state.rate
