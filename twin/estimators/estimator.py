@@ -197,6 +197,14 @@ def agility_of(platform: Platform) -> Agility:
     return Agility(2.0 * torque / least, 2.0 * momentum / least, spread / least)
 
 
+def scatter_of(variance: Array) -> Array:
+    """(3,) by which two samples of a gyro may differ by noise alone, of its variances (3,).
+
+    Six sigmas of a difference: one good sample in 10^9 is refused.
+    """
+    return 6.0 * np.sqrt(2.0 * variance)
+
+
 def accepted_rates(
     value: Array,
     held: Array,
@@ -219,8 +227,7 @@ def accepted_rates(
         variance: (3,) of a sample.
         agility: of the machine.
     """
-    # six sigmas of a difference: one good sample in 10^9 is refused
-    margin = agility.at(held) * np.maximum(step, 0.0)[:, None] + 6.0 * np.sqrt(2.0 * variance)
+    margin = agility.at(held) * np.maximum(step, 0.0)[:, None] + scatter_of(variance)
     with np.errstate(invalid="ignore"):
         near = np.abs(value - held) <= margin
     return np.asarray(near.all(axis=1) | (held != shown).any(axis=1))

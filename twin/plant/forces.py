@@ -252,11 +252,8 @@ class Valves:
         """
         self._delay = delay
         self._commands = [(-np.inf, np.zeros((n, len(delay))), delay)]
-
-    @property
-    def late(self) -> bool:
+        self.late = bool(delay.any())
         """Whether a force may come after its command."""
-        return any(delay.any() for _, _, delay in self._commands)
 
     @property
     def force(self) -> Array:
@@ -284,6 +281,7 @@ class Valves:
         # the one before last still acts until the delay of the last one has passed
         over = [at for at, _, _ in self._commands if at + float(np.max(delay, initial=0.0)) < time]
         del self._commands[: max(len(over) - 1, 0)]
+        self.late = any(bool(item.any()) for _, _, item in self._commands)
 
     def mean(self, start: float, step: float, steps: int) -> Array:
         """Mean force in each of some steps from a time on, (n, steps, thrusters) [N]."""

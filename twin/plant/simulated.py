@@ -183,7 +183,7 @@ class SimulatedPlant(Plant):
         if "command_wheel_torque" in self._applied and "command_wheel_torque" not in command:
             self._applied["command_wheel_torque"] = self._wheel_torque(self._wheel_wish)
         if "command_thruster" in self._applied and "command_thruster" not in command:
-            self._applied["command_thruster"] = self._force_of_thrusters(self._thrust_wish)
+            self._applied["command_thruster"] = self._fed(self._thrust_wish)
         return dict(self._applied)
 
     def drive_stages(self, position: Array) -> None:
@@ -251,15 +251,19 @@ class SimulatedPlant(Plant):
 
     def _force_of_thrusters(self, wish: Array) -> Array:
         self._thrust_wish = self._limits.force(wish)
-        applied = self._thrust_wish if self._tanks is None else self._tanks.fed(self._thrust_wish)
+        applied = self._fed(self._thrust_wish)
         self._valves.command(self.time, *self._acted("command_thruster", applied))
         if not self._valves.late:
             self._push_with(self._valves.force)
         return applied
 
+    def _fed(self, force: Array) -> Array:
+        """Forces of thrusters (n, thrusters) [N] as far as there is gas."""
+        return force if self._tanks is None else self._tanks.fed(force)
+
     def _push_with(self, force: Array) -> None:
         """Let thrusters push with (n, thrusters) [N], as far as there is gas."""
-        self._thrust = force if self._tanks is None else self._tanks.fed(force)
+        self._thrust = self._fed(force)
         if self.machine.thruster_actuator.size:
             self._ctrl[:, self.machine.thruster_actuator] = self._thrust
         else:
