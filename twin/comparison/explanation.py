@@ -7,7 +7,7 @@ A free run starts from the filter's state at an instant and continues under the 
 model starts from the same states: those of the best model, from what was measured before.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -268,16 +268,19 @@ def free_run(horizon: float, as_built: Account, best: Account) -> FreeRun | None
         (better[:, -1], truth),
         (np.concatenate(perfect)[:, -1], np.tile(better[:, -1], (DRAWS, 1))),
     )
-    before, after, least = (_typical(*pair) for pair in pairs)
+    errors = _three(_typical(*pair) for pair in pairs)
     places = None
     if truth.shape[-1] == 3:
-        one, two, three = (
-            float(np.median(np.linalg.norm((there - other)[:, :2], axis=1)))
-            for there, other in pairs
+        places = _three(
+            float(np.median(np.linalg.norm((position - known)[:, :2], axis=1)))
+            for position, known in pairs
         )
-        places = one, two, three
-    errors = before, after, least
     return FreeRun(horizon, time, built, better, errors, (along[0], along[1]), places)
+
+
+def _three(values: Iterable[float]) -> tuple[float, float, float]:
+    built, best, perfect = values
+    return built, best, perfect
 
 
 def _known(account: Account, time: Array) -> Array:

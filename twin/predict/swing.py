@@ -2,12 +2,16 @@
 
     M a = f + gear u + p(q) - d w,   p(q) = s sin q + c cos q - k (q - q0)
 
+with s sin q + c cos q = r sin(q + phase): one sine, for the time of a step of a few paths is that
+of its calls.
+
 Classical Runge-Kutta as in MuJoCo, many paths side by side: the same path to rounding, in a tenth
 of the time.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -82,17 +86,38 @@ class Swing:
         )
         return swing if swing._agrees(model, data) else None
 
-    def acceleration(self, position: Array, velocity: Array, torque: Array) -> Array:
-        """(r,) [rad/s^2] at angles and rates (r,), under torques (r,) from outside [N m]."""
-        passive = self.sine * np.sin(position) + self.cosine * np.cos(position)
-        if self.stiffness:
-            passive = passive - self.stiffness * (position - self.spring_reference)
-        return (torque + passive - self.damping * velocity) / self.inertia
+    @cached_property
+    def phase(self) -> float:
+        """[rad]."""
+        return float(np.arctan2(self.cosine, self.sine))
+
+    @cached_property
+    def _by_inertia(self) -> tuple[float, float, float]:
+        """r, k and d over M."""
+        weight = float(np.hypot(self.sine, self.cosine))
+        return weight / self.inertia, self.stiffness / self.inertia, self.damping / self.inertia
+
+    def acceleration(self, turned: Array, velocity: Array, drive: Array) -> Array:
+        """(r,) [rad/s^2].
+
+        Args:
+            turned: (r,) angles and the phase [rad].
+            velocity: (r,) [rad/s].
+            drive: (r,) torques from outside over M [rad/s^2].
+        """
+        weight, spring, damping = self._by_inertia
+        result = weight * np.sin(turned) + drive
+        if spring:
+            result -= spring * (turned - (self.spring_reference + self.phase))
+        if damping:
+            result -= damping * velocity
+        return result
 
     def _agrees(self, model: mujoco.MjModel, data: mujoco.MjData) -> bool:
         for q, w in PROBES:
             needed = -_torque(model, data, q, w, 0.0)
-            here = float(self.acceleration(np.array([q]), np.array([w]), np.zeros(1))[0])
+            turned = np.array([q + self.phase])
+            here = float(self.acceleration(turned, np.array([w]), np.zeros(1))[0])
             size = abs(self.sine) + abs(self.cosine) + abs(needed)
             if abs(self.inertia * here - needed) > ALIKE * size:
                 return False
@@ -122,22 +147,8 @@ class Swinging:
         """
         swing, h = self._swing, self._swing.step
         control = np.clip(driven[..., :-1], swing.low, swing.high)
-        # s sin q + c cos q = gravity sin(q + phase): one sine, and all by the inertia, for
-        # the time of a step of a few paths is that of its calls
-        phase = np.arctan2(swing.cosine, swing.sine)
-        gravity = np.hypot(swing.sine, swing.cosine) / swing.inertia
-        spring, damping = swing.stiffness / swing.inertia, swing.damping / swing.inertia
-        rest = swing.spring_reference + phase
         driving = np.ascontiguousarray((driven[..., -1] + control @ swing.gear).T) / swing.inertia
-
-        def acceleration(turned: Array, rate: Array, pull: Array) -> Array:
-            result = gravity * np.sin(turned) + pull
-            if spring:
-                result -= spring * (turned - rest)
-            if damping:
-                result -= damping * rate
-            return result
-
+        phase, acceleration = swing.phase, swing.acceleration
         positions, velocities = np.empty_like(driving), np.empty_like(driving)
         q, w = self.position[:, 0] + phase, self.velocity[:, 0]
         for k, pull in enumerate(driving):
