@@ -308,7 +308,7 @@ def check_start(plant: str, identified: str | Path | None, motion: Sequence[floa
         UsageError: an identification without a guard, or a start of a real machine.
     """
     kind = plant.partition(":")[0]
-    if identified is not None and kind not in ("pty", "serial"):
+    if identified is not None and kind not in BENCHES:
         raise UsageError(f"--identified is for a machine on its bench; plant {plant} has no guard")
     if kind == "serial" and any(motion):
         raise UsageError(

@@ -174,27 +174,12 @@ def agility_of(platform: Platform) -> Agility:
     The largest torque of all of them together over the smallest principal moment of inertia, and
     twice that, for what is stated of a machine is not exact. Hands and stops do more.
     """
-    weight = platform.gravity * (
-        float(np.linalg.norm(platform.center_of_mass_offset))
-        + sum(stage.mass * max(np.abs(stage.travel)) for stage in platform.stages)
-    )
-    field = float(np.linalg.norm(platform.magnetic_field))
     momentum = sum(abs(rotor.momentum) for rotor in platform.rotors)
     momentum += sum(wheel.momentum_limit for wheel in platform.wheels)
-    torque = (
-        weight
-        + momentum * max((gimbal.rate for gimbal in platform.gimbals), default=0.0)
-        + sum(wheel.torque_limit for wheel in platform.wheels)
-        + sum(coil.dipole_limit * field for coil in platform.magnetorquers)
-        + sum(
-            thruster.force_limit * float(np.linalg.norm(thruster.point))
-            for thruster in platform.thrusters
-        )
-    )
     moments = np.linalg.eigvalsh(platform.inertia)
     least = float(moments[0])
     spread = float(moments[2] - moments[0])  # |w x J w| <= spread |w|^2 / 2
-    return Agility(2.0 * torque / least, 2.0 * momentum / least, spread / least)
+    return Agility(2.0 * platform.largest_torque / least, 2.0 * momentum / least, spread / least)
 
 
 def scatter_of(variance: Array) -> Array:

@@ -65,7 +65,9 @@ def sensor_limits(platform: Platform, stream: str, resolution: float = 0.0) -> S
     scatter = math.sqrt(2.0) * _SIGMAS * float(np.max(sensor.noise)) + step
     largest = math.inf
     if stream == "gyro" and platform.base.kind == "ball":
-        largest = max(_TURNS * _acceleration(platform), _HAND) / sensor.rate + scatter
+        smallest = float(np.linalg.eigvalsh(platform.inertia)[0])
+        fastest = _TURNS * platform.largest_torque / smallest
+        largest = max(fastest, _HAND) / sensor.rate + scatter
     return StreamLimits(
         range=sensor.range,
         largest_step=largest,
@@ -87,32 +89,6 @@ def _frozen_after(stream: str, sensor: Sensor, step: float) -> int:
     if chance > 0.5:
         return 0
     return max(_REPEATS, math.ceil(math.log(_CHANCE) / math.log(max(chance, 1e-300))) + 1)
-
-
-def _acceleration(platform: Platform) -> float:
-    """Largest angular acceleration that actuators and gravity can give the body [rad/s^2]."""
-    reach = sum(stage.mass * max(map(abs, stage.travel)) for stage in platform.stages)
-    torque = platform.gravity * (float(np.linalg.norm(platform.center_of_mass_offset)) + reach)
-    torque += sum(wheel.torque_limit for wheel in platform.wheels)
-    torque += sum(
-        gimbal.rate * wheel.momentum_limit
-        for gimbal in platform.gimbals
-        for wheel in platform.wheels
-        if wheel.gimbal == gimbal.name
-    )
-    torque += sum(
-        gimbal.rate * abs(rotor.momentum)
-        for gimbal in platform.gimbals
-        for rotor in platform.rotors
-        if rotor.gimbal == gimbal.name
-    )
-    torque += sum(
-        t.force_limit * float(np.linalg.norm(np.cross(t.point, t.direction)))
-        for t in platform.thrusters
-    )
-    field = float(np.linalg.norm(platform.magnetic_field))
-    torque += sum(coil.dipole_limit for coil in platform.magnetorquers) * field
-    return torque / float(np.linalg.eigvalsh(platform.inertia)[0])
 
 
 class SampleChecks:

@@ -327,6 +327,27 @@ class Platform:
         sine = np.abs(vertical_body(attitude) @ self.pitch_stop.axis)
         return np.arcsin(np.minimum(sine, 1.0))
 
+    @property
+    def largest_torque(self) -> float:
+        """Torque that actuators and gravity can give the body, all at once and alike [N m]."""
+        reach = sum(stage.mass * max(map(abs, stage.travel)) for stage in self.stages)
+        torque = self.gravity * (float(np.linalg.norm(self.center_of_mass_offset)) + reach)
+        torque += sum(wheel.torque_limit for wheel in self.wheels)
+        rates = {gimbal.name: gimbal.rate for gimbal in self.gimbals}
+        torque += sum(
+            rates[wheel.gimbal] * wheel.momentum_limit for wheel in self.wheels if wheel.gimbal
+        )
+        torque += sum(
+            rates[rotor.gimbal] * abs(rotor.momentum) for rotor in self.rotors if rotor.gimbal
+        )
+        torque += sum(
+            thruster.force_limit
+            * float(np.linalg.norm(np.cross(thruster.point, thruster.direction)))
+            for thruster in self.thrusters
+        )
+        field = float(np.linalg.norm(self.magnetic_field))
+        return torque + sum(coil.dipole_limit for coil in self.magnetorquers) * field
+
     def columns(self, stream: str) -> tuple[str, ...]:
         """Column names of a canonical stream on this machine.
 
