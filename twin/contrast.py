@@ -85,8 +85,8 @@ class ExcitingLaw(Controller[Platform]):
             size = self.thrust * np.array([t.force_limit for t in platform.thrusters])
             wave = _waves(len(size), time)
             push = np.maximum(size * wave, 0.0)
-            whole = np.array([t.on_off for t in platform.thrusters])
-            push[whole & (wave > 0.5)] = size[whole & (wave > 0.5)] / self.thrust
+            on_off = np.array([t.on_off for t in platform.thrusters])
+            push[on_off & (wave > 0.5)] = size[on_off & (wave > 0.5)] / self.thrust
             command["command_thruster"] = np.tile(push, rows)
         return command, state
 

@@ -126,10 +126,10 @@ def between_centres(grid: CellGrid, fixed: Means, shifted: Means | None) -> NDAr
         shifted: one whose times are tried up to the longest lag off.
     """
     edges = grid.around_edges
-    whole = fixed.covers(edges)
+    covered = fixed.covers(edges)
     if shifted is not None:
-        whole &= shifted.covers(edges, grid.longest_lag)
-    kept = whole[1:] & whole[:-1]
+        covered &= shifted.covers(edges, grid.longest_lag)
+    kept = covered[1:] & covered[:-1]
     return kept if np.count_nonzero(kept) >= FEWEST else np.ones(len(kept), dtype=np.bool_)
 
 

@@ -202,8 +202,8 @@ def _variance(sensor: Sensor, platform: Platform) -> Array:
     """(k,) of a sample; a perfect magnetometer is taken as good to 1e-7 of the field."""
     if sensor.stream != "magnetometer":
         return variance_of(sensor)
-    least = 1e-7 * max(float(np.linalg.norm(platform.magnetic_field)), 1e-6)
-    return np.maximum(sensor.noise**2 + sensor.resolution**2 / 12.0, least**2)
+    smallest = 1e-7 * max(float(np.linalg.norm(platform.magnetic_field)), 1e-6)
+    return np.maximum(sensor.noise**2 + sensor.resolution**2 / 12.0, smallest**2)
 
 
 def _levers(platform: Platform, sensors: dict[str, Sensor]) -> dict[str, Array]:
@@ -222,7 +222,7 @@ def due(
 ) -> tuple[dict[str, Samples], dict[str, Samples]]:
     """What the filter reads, stamped with the time at which it was true, by the horizon and
     after."""
-    now: dict[str, Samples] = {}
+    due_samples: dict[str, Samples] = {}
     coming: dict[str, Samples] = {}
     for name, delay in known.delay.items():
         new, kept = streams.get(name), waiting.get(name)
@@ -241,21 +241,23 @@ def due(
         # runs share their schedule but for faults of their clocks: the earliest decides
         count = int(np.sum(both.time.min(axis=0) <= until + _EPS))
         if count:
-            now[name] = Samples(both.value[:, :count], both.time[:, :count], both.valid[:, :count])
+            due_samples[name] = Samples(
+                both.value[:, :count], both.time[:, :count], both.valid[:, :count]
+            )
         if count < both.time.shape[1]:
             coming[name] = Samples(
                 both.value[:, count:], both.time[:, count:], both.valid[:, count:]
             )
-    return now, coming
+    return due_samples, coming
 
 
-def in_order(now: dict[str, Samples]) -> list[tuple[str, int]]:
+def in_order(due_samples: dict[str, Samples]) -> list[tuple[str, int]]:
     """Streams and places of samples: each gyro sample, then those of the time up to it."""
-    gyro = now["gyro"].time.min(axis=0) if "gyro" in now else np.empty(0)
+    gyro = due_samples["gyro"].time.min(axis=0) if "gyro" in due_samples else np.empty(0)
     keyed = [(float(k), -1, "gyro", k) for k in range(len(gyro))]
     for rank, name in enumerate(AIDS):
-        if name in now:
-            stamps = now[name].time.min(axis=0)
+        if name in due_samples:
+            stamps = due_samples[name].time.min(axis=0)
             after = np.searchsorted(gyro, stamps - _EPS, side="left")
             keyed += [(float(a), rank, name, k) for k, a in enumerate(after)]
     return [(name, place) for _, _, name, place in sorted(keyed)]
@@ -352,29 +354,29 @@ def first_attitude(
     """
     up = np.tile(UP, (n, 1))
     if "inclinometer" in first:
-        tilts, _, there = first["inclinometer"]
-        sines = np.sin(np.where(there[:, None], tilts, 0.0))
+        tilts, _, measured = first["inclinometer"]
+        sines = np.sin(np.where(measured[:, None], tilts, 0.0))
         upward = np.sqrt(np.maximum(1.0 - np.square(sines).sum(axis=1), 0.0))
         shown = np.stack([-sines[:, 1], sines[:, 0], upward], axis=1)
-        up = np.where(there[:, None], shown, up)
+        up = np.where(measured[:, None], shown, up)
     if "accelerometer" in first:
-        force, _, there = first["accelerometer"]
-        there = there & force.any(axis=1)
-        up = np.where(there[:, None], normalized(np.where(there[:, None], force, UP)), up)
+        force, _, measured = first["accelerometer"]
+        measured = measured & force.any(axis=1)
+        up = np.where(measured[:, None], normalized(np.where(measured[:, None], force, UP)), up)
     attitude = upright(up)
     if "magnetometer" in first:
-        value, _, there = first["magnetometer"]
-        value = np.where(there[:, None], value, 0.0)
+        value, _, measured = first["magnetometer"]
+        value = np.where(measured[:, None], value, 0.0)
         shown = rotate(attitude, value)
         learnt = np.zeros_like(shown)
         learnt[:, 0], learnt[:, 2] = np.hypot(shown[:, 0], shown[:, 1]), shown[:, 2]
-        field = np.where((there & ~field.any(axis=1))[:, None], learnt, field)
-        turn = np.where(there, off_field(attitude, value, field), 0.0)
+        field = np.where((measured & ~field.any(axis=1))[:, None], learnt, field)
+        turn = np.where(measured, off_field(attitude, value, field), 0.0)
         attitude = multiply(from_rotation_vector(turn[:, None] * UP), attitude)
     if "attitude" in first:
-        value, _, there = first["attitude"]
-        value = np.where(there[:, None], value, IDENTITY)
-        attitude = np.where(there[:, None], normalized(value), attitude)
+        value, _, measured = first["attitude"]
+        value = np.where(measured[:, None], value, IDENTITY)
+        attitude = np.where(measured[:, None], normalized(value), attitude)
     return attitude, field
 
 

@@ -199,12 +199,12 @@ def _believed(before: FilterEstimate, gyro: Samples | None) -> tuple[Samples | N
     """The samples without lone spikes, and the newest as it came."""
     if gyro is None:
         return None, before.shown
-    variance, most = before.noise.gyro, before.agility
+    variance, agility = before.noise.gyro, before.agility
     # nearly all ticks: no sample is farther from the one before than a machine at rest could get
     if gyro.valid.all():
         rates = np.concatenate([before.gyro[:, None], gyro.value], axis=1)
         steps = np.diff(gyro.time, axis=1, prepend=before.gyro_time[:, None])
-        margin = most.still * np.maximum(steps, 0.0)[..., None] + scatter_of(variance)
+        margin = agility.at_rest * np.maximum(steps, 0.0)[..., None] + scatter_of(variance)
         if (np.abs(np.diff(rates, axis=1)) <= margin).all():
             return gyro, gyro.value[:, -1]
     held, shown, when = before.gyro, before.shown, before.gyro_time
@@ -212,7 +212,7 @@ def _believed(before: FilterEstimate, gyro: Samples | None) -> tuple[Samples | N
     for k in range(gyro.time.shape[1]):
         value, here = gyro.value[:, k], gyro.valid[:, k]
         step = gyro.time[:, k] - when
-        kept = here & accepted_rates(value, held, shown, step, variance, most)
+        kept = here & accepted_rates(value, held, shown, step, variance, agility)
         if not np.array_equal(kept, here):
             valid = gyro.valid.copy() if valid is None else valid
             valid[:, k] = kept

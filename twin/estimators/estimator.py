@@ -153,9 +153,9 @@ def variance_of(sensor: Sensor) -> Array:
 
 
 class Agility(NamedTuple):
-    """How fast a machine's rate can change: dw/dt <= still + by_rate |w| + by_square |w|^2."""
+    """How fast a machine's rate can change: dw/dt <= at_rest + by_rate |w| + by_square |w|^2."""
 
-    still: float
+    at_rest: float
     """By torques [rad/s^2]."""
     by_rate: float = 0.0
     """By the momentum of its rotors [1/s]."""
@@ -165,7 +165,7 @@ class Agility(NamedTuple):
     def at(self, rate: Array) -> Array:
         """(n, 1) [rad/s^2] at rates (n, 3)."""
         size = np.sqrt(np.einsum("ni,ni->n", rate, rate))[:, None]
-        return self.still + size * (self.by_rate + size * self.by_square)
+        return self.at_rest + size * (self.by_rate + size * self.by_square)
 
 
 def agility_of(platform: Platform) -> Agility:
@@ -177,9 +177,11 @@ def agility_of(platform: Platform) -> Agility:
     momentum = sum(abs(rotor.momentum) for rotor in platform.rotors)
     momentum += sum(wheel.momentum_limit for wheel in platform.wheels)
     moments = np.linalg.eigvalsh(platform.inertia)
-    least = float(moments[0])
+    smallest = float(moments[0])
     spread = float(moments[2] - moments[0])  # |w x J w| <= spread |w|^2 / 2
-    return Agility(2.0 * platform.largest_torque / least, 2.0 * momentum / least, spread / least)
+    return Agility(
+        2.0 * platform.largest_torque / smallest, 2.0 * momentum / smallest, spread / smallest
+    )
 
 
 def scatter_of(variance: Array) -> Array:

@@ -364,7 +364,7 @@ class _Filter:
         # what a straight line misses where samples were lost, at the largest acceleration
         sensor = self.before.known.gyro_variance
         missed = np.where(
-            step > 2.5 * self.known.period, self.known.agility.still * squared / 8.0, 0.0
+            step > 2.5 * self.known.period, self.known.agility.at_rest * squared / 8.0, 0.0
         )
         if self._even:
             self._noise[:, range(3), range(3)] += (sensor[0] * squared)[:, None]
