@@ -37,3 +37,16 @@ def test_friction_is_named_in_each_measured_log(name: str):
     assert "(dry friction)" in sentences(comparison)[0]
     assert comparison.verdict == "unexplained", "backlash and pushes are left"
     assert document([comparison], [])["logs"][0]["verdict"] == "unexplained"
+
+
+def test_a_gain_of_all_thrusters_is_no_law_beside_a_mass_that_is_fitted():
+    log = open_log(library("models") / "kentucky_planar" / "logs" / "mission").between(0.0, 60.0)
+    comparison = compare(log, platform_of(log))
+    assert comparison.refitted is not None
+    named, asked = (
+        {item.symptom.name for item in items}
+        for items in (comparison.refitted.strengths, comparison.as_built.scores)
+    )
+    assert "thruster_gain" in asked
+    assert "thruster_gain" not in named
+    assert "command_delay" in named

@@ -192,7 +192,8 @@ def compare(
         say("the base refitted")
         first = first_theta(plain, momentum_fit([(recording, body.motion)], plain))
         theta = np.concatenate([first, base.as_stated[len(first) :]])
-        refitted = side(body, base, symptoms, theta, biases, held=False)
+        beside = [symptom for symptom in symptoms if not symptom.of_scale]
+        refitted = side(body, base, beside, theta, biases, held=False)
     say("the model as built")
     content = refitted is not None and refitted.healthy
     built = side(body, base, symptoms, base.as_stated, biases, held=True, content=content)

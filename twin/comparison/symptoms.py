@@ -296,6 +296,8 @@ class Symptom:
     """Whether only positive strengths make sense."""
     offset: float = 0.0
     """What is added to a strength when it is printed."""
+    of_scale: bool = False
+    """Whether a base that is fitted takes it: mass, J and m r have its factor in common."""
     parts: tuple[str, ...] = ()
     """Of a vector over wheels, which each component is of: "for w1"."""
 
@@ -468,6 +470,7 @@ def _inside(body: Body) -> list[Symptom]:
         *,
         dissipative: bool = False,
         offset: float = 0.0,
+        of_scale: bool = False,
         across: bool = False,
     ) -> Symptom:
         own = tuple(Perturbation(name, unit, force=law) for law in laws)
@@ -483,6 +486,7 @@ def _inside(body: Body) -> list[Symptom]:
             own,
             dissipative=dissipative,
             offset=offset,
+            of_scale=of_scale,
             parts=parts if 1 < len(laws) == len(parts) else (),
         )
 
@@ -494,6 +498,7 @@ def _inside(body: Body) -> list[Symptom]:
             "1",
             [command_whole] if planar else [command_gain(index) for index in range(driven)],
             offset=1.0,
+            of_scale=planar and platform.mass_sd is None,
         ),
         inside(
             "command_delay",
