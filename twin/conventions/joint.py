@@ -1,6 +1,7 @@
-"""A hinge's rate against its angle: unit, sign and clock of the one are those of the other.
+"""A hinge's rate against its angle, and its torque against both.
 
-Which of the two is wrong the two alone cannot tell, so a sign or a clock is told of either.
+Unit, sign and clock of the rate are those of the angle. Which of the two is wrong the two alone
+cannot show, so a finding names either; a torque that drives the hinge decides about the sign.
 """
 
 from collections.abc import Iterator
@@ -8,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from twin.conventions.correction import (
     CLOSE,
@@ -33,12 +35,17 @@ from twin.conventions.evidence import (
 )
 from twin.conventions.grid import CellGrid, Means, between_centres, dated, grid_of
 from twin.conventions.turning import NEAR, far_lags
-from twin.recording import Recording
+from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
 
+TORQUE = "command_joint_torque"
 SIGNIFICANT = 8.0
 """Sigmas of correlation without which nothing is said."""
+ALONE = 0.02
+"""Share of a torque's power that neither holds a weight nor is constant, at least."""
+DRIVEN = 0.5
+"""Share of the acceleration beside gravity that the torque explains, at least."""
 
 
 class Hinge:
@@ -90,7 +97,7 @@ class _Option:
 
 
 def joint_findings(recording: Recording) -> list[ConventionFinding]:
-    """What is wrong with joint_rate or joint_angle, for a hinge with one of each."""
+    """What is wrong with joint_rate, joint_angle or the torque of a hinge with one of each."""
     units = _unit(recording)
     result = [
         ConventionFinding(unit, CERTAIN, tuple(other.words for other in units[1:]))
@@ -98,9 +105,12 @@ def joint_findings(recording: Recording) -> list[ConventionFinding]:
     ]
     if len(units) > 1:
         return result
-    hinge = _hinge_of(apply_all(recording, units))
+    recording = apply_all(recording, units)
+    driven = _driven(recording)
+    turned = [] if driven >= 0.0 else [ConventionFinding(_turned(TORQUE), -driven)]
+    hinge = _hinge_of(recording)
     if hinge is None or hinge.factor() is None:
-        return result
+        return result + turned
     options = list(_options(hinge))
     left = [hinge.residual(option.sign, option.lag) for option in options]
     power = [0.5 * float(np.sum(np.square(r))) for r in left]
@@ -109,8 +119,13 @@ def joint_findings(recording: Recording) -> list[ConventionFinding]:
     best = int(np.argmin(scores))
     certainty = evidence(left[best], left[0], inflated) - options[best].cost
     if not options[best].readings or certainty < CLEAR:
-        return result
+        return result + turned
     told = _dated(hinge, options[best])
+    if told.sign < 0.0 and driven:
+        # the torque goes with one of the two, and that one is right
+        wrong = 0 if driven < 0.0 else 1
+        return result + [ConventionFinding(c, certainty) for c in told.readings[wrong]]
+    result += turned
     words = told.words[1:]
     for option, residual in zip(options, left, strict=True):
         rival = evidence(left[best], residual, inflated) + option.cost - options[best].cost
@@ -139,12 +154,61 @@ def _dated(hinge: Hinge, option: _Option) -> _Option:
 def _readings(sign: float, lag: float, half_width: float = 0.0) -> Iterator[tuple[Correction, ...]]:
     for stream, own in (("joint_rate", lag), ("joint_angle", -lag)):
         changes = (
-            axes_change(stream, np.array([[sign]]), ("",)),
+            _turned(stream) if sign < 0.0 else None,
             lag_change(stream, own, half_width),
         )
         told = tuple(change for change in changes if change is not None)
         if told:
             yield told
+
+
+def _turned(stream: str) -> Correction:
+    """The other direction of a stream of one column."""
+    change = axes_change(stream, -np.eye(1), ("",))
+    assert change is not None
+    return change
+
+
+def _driven(recording: Recording) -> float:
+    """Evidence that a torque drives the rate of a hinge [nats]; negative where it drives it
+    backwards, 0 where neither is clear.
+
+    The change of rate from cell to cell is regressed on the impulses of the torque and of gravity,
+    J dw = u dt - m g l sin(q) dt, over cells in which latencies and a motor's ripple average out.
+    """
+    rate = next((n for n in ("joint_rate", "joint_angle") if n in recording), None)
+    streams = [n for n in ("joint_rate", "joint_angle", TORQUE) if n in recording]
+    grid = grid_of(recording, *streams) if rate and TORQUE in streams else None
+    if grid is None or rate is None or any(len(recording[name].columns) != 1 for name in streams):
+        return 0.0
+    if rate == "joint_rate":
+        gained = np.diff(Means(recording[rate]).over(grid.around_edges), axis=0)
+    else:
+        means = Means(recording[rate]).over(grid.around_edges)
+        gained = np.diff(np.gradient(means[:, 0]))[:, None] / grid.cell
+    others = [np.full((grid.count, 1), grid.cell)]
+    if "joint_angle" in recording:
+        angle = recording["joint_angle"]
+        others += [_impulse(angle, turn(angle.value), grid) for turn in (np.sin, np.cos)]
+    beside = np.column_stack(others)
+    torque = _impulse(recording[TORQUE], recording[TORQUE].value, grid)
+    impulse, undriven = without(beside, torque), without(beside, gained)
+    if not float(np.sum(np.square(impulse))) > ALONE * float(np.sum(np.square(torque))):
+        return 0.0
+    left = without(impulse, undriven)
+    power = float(np.sum(np.square(undriven)))
+    if float(np.sum(np.square(left))) > (1.0 - DRIVEN) * power:
+        return 0.0
+    inverse = float(np.sum(impulse * undriven) / np.sum(np.square(impulse)))
+    scale = max(float(np.std(left)), 1e-300)
+    certainty = evidence(left / scale, undriven / scale, inflation(left / scale)) - SIMPLE
+    return float(np.copysign(certainty, inverse)) if certainty > CLEAR else 0.0
+
+
+def _impulse(series: Series, value: Array, grid: CellGrid) -> Array:
+    """(n, 1) change of a value's integral from cell to cell."""
+    total = cumulative_trapezoid(value, series.time, axis=0, initial=0.0)
+    return np.diff(Means(replace(series, value=total)).over(grid.around_edges), axis=0)
 
 
 def _unit(recording: Recording) -> list[Correction]:

@@ -1,0 +1,81 @@
+"""Of a driven hinge, the torque decides which of its streams has the wrong sign."""
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from twin.conventions import check_conventions
+from twin.recording import Recording, Series
+
+STREAMS = ("joint_angle", "joint_rate", "command_joint_torque")
+
+
+def swing(seed: int) -> Recording:
+    """40 s of a drawn pendulum with friction, driven by a drawn multisine."""
+    rng = np.random.default_rng(seed)
+    inertia, friction = rng.uniform(0.05, 5.0), rng.uniform(0.0, 0.2)
+    restoring = inertia * rng.uniform(0.5, 4.0) ** 2
+    tones = rng.uniform(0.05, 0.6, 5)
+    sizes = rng.uniform(0.3, 1.0, 5) * restoring
+    phases = rng.uniform(0.0, 2.0 * np.pi, 5)
+
+    def torque(t):
+        return np.sin(2.0 * np.pi * np.multiply.outer(t, tones) + phases) @ sizes / 3.0
+
+    def rates(t, x):
+        braking = friction * restoring * np.tanh(x[1] / 0.01)
+        return [x[1], (torque(t) - restoring * np.sin(x[0]) - braking) / inertia]
+
+    time = np.arange(0.0, 40.0, 0.01)
+    motion = solve_ivp(rates, (0.0, 40.0), [0.3, 0.0], t_eval=time, rtol=1e-8, atol=1e-8).y
+    values = (
+        motion[0] + rng.normal(0.0, 1e-3, len(time)),
+        motion[1] + rng.normal(0.0, 0.02, len(time)),
+        torque(time),
+    )
+    units = ("rad", "rad/s", "N m")
+    streams = {
+        name: Series(time, value[:, None], ("pivot",), unit)
+        for name, value, unit in zip(STREAMS, values, units, strict=True)
+    }
+    return Recording(streams)
+
+
+@pytest.mark.parametrize("seed", [20261130, 20261131, 20261132, 20261133])
+def test_a_driven_hinge_shows_which_stream_has_the_wrong_sign(seed):
+    log = swing(seed)
+    assert check_conventions(log) == []
+    for wrong in STREAMS:
+        series = log[wrong]
+        turned = replace(log, streams={**log.streams, wrong: replace(series, value=-series.value)})
+        assert [one.sentence for one in check_conventions(turned)] == [
+            f"{wrong} has the wrong sign."
+        ], seed
+
+
+def test_two_wrong_signs_of_three_are_one_of_the_third():
+    log = swing(7)
+    for pair in combinations(STREAMS, 2):
+        turned = {name: replace(log[name], value=-log[name].value) for name in pair}
+        (third,) = set(STREAMS) - set(pair)
+        findings = check_conventions(replace(log, streams={**log.streams, **turned}))
+        assert [one.sentence for one in findings] == [f"{third} has the wrong sign."]
+
+
+def test_a_torque_that_only_holds_a_weight_accuses_nothing():
+    time = np.arange(0.0, 40.0, 0.01)
+    rng = np.random.default_rng(3)
+    angle = 0.4 + 0.02 * np.sin(0.7 * time)
+    values = (
+        angle + rng.normal(0.0, 1e-3, len(time)),
+        0.014 * np.cos(0.7 * time) + rng.normal(0.0, 1e-3, len(time)),
+        2.0 * np.sin(angle),
+    )
+    streams = {
+        name: Series(time, value[:, None], ("pivot",), unit)
+        for name, value, unit in zip(STREAMS, values, ("rad", "rad/s", "N m"), strict=True)
+    }
+    assert check_conventions(Recording(streams)) == []
