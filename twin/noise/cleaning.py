@@ -131,14 +131,14 @@ LEAP = 0.02
 
 @dataclass(frozen=True)
 class _Side:
-    """A smooth motion at an instant."""
+    """A smooth motion at an instant, in the unit of a stream; of an attitude in rad."""
 
     angle: Array
-    """(k,) from a reference [rad]."""
+    """(k,) from a reference."""
     rate: Array
-    """(k,) [rad/s]."""
+    """(k,) [1/s]."""
     angle_sigma: float
-    """Of each angle [rad]."""
+    """Of each angle."""
 
 
 def without_steps(recording: Recording) -> tuple[Recording, list[str]]:
@@ -163,27 +163,31 @@ def without_steps(recording: Recording) -> tuple[Recording, list[str]]:
     return recording, said
 
 
+SMOOTH = ("attitude", "joint_angle", "gyro", "joint_rate", "wheel_speed")
+"""Streams that show how much time passed over a gap; one of the first two is needed."""
+
+
 def _clock_steps(recording: Recording) -> Iterator[tuple[float, float]]:
     """Last time before each step, and by how much the clock steps [s]."""
-    name = next((item for item in ("attitude", "joint_angle") if item in recording), None)
+    name = next((item for item in SMOOTH[:2] if item in recording), None)
     clocked = [series for key, series in recording.items() if not key.startswith("command_")]
     if name is None or any(len(series) < 2 * MIN_MISSING for series in clocked):
         return
+    smooth = [recording[item] for item in SMOOTH if item in recording]
     motion = recording[name]
     usual = [float(np.median(np.diff(series.time))) for series in clocked]
     gaps = np.diff(motion.time)
     passed = 0.0
     for row in np.flatnonzero((gaps > LEAST_GAP * max(usual)) & (gaps < LONGEST_GAP)):
-        start, stop = float(motion.time[row]), float(motion.time[row + 1])
-        edges = [_edges(series, 0.5 * (start + stop)) for series in clocked]
+        middle = 0.5 * float(motion.time[row] + motion.time[row + 1])
+        edges = [_edges(series, middle) for series in clocked]
         if any(edge is None for edge in edges):
             continue
         steps = [e[1] - e[0] - period for e, period in zip(edges, usual, strict=True) if e]
         step = float(np.median(steps))
         if np.ptp(steps) > 2.0 * max(usual) or step <= 0.0:
             continue
-        sides = _sides(motion, int(row))
-        if sides is not None and _no_time_passed(*sides, stop - start, stop - start - step):
+        if _no_time_passed(smooth, middle, step):
             yield max(e[0] for e in edges if e) - passed, step
             passed += step
 
@@ -196,19 +200,34 @@ def _edges(series: Series, time: float) -> tuple[float, float] | None:
     return float(series.time[after - 1]), float(series.time[after])
 
 
-def _no_time_passed(before: _Side, after: _Side, gap: float, interval: float) -> bool:
-    """Whether a motion went over a gap [s] as far as in a usual interval."""
-    rate = 0.5 * (before.rate + after.rate)
-    speed = float(np.linalg.norm(rate))
-    # far from where the motion is smooth the mean of two rates says little
-    bend = float(np.linalg.norm(after.rate - before.rate)) * gap / 8.0
-    sigma = float(np.hypot(before.angle_sigma, after.angle_sigma))
-    sigma = float(np.hypot(sigma, bend))
-    if speed <= 0.0:
+def _no_time_passed(smooth: Sequence[Series], middle: float, step: float) -> bool:
+    """Whether motions went over a gap as far as over one that is shorter by a step [s], by the time
+    that each shows to have passed, weighed by its uncertainty."""
+    weight, late, bent = 0.0, 0.0, np.inf
+    for series in smooth:
+        row = int(np.searchsorted(series.time, middle)) - 1
+        sides = _sides(series, row) if 0 <= row < len(series) - 1 else None
+        if sides is None:
+            continue
+        before, after = sides
+        gap = float(series.time[row + 1] - series.time[row])
+        rate = 0.5 * (before.rate + after.rate)
+        speed = float(np.linalg.norm(rate))
+        # far from where the motion is smooth the mean of two rates says little
+        bend = float(np.linalg.norm(after.rate - before.rate)) * gap / 8.0
+        sigma = float(np.hypot(np.hypot(before.angle_sigma, after.angle_sigma), bend))
+        if speed <= 0.0 or sigma <= 0.0:
+            continue
+        moved = float((after.angle - before.angle) @ rate) / speed**2
+        bent = min(bent, bend / speed)
+        weight += (speed / sigma) ** 2
+        late += (speed / sigma) ** 2 * (gap - moved)
+    if weight <= 0.0:
         return False
-    moved = float((after.angle - before.angle) @ rate) / speed**2
-    spread = sigma / speed
-    return gap - moved > SURE * spread and abs(moved - interval) < LIKE * spread + interval
+    # streams of one motion bend together
+    late, spread = late / weight, max(1.0 / np.sqrt(weight), bent)
+    interval = min(float(np.median(np.diff(series.time))) for series in smooth)
+    return late > SURE * spread and abs(late - step) < LIKE * spread + interval
 
 
 def _sides(series: Series, row: int) -> tuple[_Side, _Side] | None:
