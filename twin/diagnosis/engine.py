@@ -216,6 +216,8 @@ class Engine:
         self._inflation = np.inf
         self._laws_asked = False
         self._likeliest: dict[tuple[frozenset[str], tuple[bool, bool]], SearchState] = {}
+        self._failed: set[frozenset[str]] = set()
+        """Sets whose fits diverge from the logs, or that the machine cannot have in that size."""
 
     def explained(self, baseline: Explanation) -> SearchState:
         """Search from the baseline model; the best state."""
@@ -258,6 +260,7 @@ class Engine:
     def _begin(self, baseline: Explanation) -> None:
         self._seen.clear()
         self._likeliest.clear()
+        self._failed.clear()
         self._named, self._baseline, self._inflation = None, baseline, np.inf
         self._laws_asked = False
         shaken = [item for item in self.candidates if isinstance(item.effect, VibrationEffect)]
@@ -436,10 +439,9 @@ class Engine:
         meant = effects if there is None else there.effects
         known = {effect.label for effect in explanation.effects}
         barred = {e.label for e in meant if e.label not in known and not _possible(explanation, e)}
-        if there is None or barred:
+        if there is None or barred or (lead is explanation and astray(explanation, there)):
             self._barred |= barred
-            return None
-        if lead is explanation and astray(explanation, there):
+            self._failed.add(frozenset(names))
             return None
         return self._state_of(there, state.candidates, state.laws)
 
@@ -612,13 +614,15 @@ class Engine:
 
     def others(self, state: SearchState) -> dict[frozenset[str], float]:
         """Scores of other sets relative to a state: of its subsets under any noise processes, of
-        the rest under those of the state."""
+        the rest under those of the state; infinite where every fit fails."""
         own, lowest = _labels(state.explanation), self._score(state)
-        result: dict[frozenset[str], float] = {}
+        result = {labels: np.inf for labels in self._failed if not labels < own}
         for (labels, noise), item in self._likeliest.items():
             alike = labels < own or noise == _noise_of(state.explanation)
-            if alike and item.explanation.converged and np.isfinite(self._score(item)):
-                result[labels] = min(result.get(labels, np.inf), self._score(item) - lowest)
+            behind = self._score(item) - lowest
+            # a fit that has not converged may still gain
+            if alike and np.isfinite(behind) and (item.explanation.converged or behind > 0.0):
+                result[labels] = min(result.get(labels, np.inf), behind)
         return result
 
 
