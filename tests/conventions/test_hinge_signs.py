@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from twin.conventions import check_conventions
+from twin.platform import load_platform
 from twin.recording import Recording, Series
 
 STREAMS = ("joint_angle", "joint_rate", "command_joint_torque")
@@ -79,3 +80,33 @@ def test_a_torque_that_only_holds_a_weight_accuses_nothing():
         for name, value, unit in zip(STREAMS, values, ("rad", "rad/s", "N m"), strict=True)
     }
     assert check_conventions(Recording(streams)) == []
+
+
+@pytest.mark.parametrize("counts", [360, 2048, 4096])
+def test_an_encoder_has_a_whole_number_of_counts_a_turn(counts: int):
+    time = np.arange(0.0, 20.0, 0.01)
+    angle = np.round(np.degrees(0.5 * np.cos(3.0 * time)) * counts / 360.0) * 360.0 / counts
+    log = Recording({"joint_angle": Series(time, angle[:, None], ("pivot",), "rad")})
+    assert [one.sentence for one in check_conventions(log)] == [
+        "joint_angle looks like deg, read as rad."
+    ]
+    right = replace(log["joint_angle"], value=np.radians(log["joint_angle"].value))
+    assert check_conventions(Recording({"joint_angle": right})) == []
+
+
+def test_a_wheel_takes_the_momentum_of_its_body():
+    platform = load_platform("vnucec_cubesat")
+    (wheel,) = platform.wheels
+    time = np.arange(0.0, 30.0, 0.02)
+    rng = np.random.default_rng(20261130)
+    speed = 80.0 * np.sin(0.9 * time) + 40.0 * np.sin(2.3 * time)
+    body = -wheel.inertia / platform.inertia[2, 2] * speed + rng.normal(0.0, 1e-3, len(time))
+    streams = {
+        "joint_rate": Series(time, body[:, None], ("line",), "rad/s"),
+        "wheel_speed": Series(time, speed[:, None], ("wheel",), "rad/s"),
+    }
+    assert check_conventions(Recording(streams), platform) == []
+    for name in streams:
+        turned = replace(streams[name], value=-streams[name].value)
+        (finding,) = check_conventions(Recording({**streams, name: turned}), platform)
+        assert finding.sentence.startswith("wheel_speed has the wrong sign; or joint_rate")

@@ -233,3 +233,34 @@ def dated(residual: Callable[[float], Array], lag: float) -> tuple[float, float]
 def _misfit(residual: Array) -> Array:
     """(PARTS,) [nats] of the parts of the log."""
     return np.array([0.5 * np.sum(np.square(part)) for part in np.array_split(residual, PARTS)])
+
+
+FEWEST_COUNTS, MOST_COUNTS = 90, 20000
+"""Of an encoder a turn: of more, printed digits do not show whether they are whole."""
+WHOLE = 0.02
+"""By which a number of counts may miss a whole one."""
+DECIMAL = (1.0, 2.0, 5.0, 10.0)
+"""Steps of numbers that are printed to some digits, by their first one: they are of no encoder."""
+
+
+def counts_in(value: Array, turn: float) -> int:
+    """Counts a turn of the encoder that read angles (n,), in a unit of which `turn` make a turn; 0
+    where they are no multiples of one step, or no whole number of such steps is a turn."""
+    every = np.unique(value)
+    steps = np.diff(every)
+    steps = steps[steps > 1e-9 * turn]
+    if len(steps) < FEWEST:
+        return 0
+    least = float(steps.min())
+    whole = np.round(steps / least)
+    # the step to more digits than one difference of printed numbers has
+    step = float(steps.sum() / whole.sum())
+    if float(np.abs(steps / step - whole).max()) > 0.05:
+        return 0
+    first = step / 10.0 ** np.floor(np.log10(step))
+    counts = turn / step
+    if min(abs(first - digit) for digit in DECIMAL) < 1e-3 or not (
+        FEWEST_COUNTS <= counts <= MOST_COUNTS
+    ):
+        return 0
+    return round(counts) if abs(counts - round(counts)) < WHOLE else 0

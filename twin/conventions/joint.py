@@ -33,19 +33,30 @@ from twin.conventions.evidence import (
     whitened,
     without,
 )
-from twin.conventions.grid import CellGrid, Means, between_centres, dated, grid_of
+from twin.conventions.grid import (
+    CellGrid,
+    Means,
+    between_centres,
+    counts_in,
+    dated,
+    grid_of,
+)
 from twin.conventions.turning import NEAR, far_lags
+from twin.platform import Platform
 from twin.recording import Recording, Series
 
 Array = NDArray[np.float64]
 
 TORQUE = "command_joint_torque"
+WHEEL = "wheel_speed"
 SIGNIFICANT = 8.0
 """Sigmas of correlation without which nothing is said."""
 ALONE = 0.02
 """Share of a torque's power that neither holds a weight nor is constant, at least."""
+LIKE = 5.0
+"""Factor by which the share of momentum that a body takes from its wheel may be off."""
 DRIVEN = 0.5
-"""Share of the acceleration beside gravity that the torque explains, at least."""
+"""Share of the acceleration beside gravity that the torque, or a wheel, explains, at least."""
 
 
 class Hinge:
@@ -96,8 +107,14 @@ class _Option:
         return [", and ".join(c.words for c in reading) for reading in self.readings]
 
 
-def joint_findings(recording: Recording) -> list[ConventionFinding]:
-    """What is wrong with joint_rate, joint_angle or the torque of a hinge with one of each."""
+def joint_findings(
+    recording: Recording, platform: Platform | None = None
+) -> list[ConventionFinding]:
+    """What is wrong with joint_rate, joint_angle or the torque of a hinge with one of each, or with
+    the speed of its only wheel."""
+    by_counts = _unit_by_counts(recording)
+    if by_counts is not None:
+        return [ConventionFinding(by_counts, CERTAIN)]
     units = _unit(recording)
     result = [
         ConventionFinding(unit, CERTAIN, tuple(other.words for other in units[1:]))
@@ -108,6 +125,12 @@ def joint_findings(recording: Recording) -> list[ConventionFinding]:
     recording = apply_all(recording, units)
     driven = _driven(recording)
     turned = [] if driven >= 0.0 else [ConventionFinding(_turned(TORQUE), -driven)]
+    against = _with_its_wheel(recording, platform)
+    if against > 0.0:
+        other = _turned("joint_rate").words
+        if "joint_angle" in recording:
+            other += f", and {_turned('joint_angle').words}"
+        turned.append(ConventionFinding(_turned(WHEEL), against, (other,)))
     hinge = _hinge_of(recording)
     if hinge is None or hinge.factor() is None:
         return result + turned
@@ -195,20 +218,58 @@ def _driven(recording: Recording) -> float:
     impulse, undriven = without(beside, torque), without(beside, gained)
     if not float(np.sum(np.square(impulse))) > ALONE * float(np.sum(np.square(torque))):
         return 0.0
-    left = without(impulse, undriven)
-    power = float(np.sum(np.square(undriven)))
-    if float(np.sum(np.square(left))) > (1.0 - DRIVEN) * power:
+    return _evidence_of(undriven, impulse)
+
+
+def _with_its_wheel(recording: Recording, platform: Platform | None) -> float:
+    """Evidence that a hinge's rate rises with the speed of its only wheel [nats], where that takes
+    the momentum from it; negative where it falls, 0 where neither is clear."""
+    if platform is None or platform.base.kind != "hinge" or len(platform.wheels) != 1:
         return 0.0
-    inverse = float(np.sum(impulse * undriven) / np.sum(np.square(impulse)))
-    scale = max(float(np.std(left)), 1e-300)
-    certainty = evidence(left / scale, undriven / scale, inflation(left / scale)) - SIMPLE
-    return float(np.copysign(certainty, inverse)) if certainty > CLEAR else 0.0
+    grid = grid_of(recording, "joint_rate", WHEEL)
+    if grid is None or any(len(recording[name].columns) != 1 for name in ("joint_rate", WHEEL)):
+        return 0.0
+    means = [Means(recording[name]) for name in ("joint_rate", WHEEL)]
+    kept = np.all([between_centres(grid, item, None) for item in means], axis=0)[:, None]
+    rate, wheel = (kept * np.diff(item.over(grid.around_edges), axis=0) for item in means)
+    share = float(np.sum(rate * wheel)) / max(float(np.sum(np.square(wheel))), 1e-300)
+    stated = abs(share) * np.diag(platform.inertia) / platform.wheels[0].inertia
+    if stated.max() < 1.0 / LIKE or stated.min() > LIKE:
+        return 0.0
+    return _evidence_of(rate, wheel)
+
+
+def _evidence_of(gained: Array, by: Array) -> float:
+    """Evidence that one change (n, 1) explains another [nats], with the sign of their product; 0
+    where it does not explain most."""
+    square = float(np.sum(np.square(by)))
+    if square <= 0.0:
+        return 0.0
+    slope = float(np.sum(by * gained)) / square
+    residual = gained - slope * by
+    if float(np.sum(np.square(residual))) > (1.0 - DRIVEN) * float(np.sum(np.square(gained))):
+        return 0.0
+    scale = max(float(np.std(residual)), 1e-300)
+    certainty = evidence(residual / scale, gained / scale, inflation(residual / scale)) - SIMPLE
+    return float(np.copysign(certainty, slope)) if certainty > CLEAR else 0.0
 
 
 def _impulse(series: Series, value: Array, grid: CellGrid) -> Array:
     """(n, 1) change of a value's integral from cell to cell."""
     total = cumulative_trapezoid(value, series.time, axis=0, initial=0.0)
     return np.diff(Means(replace(series, value=total)).over(grid.around_edges), axis=0)
+
+
+def _unit_by_counts(recording: Recording) -> Correction | None:
+    """The unit of an angle in which its encoder has a whole number of counts a turn, where it has
+    none as it was read."""
+    if "joint_angle" not in recording or len(recording["joint_angle"].columns) != 1:
+        return None
+    value = recording["joint_angle"].value[:, 0]
+    if counts_in(value, 2.0 * np.pi):
+        return None
+    options = unit_changes(recording, "joint_angle")
+    return next((one for one in options if counts_in(value * one.factor, 2.0 * np.pi)), None)
 
 
 def _unit(recording: Recording) -> list[Correction]:

@@ -87,7 +87,9 @@ def check_conventions(
         plain += unit
         recording = scaled
     if turning is None or strange is not None:
-        result = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
+        result = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(
+            recording, platform
+        )
         result += [item for item in (gravity_shown, strange) if item is not None]
         if "attitude" in recording:
             beside = vertical_findings(recording, gravity)
@@ -99,7 +101,7 @@ def check_conventions(
     if wheels is not None:
         plain.append(wheels)
         body = body.with_wheels_in(wheels)
-    result = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording)
+    result = [ConventionFinding(c, CERTAIN) for c in plain] + joint_findings(recording, platform)
     return result + _with_field(recording, _choose(body, body.with_wheels()), gravity)
 
 

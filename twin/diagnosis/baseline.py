@@ -65,9 +65,11 @@ def check_numbers(bodies: Sequence[Body], base: BaseParameters) -> None:
     held = sum(body.samples for body in bodies)
     sought = len(base.names) + sum(len(body.bias_scale) + body.start.width for body in bodies)
     if held < ENOUGH * sought:
+        lasts = sum(float(body.motion.time[-1] - body.motion.time[0]) for body in bodies)
         raise UsageError(
             f"the logs are too short: they hold {held} numbers of what {base.machine.platform.name}"
-            f" did, for {sought} unknowns (base, biases and start); record some ten seconds or more"
+            f" did, for {sought} unknowns (base, biases and start); record {ENOUGH * sought} or "
+            f"more: {lasts * ENOUGH * sought / held:.0f} s at these rates, or faster"
         )
 
 

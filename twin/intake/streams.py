@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.conventions.grid import counts_in
 from twin.intake.tables import DataTable
 from twin.platform import Platform
 from twin.recording.column_names import stated_unit
@@ -96,7 +97,7 @@ def streams_among(
         *_angles(table, names),
         *_triads(table, names),
         *_turn_rates(table, names),
-        *_parts(table, names),
+        *_parts(table, names, platform),
         *(_of_hinge(table, names) if platform is not None and _hinged(platform) else ()),
     ):
         result.setdefault(proposal.stream, proposal)
@@ -345,17 +346,22 @@ def _are_counts(values: Array) -> bool:
     return whole and len(np.unique(values)) > 20
 
 
-def _parts(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
-    """Streams with one column a part of the machine: wheels, stages."""
+def _parts(table: DataTable, names: Sequence[str], platform: Platform | None) -> Iterator[Proposal]:
+    """Streams with one column a part of the machine: wheels, stages. The column of an only wheel
+    needs no number."""
+    single = platform is not None and len(platform.wheels) == 1
     for kind in ("wheel_speed", "command_wheel_torque", "stage_position"):
         pattern = next(p for name, p in _KINDS if name == kind)
-        columns = tuple(
+        named = tuple(
             name
             for name in names
             if re.search(pattern, _plain(name), re.IGNORECASE)
-            and re.search(r"\d|[xyz]$|left|right", _plain(name), re.IGNORECASE)
             and not re.search(_SKIPPED, name, re.IGNORECASE)
         )
+        numbered = r"\d|[xyz]$|left|right"
+        columns = tuple(name for name in named if re.search(numbered, _plain(name), re.IGNORECASE))
+        if not columns and single and len(named) == 1 and _is_of_wheel(kind, named[0]):
+            columns = named
         values = table.columns(columns) if columns else None
         if values is None:
             continue
@@ -365,18 +371,30 @@ def _parts(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
         if kind == "wheel_speed" and any("rpm" in name.lower() for name in columns):
             sizes["wheel_speed"] = (("rpm", 0.0),)
         _unit(proposal, values, sizes.get(kind, (("N m", 0.0),)))
-        proposal.unsure.append("the order of the machine's parts")
+        if len(columns) > 1:
+            proposal.unsure.append("the order of the machine's parts")
         yield proposal
+
+
+def _is_of_wheel(kind: str, name: str) -> bool:
+    """Whether a column is a wheel's speed, or its torque: a command may be a duty."""
+    torque = kind == "command_wheel_torque" and re.search("torque", name, re.IGNORECASE) is not None
+    return kind == "wheel_speed" or torque
 
 
 TURNS = 40.0
 """Angles of a hinge beyond are in degrees, for in rad it would have turned round six times."""
 _HINGE = (
     ("joint_angle", r"angle|pos(ition)?$|theta|phi$", (("deg", TURNS), ("rad", 0.0))),
-    ("joint_rate", r"rate|vel(ocity)?$|speed|omega|gyro", (("rad/s", 0.0),)),
+    (
+        "joint_rate",
+        r"rate|vel(ocity)?$|speed|omega|gyro|^[gw]_?[xyz]$",
+        (("deg/s", 35.0), ("rad/s", 0.0)),
+    ),
     ("command_joint_torque", r"torque|tau|effort", (("N m", 0.0),)),
 )
 """Stream of a hinge -> what its column is called, and units by size."""
+_OF_PARTS = ("wheel_speed", "command_wheel_torque", "stage_position")
 
 
 def _hinged(platform: Platform) -> bool:
@@ -392,13 +410,31 @@ def hinged_among(table: DataTable) -> bool:
 def _of_hinge(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
     for kind, pattern, sizes in _HINGE:
         named = [name for name in names if re.search(pattern, _plain(name), re.IGNORECASE)]
-        good = [name for name in named if not re.search(_SKIPPED, name, re.IGNORECASE)]
+        good = [
+            name
+            for name in named
+            if not re.search(_SKIPPED, name, re.IGNORECASE) and _kind(_plain(name)) not in _OF_PARTS
+        ]
+        like = table.columns(good) if kind == "joint_rate" and len(good) > 1 else None
+        if like is not None:
+            # of a sensor's axes, the hinge turns one
+            most = good[int(np.argmax(like.std(axis=0)))]
+            good = [most, *(name for name in good if name != most)]
         values = table.columns(good[:1]) if good else None
         if values is None:
             continue
         proposal = Proposal(kind, table, (good[0],))
-        proposal.reasons.append(f"{good[0]}: named as {kind}")
-        _unit(proposal, values, sizes)
+        most = ", and turns most of its like" if like is not None else ""
+        proposal.reasons.append(f"{good[0]}: named as {kind}{most}")
+        counts = {turn: counts_in(values[:, 0], turn) for turn in (360.0, 2.0 * np.pi)}
+        if kind == "joint_angle" and not _texts(proposal) and counts[360.0] > counts[2.0 * np.pi]:
+            proposal.keys["unit"] = '"deg"'
+            proposal.reasons.append(f"of {counts[360.0]} counts a turn: in deg")
+        else:
+            _unit(proposal, values, sizes)
+            sure = _texts(proposal) or (kind == "joint_angle" and any(counts.values()))
+            if kind != "command_joint_torque" and not sure:
+                proposal.unsure.append(UNIT_BY_SIZE)
         if len(good) > 1:
             proposal.unsure.append(f"whether it is {good[0]}, or {', '.join(good[1:4])}")
         yield proposal
