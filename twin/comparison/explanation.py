@@ -97,7 +97,7 @@ class Screen:
         for symptom in self.symptoms:
             after, change = self._weigh((*chosen, symptom))
             strengths = change[self._columns[symptom.name]]
-            odd = symptom.dissipative and bool(np.all(strengths < 0.0))
+            odd = not symptom.is_possible(strengths)
             evidence = 0.0 if odd else max(before - after, 0.0)
             result.append(SymptomScore(symptom, evidence, strengths, self._needed(symptom)))
         return sorted(result, key=lambda score: -score.evidence)
@@ -163,11 +163,11 @@ class Screen:
         return self._cost(chosen) - self._cost((*chosen, symptom))
 
     def _cost(self, chosen: tuple[Symptom, ...]) -> float:
-        """Infinite where a sign makes no sense."""
+        """Infinite where a strength makes no sense."""
         cost, change = self._weigh(chosen)
         strengths = self._strengths(change)
-        odd = any(s.dissipative and bool(np.all(strengths[s.name] < 0.0)) for s in chosen)
-        return np.inf if odd else cost
+        possible = all(s.is_possible(strengths[s.name]) for s in chosen)
+        return cost if possible else np.inf
 
     def _strengths(self, change: Array) -> dict[str, Array]:
         result = {name: change[columns].copy() for name, columns in self._columns.items()}
@@ -457,7 +457,13 @@ def _refined(
         moved = refit(pose(chosen), chosen, _start(now, chosen))
         if moved is None:
             break
-        now = seen[frozenset(chosen)] = moved
+        beyond = [
+            s for s, values in zip(chosen, _split(moved), strict=True) if not s.is_possible(values)
+        ]
+        if beyond:
+            symptoms = [s for s in symptoms if s not in beyond]
+        else:
+            now = seen[frozenset(chosen)] = moved
         screen = Screen(now, symptoms)
     return _without_unsure(now, pose, refit)
 

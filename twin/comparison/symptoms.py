@@ -18,6 +18,14 @@ Array = NDArray[np.float64]
 Shape = Callable[[Body], Array]
 DELAY_STEP = 0.01
 """Lag [s] of the difference that stands for a command's derivative."""
+LATEST = 0.1
+"""Share of a log by which a clock or a command may be late: over more of it, another motion is as
+likely."""
+SMALLEST_SCALE = -0.9
+LARGEST_SCALE = 9.0
+"""Errors of a scale beyond are of a sign or a unit."""
+CLOCKS_RATE = 0.5
+"""By which a clock may run fast or slow."""
 STANDSTILL = 0.01
 """Share of the highest rates below which dry friction fades."""
 
@@ -300,6 +308,16 @@ class Symptom:
     """Whether a base that is fitted takes it: mass, J and m r have its factor in common."""
     parts: tuple[str, ...] = ()
     """Of a vector over wheels, which each component is of: "for w1"."""
+    low: float = -np.inf
+    """Strengths below are no such departure: a scale of -200 % is a sign, and belongs to the
+    conventions that a log is read in."""
+    high: float = np.inf
+
+    def is_possible(self, strengths: Array) -> bool:
+        """Whether strengths (k,) are such a departure's."""
+        if self.dissipative and bool(np.all(strengths < 0.0)):
+            return False
+        return bool(np.all((strengths >= self.low) & (strengths <= self.high)))
 
 
 def symptoms_of(bodies: Sequence[Body]) -> tuple[Symptom, ...]:
@@ -472,6 +490,7 @@ def _inside(body: Body) -> list[Symptom]:
         offset: float = 0.0,
         of_scale: bool = False,
         across: bool = False,
+        high: float = np.inf,
     ) -> Symptom:
         own = tuple(Perturbation(name, unit, force=law) for law in laws)
         parts = tuple(f"for {wheel.name}" for wheel in platform.wheels)
@@ -487,6 +506,8 @@ def _inside(body: Body) -> list[Symptom]:
             dissipative=dissipative,
             offset=offset,
             of_scale=of_scale,
+            low=-high,
+            high=high,
             parts=parts if 1 < len(laws) == len(parts) else (),
         )
 
@@ -506,6 +527,7 @@ def _inside(body: Body) -> list[Symptom]:
             "a commanded torque that acts {} after its stamp",
             "s",
             [command_delay],
+            high=_latest(body),
         ),
     ]
     if not (hinge or planar):
@@ -553,10 +575,14 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
         make: Callable[[int], Perturbation],
         domain: SymptomDomain = SymptomDomain.sensor,
         count: int = len(columns),
+        low: float = -np.inf,
+        high: float = np.inf,
     ) -> None:
         perturbations = tuple(make(index) for index in range(count))
         name = f"{kind}:{stream}" if domain is SymptomDomain.clock else f"{stream}_{kind}"
-        symptoms.append(Symptom(name, domain, looks, words, unit, perturbations))
+        symptoms.append(
+            Symptom(name, domain, looks, words, unit, perturbations, low=low, high=high)
+        )
 
     stated = {o.stream: o.bias for o in body.outputs}[stream]
     rate = stream in ("gyro", "joint_rate")
@@ -583,6 +609,8 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
             f"{stream} scaled by {{}} too much",
             "1",
             lambda i: scale_factor(stream, i),
+            low=SMALLEST_SCALE,
+            high=LARGEST_SCALE,
         )
     if stream == "gyro":
         fault(
@@ -611,6 +639,8 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
         lambda _: clock_lag(stream),
         SymptomDomain.clock,
         1,
+        -_latest(body),
+        _latest(body),
     )
     fault(
         "clock_drift",
@@ -620,5 +650,12 @@ def _of_sensor(stream: str, columns: Sequence[str], unit: str, body: Body) -> li
         lambda _: clock_drift(stream),
         SymptomDomain.clock,
         1,
+        -CLOCKS_RATE,
+        CLOCKS_RATE,
     )
     return symptoms
+
+
+def _latest(body: Body) -> float:
+    """By which a clock or a command may be late [s]."""
+    return LATEST * float(body.motion.time[-1] - body.motion.time[0])

@@ -166,6 +166,8 @@ def _iterate(
     """
     if not current.columns.shape[1]:
         return _along_itself(current, innovations)
+    if not current.determined:
+        return Fit(current, converged=False)
     tilted, freed = False, False
     size = _size(current)
     best, idle, smallest, before = current, 0, np.inf, None
@@ -189,6 +191,8 @@ def _iterate(
             moved, freed = _moved(current, 0.0 * step, innovations), True
             step = None
         if moved is None:
+            break
+        if not moved[0].determined:  # a clock that is off by more than the log lasts
             break
         current, taken = moved
         before = None if step is None else (step, share * taken)

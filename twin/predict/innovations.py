@@ -131,10 +131,26 @@ class Innovations:
 
     @property
     def covariance(self) -> Array:
-        """Of all that has a column."""
-        size = 1.0 / np.linalg.norm(self.columns, axis=0)
-        triangle = np.linalg.inv(np.linalg.qr(self.columns * size, mode="r"))
-        return triangle @ triangle.T * np.outer(size, size)
+        """Of all that has a column; the variance of what changes no row is infinite."""
+        size = self._size
+        triangle = np.array(np.linalg.qr(self.columns * size, mode="r"))
+        idle = np.flatnonzero(size == 0.0)
+        triangle[idle, idle] = 1.0
+        inverse = np.linalg.inv(triangle)
+        result = inverse @ inverse.T * np.outer(size, size)
+        result[idle, idle] = np.inf
+        return result
+
+    @property
+    def determined(self) -> bool:
+        """Whether each unknown changes a row."""
+        return bool((self._size > 0.0).all())
+
+    @property
+    def _size(self) -> Array:
+        """(u,) what makes each column as long as 1; 0 for one that is 0."""
+        norm = np.linalg.norm(self.columns, axis=0)
+        return np.divide(1.0, norm, out=np.zeros_like(norm), where=norm > 0.0)
 
     @property
     def chi2(self) -> float:
@@ -150,7 +166,7 @@ class Innovations:
 
     def step(self) -> Array:
         """Gauss-Newton's change of theta, biases and strengths."""
-        size = 1.0 / np.linalg.norm(self.columns, axis=0)
+        size = self._size
         step = -np.linalg.lstsq(self.columns * size, self.residual, rcond=None)[0] * size
         return step - 0.5 * self.covariance @ self.tilt if self.tilt.any() else step
 

@@ -552,12 +552,13 @@ def chain(linear: Linearised) -> Chain:
         rows.append(white)
         segment.append(np.full(x, s))
         mean = mean - gain @ white
-        keep = np.eye(x) - gain @ np.linalg.solve(lower, h)
+        shown = np.linalg.solve(lower, h)
+        keep = np.eye(x) - gain @ shown
         seen.append(mean)
         seen_spread.append(root @ root.T)
         pull.append(h.T @ np.linalg.solve(lower.T, white))
         kept.append(keep)
-        told.append(h.T @ np.linalg.solve(lower @ lower.T, h))
+        told.append(shown.T @ shown)
     return Chain(
         np.concatenate(rows),
         np.concatenate(segment),
