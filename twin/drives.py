@@ -98,6 +98,18 @@ def heading_inertia(platform: Platform) -> float:
     return float(model.dof_M0[model.joint(platform.base.planar[2]).dofadr[0]])
 
 
+def travelling_mass(platform: Platform) -> float:
+    """Of all that moves with the CR of a base that travels, a planar stage too [kg]."""
+    if not platform.base.planar:
+        return platform.mass
+    model = load_mjcf(platform.model_path, visuals=False)
+    slides, carried = (
+        float(model.body_subtreemass[model.jnt_bodyid[model.joint(name).id]])
+        for name in (platform.base.planar[0], platform.base.joint)
+    )
+    return slides - carried + platform.mass
+
+
 def lock_joints(platform: Platform, model: mujoco.MjModel) -> None:
     """Joints that stand still; a locked ball carries the heading's inertia about its z."""
     base = platform.base

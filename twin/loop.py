@@ -20,6 +20,7 @@ from twin.controller import AnyController
 from twin.controller.load import tell_mistake, tell_refused
 from twin.errors import CommandError, TwinError, UnknownName
 from twin.estimators.estimator import Estimator
+from twin.estimators.place import PlaceFilter
 from twin.plant.plant import Plant
 from twin.reference import Reference
 from twin.signals import Command, Estimate, Target, Tick
@@ -140,6 +141,7 @@ def _fly(
     platform, n = plant.platform, plant.n
     runs = range(n)
     estimate = estimator.init(platform, n)
+    place = PlaceFilter.of(platform, n) if estimate.position is None else None
     state = controller.init(platform, n)
     targets = _Ahead(reference, platform.tick)
     now, reason, ended, asked = 0.0, "", Ended.done, 0
@@ -148,6 +150,8 @@ def _fly(
             reading = plant.read(now)
             clock.lap("read")
             estimate = estimator.update(estimate, reading)
+            if place is not None:
+                estimate = place.located(estimate, reading)
             clock.lap("estimate")
             target = targets.at(now)
             try:
@@ -167,6 +171,8 @@ def _fly(
                 tell_refused(controller, platform, problem)
                 raise
             estimate = estimator.told(estimate, applied)
+            if place is not None:
+                place.command(estimate.attitude, applied)
             clock.lap("write")
             if observers:
                 truth, cycle = plant.truth(), clock.cycle()
@@ -236,4 +242,13 @@ class _Ahead:
             numbers = np.arange(number, number + self._TICKS, dtype=np.float64)
             self._block = self._reference.at(numbers * self._tick)
         row, block = number - self._first, self._block
-        return Target(block.attitude[row], block.rate_body[row], block.acceleration_body[row])
+        if block.position is None or block.velocity is None or block.acceleration is None:
+            return Target(block.attitude[row], block.rate_body[row], block.acceleration_body[row])
+        return Target(
+            block.attitude[row],
+            block.rate_body[row],
+            block.acceleration_body[row],
+            block.position[row],
+            block.velocity[row],
+            block.acceleration[row],
+        )

@@ -78,8 +78,12 @@ STREAMS: dict[str, Stream] = {
     "estimate_attitude": Stream("1", _WXYZ, "world from body"),
     "estimate_rate": Stream("rad/s", _XYZ, "body"),
     "estimate_gyro_bias": Stream("rad/s", _XYZ, "body"),
+    "estimate_position": Stream("m", _XYZ, "world"),
+    "estimate_velocity": Stream("m/s", _XYZ, "world"),
     "reference_attitude": Stream("1", _WXYZ, "world from body"),
     "reference_rate": Stream("rad/s", _XYZ, "body"),
+    "reference_position": Stream("m", _XYZ, "world"),
+    "reference_velocity": Stream("m/s", _XYZ, "world"),
     "loop_time": Stream("s", ("late", "read", "estimate", "control", "write", "record")),
 }
 """The canonical streams (docs/design.md 4.2). `wanted_*` has the unit of its `command_*`."""
@@ -184,6 +188,13 @@ class Estimate:
     """(n,): whether attitude or joint angle has been seen; for estimators."""
     awaited: Mapping[str, Mask] = field(default_factory=dict[str, Mask])
     """Measured positions -> (n,) runs of which no sample has come yet; empty once all have."""
+    position: Array | None = None
+    """(n, 3) of the CR in the room [m], NaN in a run until it has been seen; None: of a machine
+    that stays in its place, or whose place no camera shows."""
+    velocity: Array | None = None
+    """(n, 3) likewise [m/s]."""
+    disturbance: Array | None = None
+    """(n, 3) acceleration of the CR that no command explains, likewise [m/s^2]."""
 
     def at(self, time: float) -> "Estimate":
         """The same estimate, stamped `time`."""
@@ -200,6 +211,12 @@ class Target:
     """(3,) or (n, 3) [rad/s], in the target's own body frame."""
     acceleration_body: Array = field(default_factory=lambda: np.zeros(3))
     """(3,) or (n, 3) [rad/s^2], in the target's own body frame."""
+    position: Array | None = None
+    """(3,) or (n, 3) of the CR in the room [m]; None: the reference asks for no place."""
+    velocity: Array | None = None
+    """(3,) or (n, 3) [m/s], world; given with the position."""
+    acceleration: Array | None = None
+    """(3,) or (n, 3) [m/s^2], world; given with the position."""
 
 
 Command = dict[str, Array]

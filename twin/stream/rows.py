@@ -6,7 +6,7 @@ fraction of what NumPy takes to put a few numbers together.
 
 import struct
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +68,16 @@ class StreamRows:
             ("reference_rate", [t.target.rate_body for t in ticks]),
         ):
             blocks[name] = self._values(stamps, every, values)
+        for name, values in (
+            ("reference_position", [t.target.position for t in ticks]),
+            ("reference_velocity", [t.target.velocity for t in ticks]),
+            ("estimate_position", [t.estimate.position for t in ticks]),
+            ("estimate_velocity", [t.estimate.velocity for t in ticks]),
+        ):
+            rows = [(i, value) for i, value in enumerate(values) if self._known(value)]
+            if rows:
+                which, known = zip(*rows, strict=True)
+                blocks[name] = self._values(stamps, which, known)
         cycles = [t.cycle for t in ticks if t.cycle is not None]
         if len(cycles) == len(ticks):
             blocks["loop_time"] = self._values(stamps, every, cycles)
@@ -85,6 +95,13 @@ class StreamRows:
                 unit = stream_named(name).unit
                 self.headers[name] = Header(self._platform.columns(name), unit)
         return blocks
+
+    def _known(self, place: Array | None) -> TypeGuard[Array]:
+        """Whether this run's place, or its velocity, has been seen or asked for."""
+        if place is None:
+            return False
+        own = place[self._run] if place.ndim == 2 and len(place) > 1 else place
+        return bool(np.isfinite(own).all())
 
     def _samples(self, samples: Sequence[Samples]) -> Block:
         return Block(
