@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.errors import UsageError
-from twin.reference import Hold, Multisine, Slew, parse_reference
+from twin.reference import Hold, Move, Multisine, Slew, parse_reference
 from twin.rotation import conjugate, multiply, tilt, to_euler_zyx, to_rotation_vector
 
 MOTIONS = ["hold", "hold:3,-2,40", "slew:5,-3,60@2", "slew:0,0,0", "multisine", "multisine:20"]
@@ -96,8 +96,50 @@ def test_text_says_roll_pitch_yaw_in_degrees():
         ("multisine:-1", "between 0 and 90 deg"),
         ("multisine:5@0", "above 0 Hz"),
         ("multisine:5@", "'' should be one number"),
+        ("place:1", "'1' should be 2 numbers"),
+        ("move:1,0@0", "an acceleration above 0"),
+        ("move:1,0@1,0", "highest speed above 0"),
+        ("place:0,0+move:1,0", "no attitude \\+ one place"),
+        ("hold+slew:0,0,1", "no attitude \\+ one place"),
     ],
 )
 def test_text_that_names_no_reference_is_told_what_would(text, sentence):
     with pytest.raises(UsageError, match=sentence):
         parse_reference(text)
+
+
+def test_a_move_is_the_fastest_from_rest_to_rest_within_its_limits():
+    draw = np.random.default_rng(20261130)
+    for _ in range(20):
+        x, y = draw.normal(size=2)
+        acceleration, speed = draw.uniform(0.01, 0.2), draw.uniform(0.05, 1.0)
+        move, way = Move(x, y, acceleration, speed), np.hypot(x, y)
+        reaches = speed**2 / acceleration < way
+        shortest = 2.0 * np.sqrt(way / acceleration)
+        cruising = way / speed + speed / acceleration
+        assert move.duration == pytest.approx(cruising if reaches else shortest)
+        times = np.linspace(-1.0, move.duration + 1.0, 20001)
+        target, step = move.at(times), times[1] - times[0]
+        assert target.position is not None
+        assert target.velocity is not None
+        assert target.acceleration is not None
+        middle = 0.5 * (target.velocity[1:] + target.velocity[:-1])
+        np.testing.assert_allclose(
+            np.diff(target.position, axis=0), step * middle, atol=0.3 * acceleration * step**2
+        )
+        gained = np.linalg.norm(np.diff(target.velocity, axis=0), axis=1)
+        assert gained.max() <= acceleration * step * (1.0 + 1e-9)
+        assert np.linalg.norm(target.velocity, axis=1).max() <= speed * (1.0 + 1e-9)
+        np.testing.assert_allclose(target.position[-1], [x, y, 0.0], atol=1e-12)
+        np.testing.assert_array_equal(target.velocity[[0, -1]], 0.0)
+
+
+def test_a_place_goes_with_any_attitude():
+    both = parse_reference("slew:0,0,90@3+move:1,-2@0.1").at(np.array([0.0, 20.0, 100.0]))
+    alone = parse_reference("slew:0,0,90@3").at(np.array([0.0, 20.0, 100.0]))
+    np.testing.assert_array_equal(both.attitude, alone.attitude)
+    assert both.position is not None
+    np.testing.assert_allclose(both.position[-1], [1.0, -2.0, 0.0])
+    assert alone.position is None
+    stay = parse_reference("hold:0,0,1e+1+place:1,2").at(3.0).position
+    np.testing.assert_array_equal(stay, [1.0, 2.0, 0.0])

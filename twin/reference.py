@@ -1,12 +1,13 @@
-"""Where the body should be: hold, slew or multisine, and the short text that names one.
+"""Where the body should be: an attitude, a place, or both, and the short text that names one.
 
-`hold:0,5,0`, `slew:0,0,90@1` and `multisine:5` are what a command line takes, in degrees; see
-`parse_reference`.
+`hold:0,5,0`, `slew:0,0,90@1` and `multisine:5` are what a command line takes, in degrees, and
+`place:0,0` or `move:1,0@0.05` in metres; `slew:0,0,90+move:1,0` is both. See `parse_reference`.
 """
 
 import abc
 import math
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +20,9 @@ from twin.signals import Target
 Array = NDArray[np.float64]
 
 GRAMMAR = (
-    "hold, hold:ROLL,PITCH,YAW, slew:ROLL,PITCH,YAW[@RATE] or multisine[:AMPLITUDE[@FREQUENCY]]"
+    "hold, hold:ROLL,PITCH,YAW, slew:ROLL,PITCH,YAW[@RATE] or multisine[:AMPLITUDE[@FREQUENCY]], "
+    "in degrees; of a machine that travels place:X,Y or move:X,Y[@ACCELERATION[,SPEED]], in "
+    "metres and seconds, or both with + between"
 )
 """Angles in degrees, rates in degrees per second, frequencies in hertz."""
 
@@ -132,6 +135,94 @@ class Multisine(Reference):
         )
 
 
+@dataclass(frozen=True)
+class Move(Reference):
+    """From the room's origin to a place along a straight line, rest to rest, then hold; level.
+
+    The fastest such motion: speed grows at `acceleration` to `speed`, is held, and falls likewise.
+    Where the way d is too short for that speed, half of it is gained and half lost, in
+    2 sqrt(d / a) altogether.
+    """
+
+    x: float
+    """[m]."""
+    y: float
+    """[m]."""
+    acceleration: float = 0.01
+    """[m/s^2]."""
+    speed: float = math.inf
+    """Highest on the way [m/s]."""
+
+    @cached_property
+    def distance(self) -> float:
+        """[m]."""
+        return math.hypot(self.x, self.y)
+
+    @cached_property
+    def peak(self) -> float:
+        """Highest speed that is reached [m/s]."""
+        return min(self.speed, math.sqrt(self.acceleration * self.distance))
+
+    @cached_property
+    def duration(self) -> float:
+        """[s]."""
+        if not self.distance:
+            return 0.0
+        return self.distance / self.peak + self.peak / self.acceleration
+
+    def at(self, time: float | Array) -> Target:
+        """On the way, or there; the acceleration is the one that follows."""
+        now = np.clip(np.asarray(time, dtype=np.float64), 0.0, self.duration)
+        left, ramp = self.duration - now, self.peak / self.acceleration
+        ends = np.minimum(now, left)  # from either end the motion looks the same
+        speed = self.acceleration * np.minimum(ends, ramp)
+        gone = speed * (ends - 0.5 * np.minimum(ends, ramp))
+        way = np.where(now < left, gone, self.distance - gone)
+        pushed = (ends < ramp) & (np.asarray(time) >= 0.0) & (left > 0.0)
+        push = np.where(pushed, np.where(now < left, self.acceleration, -self.acceleration), 0.0)
+        along = np.array([self.x, self.y, 0.0]) / (self.distance or 1.0)
+        return replace(
+            Hold().at(time),
+            position=way[..., None] * along,
+            velocity=speed[..., None] * along,
+            acceleration=push[..., None] * along,
+        )
+
+
+@dataclass(frozen=True)
+class Place(Reference):
+    """One place, for ever; level."""
+
+    x: float = 0.0
+    """[m]."""
+    y: float = 0.0
+    """[m]."""
+
+    def at(self, time: float | Array) -> Target:
+        """The place, at rest."""
+        rest = np.zeros((*np.shape(time), 3))
+        position = rest + np.array([self.x, self.y, 0.0])
+        return replace(Hold().at(time), position=position, velocity=rest, acceleration=rest)
+
+
+@dataclass(frozen=True)
+class AttitudeAndPlace(Reference):
+    """The attitude of one reference in the place of another."""
+
+    attitude: Reference
+    place: Reference
+
+    def at(self, time: float | Array) -> Target:
+        """Both at that time."""
+        where = self.place.at(time)
+        return replace(
+            self.attitude.at(time),
+            position=where.position,
+            velocity=where.velocity,
+            acceleration=where.acceleration,
+        )
+
+
 _TONES = np.sqrt([[1.0, 5.0, 10.0], [2.0, 6.0, 11.0], [3.0, 7.0, 13.0]])
 _WEIGHTS = np.array([0.5, 0.3, 0.2])
 # Quadratic phases (Schroeder 1970) keep the tones' peaks apart.
@@ -144,7 +235,18 @@ def parse_reference(text: str) -> Reference:
     Raises:
         UsageError: it names none; says what would.
     """
+    parts = re.split(r"\+(?=[a-z])", text)
+    if len(parts) == 2:
+        attitude, place = (parse_reference(part) for part in parts)
+        if isinstance(place, Place | Move) and not isinstance(attitude, Place | Move):
+            return AttitudeAndPlace(attitude, place)
+    if len(parts) > 1:
+        raise UsageError(f"reference {text!r} is no attitude + one place; use {GRAMMAR}")
     kind, _, rest = text.partition(":")
+    if kind == "place":
+        return Place(*_numbers(text, rest, count=2))
+    if kind == "move":
+        return _move(text, rest)
     if text == "hold":
         return Hold()
     if kind == "hold":
@@ -171,7 +273,21 @@ def parse_reference(text: str) -> Reference:
         if limit <= 0.0:
             raise UsageError(f"reference {text!r}: the rate must be above 0 deg/s")
         return Slew(*angles, rate=limit)
-    raise UsageError(f"no reference named {text!r}; use {GRAMMAR}, in degrees")
+    raise UsageError(f"no reference named {text!r}; use {GRAMMAR}")
+
+
+def _move(text: str, rest: str) -> Move:
+    where, at, pace = rest.partition("@")
+    x, y = _numbers(text, where, count=2)
+    if not at:
+        return Move(x, y)
+    limits = _numbers(text, pace, count=pace.count(",") + 1)
+    if len(limits) > 2 or min(limits) <= 0.0:
+        raise UsageError(
+            f"reference {text!r}: {pace!r} should be an acceleration above 0 m/s^2, and a highest "
+            "speed above 0 m/s if it is limited"
+        )
+    return Move(x, y, limits[0], limits[1] if len(limits) == 2 else math.inf)
 
 
 def _angles(text: str, numbers: str, count: int) -> list[float]:
@@ -185,9 +301,7 @@ def _numbers(text: str, numbers: str, count: int) -> list[float]:
         values = []
     if len(values) != count or not all(map(math.isfinite, values)):
         wanted = "one number" if count == 1 else f"{count} numbers with commas between"
-        raise UsageError(
-            f"reference {text!r}: {numbers!r} should be {wanted}; use {GRAMMAR}, in degrees"
-        )
+        raise UsageError(f"reference {text!r}: {numbers!r} should be {wanted}; use {GRAMMAR}")
     return values
 
 
