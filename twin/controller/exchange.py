@@ -152,6 +152,100 @@ class Gyros:
 
 
 @dataclass(frozen=True)
+class VariableSpeedGyros:
+    """Gyros whose wheels help at singular angles; the equations stand in the law `vscmg_pd`."""
+
+    gyros: Gyros
+    carried: Array
+    """(gimbals, wheels) 1 where a gimbal carries a wheel."""
+    capacity: Array
+    """(wheels,) what a wheel can hold [N m s]: the unit of its acceleration below."""
+    speed: Array
+    """(wheels,) at which it holds that [rad/s]."""
+    home: Array
+    """(gimbals + wheels,) angles [rad], and speeds in parts of that, at the start of a run."""
+
+    @classmethod
+    def of(cls, platform: Platform, law: str) -> "VariableSpeedGyros":
+        """Those of the platform.
+
+        Raises:
+            ControllerError: there are fewer gimbals than the three that `law` needs, or its wheels
+                stand on none.
+        """
+        gyros, wheels = Gyros.of(platform, law), platform.wheels
+        carried = np.array(
+            [[float(w.gimbal == g.name) for w in wheels] for g in platform.gimbals]
+        ).reshape(len(platform.gimbals), len(wheels))
+        if not len(wheels) or not carried.any(axis=0).all():
+            raise ControllerError(
+                f"{law} drives gimbals and the wheels on them, but {platform.name} has "
+                f"{int(carried.sum())} wheels on gimbals of {len(wheels)}: choose `cmg_pd` for "
+                "rotors at constant speed"
+            )
+        speed = np.array([wheel.speed_limit for wheel in wheels])
+        angles = np.array([gimbal.home for gimbal in platform.gimbals])
+        speeds = np.array([wheel.home for wheel in wheels]) / speed
+        capacity = np.array([wheel.momentum_limit for wheel in wheels])
+        return cls(gyros, carried, capacity, speed, np.concatenate([angles, speeds]))
+
+    def momentum(self, estimate: Estimate) -> Array:
+        """h, (n, 3) [N m s, body]."""
+        return self.gyros.momentum(estimate)
+
+    def command(self, change: Array, estimate: Estimate, time: float) -> Command:
+        """Gimbal rates and motor torques for a change of momentum (n, 3) [N m, body]."""
+        del time
+        return self.steered(change, estimate)
+
+    def steered(
+        self,
+        change: Array,
+        estimate: Estimate,
+        *,
+        share: float = 1.0,
+        regularity: float = REGULARITY,
+        homing: float = 0.1,
+    ) -> Command:
+        """Likewise; none in a run that has not been seen yet.
+
+        Args:
+            change: dh/dt, (n, 3) [N m, body].
+            estimate: where the gyros stand.
+            share: of the wheels at a singular state.
+            regularity: det(A A^T) below which the wheels set in, in parts of H^6.
+            homing: of the null motion [1/s]; 0 for none.
+        """
+        # einsum rather than @: a row's last bits must not depend on how many runs there are.
+        spinning = np.einsum("gw,ngi->nwi", self.carried, self.gyros.along(estimate))
+        spinning = self.capacity[:, None] * spinning
+        columns = np.concatenate([self.gyros.columns(estimate), spinning], axis=1)  # Q^T
+        gimbals = len(self.carried)
+        mu = share * np.exp(-self.gyros.regularity(estimate) / regularity)
+        weight = np.ones(columns.shape[:2])
+        weight[:, gimbals:] = mu[:, None]
+        steering = weight * _inverse(columns, weight, change)
+
+        now = np.concatenate([estimate.gimbal_angle, estimate.wheel_speed / self.speed], axis=1)
+        away = homing * (self.home - now)
+        seen = np.einsum("nki,nk->ni", columns, away)
+        moved = steering + away - _inverse(columns, np.ones_like(weight), seen)
+        moved = np.where(estimate.valid[:, None], moved, 0.0)
+        return {
+            "command_gimbal_rate": moved[:, :gimbals],
+            "command_wheel_torque": self.capacity * moved[:, gimbals:],
+        }
+
+
+def _inverse(columns: Array, weight: Array, change: Array) -> Array:
+    """Q^T (Q M Q^T)^-1 of a change of momentum, (n, k)."""
+    square = np.einsum("nki,nk,nkj->nij", columns, weight, columns)
+    # So small that it only keeps an array at rest, with nothing to turn, from dividing by zero.
+    share = np.linalg.solve(square + 1e-12 * np.eye(3), change[..., None])[..., 0]
+    return np.einsum("nki,ni->nk", columns, share)
+
+
+@dataclass(frozen=True)
 class Wheels:
     """Reaction wheels; h = A h_a, with each wheel's whole momentum about its axis.
 
@@ -182,6 +276,11 @@ class Wheels:
         spin = np.array([wheel.inertia for wheel in platform.wheels])
         share = np.asarray(np.linalg.pinv(axes.T), dtype=np.float64)
         return cls(axes, spin, share, platform.inertia - (axes.T * spin) @ axes)
+
+    def any_way_round(self, platform: Platform) -> float:
+        """Torque that the motors can give about every axis [N m]."""
+        limit = np.array([wheel.torque_limit for wheel in platform.wheels])
+        return float(np.min(limit / np.linalg.norm(self.share, axis=1)))
 
     def momentum(self, estimate: Estimate) -> Array:
         """h, (n, 3) [N m s, body]."""
