@@ -150,8 +150,9 @@ def test_the_mass_takes_a_gain_of_all_thrusters_unless_it_is_known():
 
 
 def test_what_needs_a_floor_is_refused_on_a_bearing():
-    with pytest.raises(EffectError, match="three degrees of freedom on a floor"):
-        SimulatedPlant(with_effects(load_platform("sads"), parse_effects("floor_slope=1e-4/0")))
+    for effect, lacks in (("floor_slope", "glides"), ("pad_viscous_friction", "three degrees")):
+        with pytest.raises(EffectError, match=lacks):
+            with_effects(load_platform("sads"), parse_effects(effect))
 
 
 def flown(platform: Platform, effects: str, seed: int) -> Recording:
@@ -210,3 +211,27 @@ def test_a_healthy_log_of_a_machine_on_a_floor_is_called_healthy(drawn_seed: int
     assert run is not None
     assert run.places is not None
     assert run.places[1] < 1e-3
+
+
+def test_a_floor_that_falls_by_a_milliradian_pulls_a_machine_that_also_turns():
+    platform = replace(load_platform("astros:mode_c"), center_of_mass_offset=np.zeros(3))
+    sloped = with_effects(platform, parse_effects("floor_slope=1e-3/-2e-3"))
+    with SimulatedPlant(sloped) as plant:
+        plant.read(10.0)
+        truth = plant.truth()
+    pulled = truth["truth_velocity"].value[0, 0] / 10.0
+    np.testing.assert_allclose(pulled, [9.81e-3, -19.62e-3, 0.0], atol=1e-12)
+    np.testing.assert_allclose(truth["truth_attitude"].value[0, 0], [1, 0, 0, 0], atol=1e-12)
+
+
+def test_an_accelerometer_that_slides_down_a_slope_feels_nothing_along_it():
+    platform = replace(load_platform("astros:mode_c"), center_of_mass_offset=np.zeros(3))
+    quiet = replace(
+        platform.sensors["accelerometer"], noise=np.zeros(3), bias=np.zeros(3), cutoff=np.inf
+    )
+    platform = replace(platform, sensors={"accelerometer": quiet})
+    sloped = with_effects(platform, parse_effects("floor_slope=1e-3/-2e-3"))
+    with SimulatedPlant(sloped) as plant:
+        plant.read(0.0)
+        felt = plant.read(1.0).streams["accelerometer"].value[0]
+    np.testing.assert_allclose(felt, np.tile([0.0, 0.0, 9.81], (len(felt), 1)), atol=1e-9)

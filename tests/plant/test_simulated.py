@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from twin.api import fly
 from twin.effects import effect_named, with_effects
 from twin.errors import CommandError, UnknownName, UsageError
 from twin.plant.initial import InitialState
@@ -319,3 +320,11 @@ def test_time_does_not_run_backwards(sads):
     plant.read(1.0)
     with pytest.raises(UsageError, match="time runs forward"):
         plant.read(0.5)
+
+
+def test_a_lower_stage_that_turns_alone_shows_its_heading():
+    run = fly("astros:mode_a", "thruster_pd", reference="hold:0,0,20", duration=40.0)
+    heading = run.recording["truth_heading"].value[:, 0]
+    assert np.degrees(heading[-1]) == pytest.approx(20.0, abs=1.0)
+    w, _, _, z = run.recording["truth_attitude"].value.T
+    np.testing.assert_allclose(heading, 2.0 * np.arctan2(z, w), atol=1e-12)

@@ -6,7 +6,15 @@ import mujoco
 import numpy as np
 
 from twin.effects.effect import Domain, EffectError, parameter
-from twin.effects.on_body import Array, BodyEffect, State, TorqueLaw, mean_direction, needs_floor
+from twin.effects.on_body import (
+    Array,
+    BodyEffect,
+    State,
+    TorqueLaw,
+    glides,
+    mean_direction,
+    needs_floor,
+)
 from twin.platform import Platform
 
 
@@ -14,7 +22,8 @@ from twin.platform import Platform
 class FloorSlope(BodyEffect):
     """The floor falls along the room's x and y: acceleration g slope, at the centre of mass.
 
-    A part of MuJoCo's gravity: exact at every stage of RK4.
+    A part of MuJoCo's gravity: exact at every stage of RK4. A ball may turn on what glides: the
+    room's z is then across the floor.
     """
 
     name = "floor_slope"
@@ -41,7 +50,7 @@ class FloorSlope(BodyEffect):
     )
 
     def unfit(self, platform: Platform) -> str:
-        return super().unfit(platform) or needs_floor(platform)
+        return super().unfit(platform) or glides(platform)
 
     def edit_model(self, model: mujoco.MjModel, platform: Platform) -> None:
         model.opt.gravity[0] += platform.gravity * self.down_x

@@ -202,6 +202,14 @@ def needs_floor(platform: Platform) -> str:
     return "it needs a machine of three degrees of freedom on a floor"
 
 
+def glides(platform: Platform) -> str:
+    """Why a platform whose stage does not glide along x and y cannot have an effect."""
+    base = platform.base
+    if base.kind == "planar" or set(base.planar[:2]) - set(base.locked):
+        return ""
+    return "it needs a machine that glides on a floor"
+
+
 def needs_ball(platform: Platform) -> str:
     """Why a platform without a ball joint cannot have an effect."""
     return "" if platform.base.kind == "ball" else "it needs a ball joint"

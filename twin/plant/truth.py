@@ -21,7 +21,7 @@ from twin.drives import floating
 from twin.effects import BodyEffect, Effect, State
 from twin.model import Machine
 from twin.platform import Sensor
-from twin.rotation import conjugate, cross, rotate
+from twin.rotation import conjugate, cross, rotate, to_euler_zyx
 from twin.signals import Samples
 
 Array = NDArray[np.float64]
@@ -37,11 +37,12 @@ def window_steps(sensor: Sensor, step: float) -> int:
     return max(math.ceil(sensor.window / step - _EPS), 1)
 
 
-def derived_streams(machine: Machine) -> dict[str, Derived]:
-    """By stream, those that this machine can have."""
+def derived_streams(machine: Machine, models: Sequence[mujoco.MjModel] = ()) -> dict[str, Derived]:
+    """By stream, those that this machine can have; `models`: one a run, where they
+    differ."""
     if machine.platform.base.kind == "hinge":
         return {}
-    streams = _Derived(machine)
+    streams = _Derived(machine, models)
     return {
         "inclinometer": streams.inclinometer,
         "accelerometer": streams.accelerometer,
@@ -81,11 +82,12 @@ def elevations(force: Array, gravity: float) -> Array:
 
 
 class _Derived:
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Machine, models: Sequence[mujoco.MjModel] = ()) -> None:
         model, nq = machine.model, machine.model.nq
         self._step = machine.platform.step
         self._gravity = machine.platform.gravity
         self._field = machine.platform.magnetic_field
+        self._lifted = 0.0 - np.array([item.opt.gravity for item in models or (model,)])
         self._attitude = machine.base_qpos
         self._rate = slice(nq + machine.base_dof.start, nq + machine.base_dof.stop)
         self._place = machine.place_qpos
@@ -109,7 +111,7 @@ class _Derived:
         rate, site = states[..., self._rate], self._sites[sensor.site]
         turning = (rate - earlier[..., self._rate]) / window
         push = np.zeros_like(rate)
-        push[..., 2] = self._gravity
+        push[:] = self._lifted[:, None]
         if self._speed.size:
             gained = states[..., self._speed] - earlier[..., self._speed]
             push[..., : self._speed.size] += gained / window
@@ -296,6 +298,9 @@ class Truth:
             "stage_speed": _tight(nq + machine.stage_dof),
             "heading": _tight(machine.heading_qpos),
         }
+        base = machine.platform.base
+        # a ball that is locked turns with the lower stage, and carries its inertia
+        self._turned_along = base.joint in base.locked and bool(machine.heading_qpos.size)
         if turns:
             self._columns |= {"attitude": machine.base_qpos, "gyro": base_dof}
         else:
@@ -305,7 +310,7 @@ class Truth:
             for stream, columns in self._columns.items()
             if not isinstance(columns, np.ndarray) or columns.size
         }
-        self._derived = derived_streams(machine)
+        self._derived = derived_streams(machine, own)
         self._shown = [name for name in ("position", "velocity") if machine.place_qpos.size]
         stated = machine.platform.center_of_mass_offset
         self._mass_moment = MassMoment(
@@ -349,6 +354,9 @@ class Truth:
             name: Samples(states[:, None, columns], stamp, mask)
             for name, columns in self._names.items()
         }
+        if self._turned_along:
+            yaw = to_euler_zyx(states[:, None, self._columns["attitude"]])[..., :1]
+            streams["truth_heading"] = Samples(yaw, stamp, mask)
         for name in self._shown:
             seen = self._derived[name](None, states[:, None], states[:, None])
             streams[f"truth_{name}"] = Samples(seen, stamp, mask)
