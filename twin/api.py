@@ -230,8 +230,9 @@ def fly(
         controller: a shipped law by its name, a file, or a law itself (`twin.controller`).
         gains: of a law by its name, that differ from its own.
         reference: `hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or
-            `multisine[:AMPLITUDE[@FREQUENCY]]`, in degrees and hertz, or a motion itself; None:
-            what the law is usually given.
+            `multisine[:AMPLITUDE[@FREQUENCY]]`, in degrees and hertz; `place:X,Y` or
+            `move:X,Y[@ACCELERATION[,SPEED]]`, in metres and seconds; both with a + between; or a
+            motion itself; None: what the law is usually given.
         duration: [s]; None: 60, or the whole log that is replayed.
         effects: what the simulated machine has beyond its platform; see `load`.
         attitude: roll, pitch, yaw at the start [rad]; a hinge takes the first.

@@ -13,8 +13,10 @@ from twin.budget import momentum_budget
 from twin.clock import Clock, Timing, check_duration
 from twin.controller import AnyController, Controller, load_controller
 from twin.controller.load import tell_mistake
+from twin.controller.thrusters import Wrenches
+from twin.drives import travelling_mass
 from twin.effects import Effect, effects_of, with_effects
-from twin.errors import TwinError, UnknownName, UsageError
+from twin.errors import ControllerError, TwinError, UnknownName, UsageError
 from twin.estimators import (
     Estimator,
     InclinometerDifferences,
@@ -110,7 +112,39 @@ class Flight:
                 f"{self.platform.name}: filter and law take it for that machine"
             ]
         wanted = self._wanted()
-        return [*self._unseen_heading(wanted), *self._saturation(wanted)]
+        return [*self._unsteered(), *self._unseen_heading(wanted), *self._saturation(wanted)]
+
+    def _unsteered(self) -> list[str]:
+        """That the law, or the thrusters, cannot follow the place that the reference asks for."""
+        if self.reference.at(0.0).position is None or not self.platform.base.travels:
+            return []
+        if type(self.controller).first_command is not Controller.first_command:
+            return []  # another program, which is not asked
+        if "place" in _answers_to(self.controller, self.platform):
+            return self._beyond_thrust()
+        return [
+            f"the reference asks for a place, and {type(self.controller).__name__} steers none: "
+            f"{self.platform.name} drifts; use a law that does (thruster_five)"
+        ]
+
+    def _beyond_thrust(self) -> list[str]:
+        try:
+            nozzles = Wrenches.of(self.platform, type(self.controller).__name__)
+        except ControllerError:
+            return []
+        pushes = self.reference.at(np.linspace(0.0, self.duration, 1000)).acceleration
+        if pushes is None:
+            return []
+        largest = pushes[np.argmax(np.sum(np.square(pushes), axis=1))]
+        wrench = np.append(travelling_mass(self.platform) * largest, np.zeros(3))
+        scale = float(nozzles.allocate(wrench[None]).scale[0])
+        if scale > 1.0 - 1e-3:
+            return []
+        size = float(np.linalg.norm(largest))
+        return [
+            f"the reference asks for {size:.3g} m/s^2, and the thrusters of {self.platform.name}, "
+            f"level, give {scale * size:.3g} m/s^2 that way: it will lag behind"
+        ]
 
     def _unseen_heading(self, wanted: Command) -> list[str]:
         """That the law steers a heading which no sensor shows."""
@@ -395,6 +429,8 @@ def prepare(
     followed = asked if isinstance(asked, Reference) else parse_reference(asked)
     if kind != "replay":  # what a log did is done, wherever the law would have gone
         _check_within_stop(machine, asked, followed, length)
+        if reference is not None and followed.at(0.0).position is not None:
+            _check_travels(machine, asked)
     return Flight(
         plant=body,
         estimator=observer,
@@ -416,6 +452,14 @@ def _check_within_stop(
         raise UsageError(
             f"reference {asked!r} leans {machine.name} by {np.degrees(lean):.3g} deg, beyond the "
             f"stop at {np.degrees(machine.stop_angle):.3g} deg; give smaller angles"
+        )
+
+
+def _check_travels(machine: Platform, reference: str | Reference) -> None:
+    if not machine.base.travels:
+        raise UsageError(
+            f"reference {reference!r} asks for a place, and {machine.name} stays where it is; give "
+            "an attitude alone, or a machine that travels (astros:mode_c)"
         )
 
 
@@ -454,8 +498,9 @@ def _check_seen(law: AnyController, name: str, estimator: Estimator, machine: Pl
 
 
 def _answers_to(law: AnyController, machine: Platform) -> set[str]:
-    """Which of "attitude" (how it leans), "heading" and "rate" change what the law commands first;
-    of a law in another program, which is not asked, the heading alone is supposed."""
+    """Which of "attitude" (how it leans), "heading", "rate" and "place" change what the law
+    commands first; of a law in another program, which is not asked, the heading alone is supposed.
+    """
     if type(law).first_command is not Controller.first_command:
         return {"heading"}
     yaw = from_rotation_vector(np.array([[0.0, 0.0, 0.05]]))
@@ -468,7 +513,7 @@ def _answers_to(law: AnyController, machine: Platform) -> set[str]:
             "attitude": {"joint_angle": np.array([[0.05]])},
             "rate": {"joint_rate": np.array([[0.05]])},
         }
-    target = Target(IDENTITY)
+    target, still = Target(IDENTITY), np.zeros((1, 3))
     base = replace(Passthrough().init(machine, 1), valid=np.ones(1, dtype=np.bool_), awaited={})
     tipped = replace(base, **turned["rate"])  # what damps a rate may ask for the attitude, too
     try:
@@ -480,6 +525,16 @@ def _answers_to(law: AnyController, machine: Platform) -> set[str]:
             turn = {"attitude": multiply(yaw, start.attitude)}
             other = law.first_command(machine, replace(start, **turn), target)
             found |= set() if _same(before, other) else {"heading"}
+        if machine.base.travels:
+            here, there = (
+                law.first_command(
+                    machine,
+                    replace(base, position=still, velocity=still),
+                    replace(target, position=where, velocity=still[0], acceleration=still[0]),
+                )
+                for where in (np.zeros(3), np.array([1.0, 0.5, 0.0]))
+            )
+            found |= set() if _same(here, there) else {"place"}
     except Exception:  # noqa: BLE001 - `Flight.fly` asks again, and tells what is wrong with it
         return set()
     return found

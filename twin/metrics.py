@@ -33,7 +33,8 @@ def begun(time: float, since: float) -> bool:
 class Metrics:
     """Observer of a loop: how well the reference was followed, and what it took.
 
-    Errors are of the true attitude where the plant knows it, else of the estimated one.
+    Errors are of the true attitude and place where the plant knows them, else of the estimated
+    ones; that of the place is along the floor, where the reference asks for one.
     """
 
     platform: Platform
@@ -44,6 +45,9 @@ class Metrics:
         self._squares: Array | float = 0.0
         self._counted = 0
         self._worst: Array | float = 0.0
+        self._strayed: Array | float = 0.0
+        self._farthest: Array | float = 0.0
+        self._places = 0
         self._tilt: Array | float = 0.0
         self._momentum: Array | float = 0.0
         self._saturated: Array | None = None
@@ -64,6 +68,15 @@ class Metrics:
                 self._squares = self._squares + angle**2
                 self._worst = np.maximum(self._worst, angle)
                 self._counted += 1
+        where = tick.target.position
+        if where is not None and self.platform.base.travels and begun(time, self.settle):
+            shown = truth.get("truth_position")
+            position = estimate.position if shown is None else shown.value[:, -1]
+            if position is not None:
+                error = np.sqrt(((position - where)[:, :2] ** 2).sum(axis=1))
+                self._strayed = self._strayed + error**2
+                self._farthest = np.maximum(self._farthest, error)
+                self._places += 1
         if self.platform.wheels:
             spin = truth.get("truth_wheel_speed")
             speed = estimate.wheel_speed if spin is None else spin.value[:, -1]
@@ -80,6 +93,9 @@ class Metrics:
         if self._counted:
             result["tracking_error_rms_rad"] = np.sqrt(self._squares / self._counted)
             result["tracking_error_max_rad"] = self._worst
+        if self._places:
+            result["place_error_rms_m"] = np.sqrt(self._strayed / self._places)
+            result["place_error_max_m"] = self._farthest
         if self.platform.base.kind != "hinge":
             result["tilt_max_rad"] = self._tilt
         if self._saturated is not None:

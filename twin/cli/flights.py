@@ -55,7 +55,9 @@ class RunVerb:
     clock, so that the speed of the computer does not matter."""
     reference: Annotated[str | None, _arg("REFERENCE")] = None
     """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or `multisine[:AMPLITUDE[@FREQUENCY]]`,
-    in degrees and hertz; by default the law's usual reference, which `twin controllers` lists."""
+    in degrees and hertz; of a machine that travels `place:X,Y` or
+    `move:X,Y[@ACCELERATION[,SPEED]]` in metres and seconds, or both as in `hold:0,0,30+move:1,0`;
+    by default the law's usual reference, which `twin controllers` lists."""
     identified: Annotated[Path | None, _arg("FILE.json")] = None
     """What `twin identify LOG --json` wrote: on the bench, the flight is first simulated at all
     corners of its 95 % set, and refused where the guard would cut it out."""

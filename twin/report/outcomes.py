@@ -35,6 +35,12 @@ def flown(platform: Platform, outcome: Outcome, row: Mapping[str, Any], settle: 
         lines.append(
             f"tracking error {rms:.3g} deg rms, {worst:.3g} deg at worst, from {settle:g} s on"
         )
+    if "place_error_rms_m" in row:
+        rms, worst = row["place_error_rms_m"], row["place_error_max_m"]
+        lines.append(
+            f"place error {1e3 * rms:.3g} mm rms, {1e3 * worst:.3g} mm at worst, "
+            f"from {settle:g} s on"
+        )
     if "tilt_max_rad" in row:
         most = row["tilt_max_rad"]
         touched = platform.pitch_stop is None and most >= platform.tilt_limit
