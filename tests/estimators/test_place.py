@@ -32,7 +32,7 @@ class _Places:
         self.error.append(np.stack([position - true[0], velocity - true[1]], axis=1))
 
 
-def _errors(platform, law="free_float", runs=20, duration=20.0, estimator="filter", **start):
+def _errors(platform, law="free_float", runs=8, duration=16.0, estimator="filter", **start):
     plant = SimulatedPlant(
         platform, runs=tuple(range(runs)), seed=SEED, initial=InitialState(**start)
     )

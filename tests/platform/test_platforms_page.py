@@ -130,7 +130,7 @@ def test_every_table_that_the_loader_takes_is_on_the_page():
     for name in tables:
         assert re.search(rf"^#+ .*\[{name}\]|`\[{name}[\].]", PAGE, re.MULTILINE), name
     for name in literals(load, ("tables",)):
-        assert f"### [[{name}]]" in PAGE
+        assert re.search(rf"^### \[\[(\w+\.)?{name}\]\]", PAGE, re.MULTILINE), name
 
 
 def test_every_stream_that_a_simulation_measures_is_on_the_page():

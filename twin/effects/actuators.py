@@ -475,8 +475,8 @@ class MagnetorquerGain(ScaleEffect):
 class GasConsumption(SeriesEffect):
     """A valve leaks: the pressure falls by p_0 c t / m_0 beside what the thrusters take.
 
-    At constant temperature, while the tanks are not empty. What has left is not taken off the
-    machine's mass: `center_of_mass_drift` has that.
+    At constant temperature, while the tanks are not empty. Where platform.toml says where the tanks
+    are, its mass, m r and J leave with it; else that is a `center_of_mass_drift`.
     """
 
     name = "gas_consumption"

@@ -14,8 +14,11 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from twin import rotation
 from twin.effects import BodyEffect, Effect, EffectError, State
+from twin.errors import PlatformError
 from twin.model import Machine
 from twin.platform import Gas, Thruster
 from twin.units import STANDARD_GRAVITY
@@ -300,21 +303,30 @@ class Valves:
 
 
 class Tanks:
-    """Gas left in n runs. A thruster's force F takes F / (I_sp g_0) kilograms a second.
+    """Gas left in n runs. A thruster's force F takes F / (I_sp g_0) kilograms a second."""
 
-    What has left is not taken off the machine's mass: that is an effect of its own.
-    """
+    def __init__(self, gas: Gas, n: int, leak: Array | float = 0.0) -> None:
+        """Full.
 
-    def __init__(self, gas: Gas, n: int) -> None:
+        Args:
+            gas: as stated.
+            n: runs.
+            leak: lost besides, (n,) or of all [kg/s].
+        """
         self.mass = np.full(n, gas.mass)
         """(n,) [kg]."""
+        self.leaks = bool(np.any(leak))
+        """Whether gas is lost without a command."""
+        self._leak = np.broadcast_to(leak, (n,))
+        self._leaked = np.zeros(n)
         self._gas = gas
         self._exhaust_speed = gas.specific_impulse * STANDARD_GRAVITY
 
     @property
     def pressure(self) -> Array:
-        """(n,) at constant temperature [Pa]."""
-        return self._gas.pressure * self.mass / self._gas.mass
+        """(n,) at constant temperature [Pa], without what leaks: an effect takes that off."""
+        mass = self.mass + self._leaked if self.leaks else self.mass
+        return self._gas.pressure * mass / self._gas.mass
 
     def fed(self, force: Array) -> Array:
         """The force (n, thrusters) [N] that there is gas for: none once the tanks are empty."""
@@ -324,3 +336,88 @@ class Tanks:
         """Take out what the force (n, thrusters) [N], held for `duration` [s], needs."""
         used = force.sum(axis=1) * (duration / self._exhaust_speed)
         self.mass = np.maximum(self.mass - used, 0.0)
+
+    def leak(self, duration: float) -> None:
+        """Lose what leaks within `duration` [s]."""
+        lost = np.minimum(self._leak * duration, self.mass)
+        self._leaked = self._leaked + lost
+        self.mass = self.mass - lost
+
+
+class LighterBus:
+    """The bus of n runs, less what has left the tanks on it.
+
+    The mass m that has left took m r of its tanks and its inertia about the CR with it. What the
+    gas carries away from a body that turns (jet damping, dm/dt r x (w x r)) is left out, and a stop
+    is as soft as for the full tanks.
+    """
+
+    def __init__(self, batch: Batch, machine: Machine, gas: Gas) -> None:
+        """Nothing has left.
+
+        Args:
+            batch: of n runs, whose models may differ.
+            machine: of all runs.
+            gas: in tanks with places.
+
+        Raises:
+            PlatformError: the bus does not hold so much gas.
+        """
+        model, bus = machine.model, machine.base_body
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        turn = data.xmat[bus].reshape(3, 3).T
+        self.taken = {
+            "center_of_mass_offset": gas.moment,
+            "inertia": gas.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
+        }
+        """By stream of what is true, what a kilogram takes with it, as its columns."""
+        self._bus = bus
+        self._views = {name: batch.expand(name) for name in _INERTIAL}
+        self._anchor = model.jnt_pos[model.body_jntadr[bus]].copy()
+        self._moment, self._spread = turn @ gas.moment, turn @ gas.inertia @ turn.T
+        self._mass = self._views["body_mass"][:, bus].copy()
+        center = self._views["body_ipos"][:, bus] - self._anchor
+        axes = rotation.matrix(self._views["body_iquat"][:, bus])
+        moments = self._views["body_inertia"][:, bus]
+        tensor = np.einsum("nij,nj,nkj->nik", axes, moments, axes)
+        self._first = self._mass[:, None] * center
+        self._tensor = tensor + _about(self._mass, center)
+        mass, _, empty = self._without(np.full(len(moments), gas.mass), slice(None))
+        if np.any(mass <= 0.0) or np.any(np.linalg.eigvalsh(empty) <= 0.0):
+            platform = machine.platform
+            raise PlatformError(
+                platform.folder / "platform.toml",
+                f"{platform.name} could not lose its {gas.mass:g} kg of gas: without them the bus "
+                "would have no positive mass or moment of inertia",
+                "check [gas] mass and the places of its tanks",
+            )
+
+    def take(self, used: Array) -> None:
+        """(n,) has left since the start [kg]; a run of which nothing has keeps its bits."""
+        rows = np.flatnonzero(used > 0.0)
+        mass, center, tensor = self._without(used[rows], rows)
+        moments, axes = np.linalg.eigh(tensor)
+        axes = axes * np.sign(np.linalg.det(axes))[:, None, None]
+        self._views["body_mass"][rows, self._bus] = mass
+        self._views["body_ipos"][rows, self._bus] = self._anchor + center
+        self._views["body_inertia"][rows, self._bus] = moments
+        turned = Rotation.from_matrix(axes).as_quat(scalar_first=True)
+        self._views["body_iquat"][rows, self._bus] = turned
+        self._views["body_sameframe"][rows, self._bus] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+
+    def _without(self, used: Array, rows: Index | slice) -> tuple[Array, Array, Array]:
+        """Mass, centre from the CR and tensor about it, of some runs."""
+        mass = self._mass[rows] - used
+        center = (self._first[rows] - used[:, None] * self._moment) / mass[:, None]
+        tensor = self._tensor[rows] - used[:, None, None] * self._spread
+        return mass, center, tensor - _about(mass, center)
+
+
+_INERTIAL = ("body_mass", "body_ipos", "body_iquat", "body_inertia", "body_sameframe")
+
+
+def _about(mass: Array, center: Array) -> Array:
+    """m (|c|^2 I - c c^T), (n, 3, 3)."""
+    square = np.einsum("ni,ni->n", center, center)[:, None, None] * np.eye(3)
+    return mass[:, None, None] * (square - center[:, :, None] * center[:, None, :])

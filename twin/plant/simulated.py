@@ -14,10 +14,11 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from twin.effects import Effect, ReadingEffect, ScatterEffect, series_effects
+from twin.effects.actuators import GasConsumption
 from twin.errors import UsageError
 from twin.model import compile_model, untouched
 from twin.plant.each import give_each, set_offsets
-from twin.plant.forces import Forces, Tanks, Valves, thruster_arms
+from twin.plant.forces import Forces, LighterBus, Tanks, Valves, thruster_arms
 from twin.plant.initial import InitialState, check_velocity, check_within_stop
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
@@ -110,7 +111,11 @@ class SimulatedPlant(Plant):
 
         self._start(start)
         self._joints = PrescribedJoints(self.machine, self._qpos, self._qvel)
-        self._tanks = None if platform.gas is None else Tanks(platform.gas, self.n)
+        gas, leak = platform.gas, _leak(shared, self.n)
+        self._tanks = None if gas is None else Tanks(gas, self.n, leak)
+        self._lighter: LighterBus | None = None
+        if gas is not None and gas.tanks:
+            self._lighter = LighterBus(self._batch, self.machine, gas)
         self._thrust = self._thrust_wish = np.zeros((self.n, len(platform.thrusters)))
         self._valves = Valves(self.n, np.array([item.delay for item in platform.thrusters]))
         self._thrust_torque = np.zeros((self.n, 3))
@@ -203,6 +208,11 @@ class SimulatedPlant(Plant):
         if self._tanks is not None:
             mass, now = self._tanks.mass[:, None, None].copy(), streams["truth_inertia"]
             streams["truth_gas_mass"] = Samples(mass, now.time, now.valid)
+            if self._lighter is not None:
+                for name, per_mass in self._lighter.taken.items():
+                    whole = streams[f"truth_{name}"]
+                    value = whole.value - (self._gone[:, None] * per_mass)[:, None]
+                    streams[f"truth_{name}"] = Samples(value, whole.time, whole.valid)
         return streams
 
     def _wheel_torque(self, wish: Array) -> Array:
@@ -346,11 +356,29 @@ class SimulatedPlant(Plant):
         self._joints.pin()
         if pushed:
             self._force[:] = 0.0
-        if self._tanks is not None and self._thrust.any():
-            self._tanks.draw(self._thrust, steps * self.platform.step)
-            self._push_with(self._thrust)
+        if self._tanks is not None:
+            self._let_out(self._tanks, steps * self.platform.step)
         self._stop_diverged(states[:, -1])
         return states
+
+    def _let_out(self, tanks: Tanks, duration: float) -> None:
+        """Gas that thrusters have used or that has leaked, and its mass."""
+        fired = self._thrust.any()
+        if fired:
+            tanks.draw(self._thrust, duration)
+        if tanks.leaks:
+            tanks.leak(duration)
+        if fired:
+            self._push_with(self._thrust)
+        if self._lighter is not None and (fired or tanks.leaks):
+            self._lighter.take(self._gone)
+
+    @property
+    def _gone(self) -> Array:
+        """(n,) gas that has left [kg]."""
+        assert self._tanks is not None
+        assert self.platform.gas is not None
+        return self.platform.gas.mass - self._tanks.mass
 
     def _set_contacts(self, steps: int) -> None:
         platform = self.platform
@@ -422,3 +450,12 @@ class SimulatedPlant(Plant):
 
     def _living(self) -> NDArray[np.intp]:
         return np.flatnonzero(self._alive)
+
+
+def _leak(effects: Sequence[Effect], n: int) -> Array:
+    """(n,) gas lost beside what thrusters take, of effects for all runs at once [kg/s]."""
+    leak = np.zeros(n)
+    for effect in effects:
+        if isinstance(effect, GasConsumption):
+            leak = leak + np.ravel(effect.rate)
+    return leak

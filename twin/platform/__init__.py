@@ -23,6 +23,7 @@ from twin.platform.parts import Platform as Platform
 from twin.platform.parts import Sensor as Sensor
 from twin.platform.parts import Stage as Stage
 from twin.platform.parts import StatedEffect as StatedEffect
+from twin.platform.parts import Tank as Tank
 from twin.platform.parts import Thruster as Thruster
 from twin.platform.parts import Wheel as Wheel
 from twin.platform.parts import files_of as files_of

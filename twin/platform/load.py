@@ -30,6 +30,7 @@ from twin.platform.parts import (
     Sensor,
     Stage,
     StatedEffect,
+    Tank,
     Thruster,
     Wheel,
 )
@@ -244,9 +245,19 @@ def _gas(table: Table) -> Gas:
         mass=table.number("mass", low=1e-9, unit="kg"),
         pressure=table.number("pressure", low=1.0, unit="Pa"),
         specific_impulse=table.number("specific_impulse", low=1e-3, unit="s"),
+        tanks=tuple(_tank(row) for row in table.tables("tanks")),
     )
     table.close()
     return gas
+
+
+def _tank(table: Table) -> Tank:
+    tank = Tank(
+        place=table.numbers("place", 3, unit="m"),
+        volume=table.number("volume", 1.0, low=1e-9),
+    )
+    table.close()
+    return tank
 
 
 def _axis(table: Table, layout: MjcfLayout) -> Array:

@@ -150,6 +150,16 @@ class Thruster:
 
 
 @dataclass(frozen=True)
+class Tank:
+    """A vessel of gas on the floating body: its gas is a point there, and falls as all tanks'."""
+
+    place: Array
+    """(3,) of its middle from the CR, body axes [m]."""
+    volume: float = 1.0
+    """By which the tanks share the gas, in whatever unit."""
+
+
+@dataclass(frozen=True)
 class Gas:
     """What feeds the thrusters."""
 
@@ -159,6 +169,26 @@ class Gas:
     """Of full tanks [Pa]; it falls in proportion to what is left."""
     specific_impulse: float
     """[s]."""
+    tanks: tuple[Tank, ...] = ()
+    """What holds it; without any, what leaves is not taken off the machine's mass."""
+
+    @property
+    def moment(self) -> Array:
+        """(3,) m r of a kilogram of it, spread over the tanks, body axes [m]."""
+        share, places = self._spread
+        return share @ places
+
+    @property
+    def inertia(self) -> Array:
+        """(3, 3) of a kilogram of it about the CR, each tank a point [m^2]."""
+        share, places = self._spread
+        squares = np.einsum("ti,ti->t", places, places)
+        return (share @ squares) * np.eye(3) - np.einsum("t,ti,tj->ij", share, places, places)
+
+    @property
+    def _spread(self) -> tuple[Array, Array]:
+        volume = np.array([tank.volume for tank in self.tanks])
+        return volume / np.sum(volume), np.array([tank.place for tank in self.tanks])
 
 
 @dataclass(frozen=True)

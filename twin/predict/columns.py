@@ -28,6 +28,7 @@ from twin.effects import (
     ReadingEffect,
     SeriesEffect,
 )
+from twin.effects.actuators import GasConsumption
 from twin.effects.on_body import TorqueLaw
 from twin.platform import Platform
 from twin.predict.body import Body
@@ -36,7 +37,9 @@ from twin.predict.forces import (
     as_measured,
     depends_on_start,
     force_of,
+    gas_force,
     inverse,
+    middles,
     on_grid,
     plain_forces,
     pushed_along,
@@ -260,10 +263,21 @@ def _perturbation(
             start=np.zeros((1, *output.slot.shape)),
         )
 
-    force = _summed(change, _input_force)
+    force = _summed(change, _leaked_force if _weighs(first, platform) else _input_force)
     if first.order is Order.delay:
         return Perturbation(name, unit, force=force, stream=stream, late=late)
     return Perturbation(name, unit, force=force, stream=stream, shown=shown)
+
+
+def _weighs(effect: Effect, platform: Platform) -> bool:
+    """Whether it lets out gas whose place is known."""
+    gas = platform.gas
+    return isinstance(effect, GasConsumption) and gas is not None and bool(gas.tanks)
+
+
+def _leaked_force(effect: Effect, body: Body) -> Array:
+    assert isinstance(effect, GasConsumption)
+    return gas_force(body, effect.rate * middles(body))
 
 
 def _laws_of(effect: BodyEffect, platform: Platform, *, absent: bool) -> list[TorqueLaw]:
@@ -392,9 +406,22 @@ def stated_of(body: Body) -> Stated:
     """What the platform of a log's machine states, and the strengths (a,) of it."""
     if body not in _stated:
         every = [_parts(effect, body.machine.platform) for effect in body.machine.effects]
+        every.append(_taken(body))
         parts = tuple(item for result, _ in every for item in result)
         _stated[body] = parts, np.array([size for _, sizes in every for size in sizes])
     return _stated[body]
+
+
+def _taken(body: Body) -> tuple[list[Perturbation], list[float]]:
+    """The gas that thrusters were told to take out of tanks whose places are stated."""
+    gas = body.machine.platform.gas
+    if gas is None or not gas.tanks or not body.inputs.gas_taken(middles(body)).any():
+        return [], []
+
+    def force(body: Body) -> Array:
+        return gas_force(body, body.inputs.gas_taken(middles(body)))
+
+    return [Perturbation("gas of thrusters", "1", force=_once(force))], [1.0]
 
 
 def rests_of(body: Body) -> tuple[Perturbation, ...]:

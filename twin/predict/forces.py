@@ -26,7 +26,13 @@ from numpy.typing import NDArray
 from twin import rotation
 from twin.effects import BodyEffect, CoupleEffect, Effect, able, effects_of, with_effects
 from twin.effects.on_body import CARRIER_MASS, TorqueLaw
-from twin.model import Machine, compile_model
+from twin.model import (
+    Machine,
+    MassProperties,
+    compile_model,
+    mass_properties,
+    set_mass_properties,
+)
 from twin.plant.forces import thruster_pushes
 from twin.platform import Platform
 from twin.predict.base import hinge_axis
@@ -39,6 +45,8 @@ from twin.predict.states import States
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 _FORCE = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED.value)
+SHARE_OF_GAS = 1e-2
+"""Of full tanks, by which the machine is made lighter to see what gas does."""
 _CARRIED = 1e13
 """Armature of a joint that moves as measured, while hidden parts swing on it [kg m^2 or kg]."""
 
@@ -163,6 +171,34 @@ def plain_forces(body: Body) -> tuple[Along, Array]:
     """A log's motion, and the forces that the machine without any effect needs for it."""
     here = as_measured(body, body.inputs)
     return here, inverse(body.machine, here)
+
+
+def gas_force(body: Body, lost: Array) -> Array:
+    """(S, steps, nv) what gas that has left its tanks no longer does, along the log's motion.
+
+    Args:
+        body: the log's predictor, of a machine whose tanks have places.
+        lost: (S steps,) gas that has left by the middle of each step [kg].
+    """
+    return on_grid(lost[:, None] * _force_of_gas(body), body)
+
+
+@lru_cache(maxsize=2)
+def _force_of_gas(body: Body) -> Array:
+    """(S steps, nv) per kilogram: inverse dynamics are linear in mass, m r and J."""
+    machine, (here, plainly) = body.machine, plain_forces(body)
+    gas = machine.platform.gas
+    assert gas is not None
+    whole = mass_properties(machine.model, machine.base_body)
+    part = SHARE_OF_GAS * gas.mass
+    lighter = MassProperties(
+        whole.mass - part,
+        whole.inertia - part * gas.inertia,
+        whole.center_of_mass_offset - part * gas.moment,
+    )
+    model = copy.copy(machine.model)
+    set_mass_properties(model, machine.base_body, lighter, rigid=False)
+    return (plainly - inverse(replace(machine, model=model), here)) / part
 
 
 def middles(body: Body) -> Array:

@@ -203,8 +203,9 @@ class Inputs:
     of which nothing is known but its size; the smoothed reading only says along which path to
     linearise. A stage follows its measured position, between its samples the drive's profile. Coils
     turn the body in the field as MuJoCo has its attitude, thrusters push at their arms; the gas
-    that they take weighs nothing. The angle of a gimbal is a state: it goes at the commanded rate,
-    else at one of which nothing is known but its size. Rotors keep their speed.
+    that they take is a force along the path (`forces.py`). The angle of a gimbal is a state: it
+    goes at the commanded rate, else at one of which nothing is known but its size. Rotors keep
+    their speed.
     """
 
     def __init__(self, machine: Machine, recording: Recording) -> None:
@@ -357,6 +358,17 @@ class Inputs:
             return held_mean(self._thrust, edges - delay[0])
         means = {late: held_mean(self._thrust, edges - late) for late in set(delay.tolist())}
         return np.stack([means[late][:, i] for i, late in enumerate(delay.tolist())], axis=1)
+
+    def gas_taken(self, times: Array) -> Array:
+        """(m,) by the thrusters since the log's first command, up to full tanks [kg]."""
+        gas = self.machine.platform.gas
+        if gas is None or self._thrust is None:
+            return np.zeros(len(times))
+        first = min(float(self._thrust.time[0]), float(np.min(times)) - self.machine.platform.step)
+        edges = np.unique([first, *times.tolist()])
+        impulse = np.sum(self.thrust(edges), axis=1) * np.diff(edges)
+        taken = np.cumsum(impulse) / (gas.specific_impulse * STANDARD_GRAVITY)
+        return np.minimum(np.interp(times, edges[1:], taken), gas.mass)
 
     def joint_states(self, times: Array) -> tuple[Array, Array, Array]:
         """qpos (m, nq), qvel and qacc (m, nv) of the joints that are not the base, as measured.
