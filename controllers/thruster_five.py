@@ -12,8 +12,9 @@ from twin.controller.thrusters import Wrenches
 from twin.drives import travelling_mass
 from twin.errors import ControllerError
 from twin.platform import Platform
-from twin.rotation import conjugate, cross, rotate
+from twin.rotation import conjugate, cross, rotate, vertical_body
 from twin.signals import Command, Estimate, Target
+from twin.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 
@@ -36,6 +37,12 @@ class Station:
     """[N m]."""
     mass: float
     """Of all that travels [kg]."""
+    gas: Array
+    """(n,) let out [kg]."""
+    exhaust_speed: float
+    """[m/s]; infinite where no gas is counted."""
+    weight: Array
+    """(3,) m r of a kilogram of gas in its tanks times gravity [N m/kg, body]."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +50,12 @@ class ThrusterFive(Controller[Station]):
     """Feedback of place and attitude by thrusters that push and turn, sharing torque with gyros.
 
     f   = m (a_d + k_v (v_d - v) + k_x (x_d - x) - d)    force [N, room], none along the vertical
-    tau = -K_p q_e,vec - K_d w_e                         torque on the body [N m, body]
+    tau = -K_p q_e,vec - K_d w_e + m_g r_g x g           torque on the body [N m, body]
     F, g = arg min sum F_i + price sum |g_j|,  M F + (0, g) = (R^T f, tau - e h / |h|)
 
     d is the acceleration that no command explains, as the estimate has it: it stands where an
-    integral would. F are forces of thrusters, g a torque that wheels or gyros give the body.
+    integral would. m_g is the gas that the law has let out, from tanks at r_g: what it weighed is
+    made up for. F are forces of thrusters, g a torque that wheels or gyros give the body.
 
     - Beyond the limits force and torque are scaled alike (`twin.controller.thrusters.Wrenches`).
     - A valve opens for `pulse` at least, or for a tick where it is on-off: what that is too coarse
@@ -99,6 +107,10 @@ class ThrusterFive(Controller[Station]):
             exchange = VariableSpeedGyros.of(platform, law)
         elif shared:
             exchange = exchange_of(platform, law)
+        speed, weight, gas = np.inf, np.zeros(3), platform.gas
+        if gas is not None and gas.tanks and not platform.base.on_floor:
+            speed = gas.specific_impulse * STANDARD_GRAVITY
+            weight = platform.gravity * gas.moment
         most = exchange.any_way_round(platform) if isinstance(exchange, Wheels) else np.inf
         return Station(
             owed=np.zeros((n, 6)),
@@ -109,6 +121,9 @@ class ThrusterFive(Controller[Station]):
             torque=min(self.torque, most),
             emptying_torque=min(self.emptying, most),
             mass=travelling_mass(platform),
+            gas=np.zeros(n),
+            exhaust_speed=speed,
+            weight=weight,
         )
 
     def update(
@@ -118,6 +133,8 @@ class ThrusterFive(Controller[Station]):
         that has not been seen yet."""
         error, rate_error = pointing_error(estimate, target)
         torque = -self.proportional * error[:, 1:] - self.derivative * rate_error
+        down = -vertical_body(estimate.attitude)
+        torque = torque + state.gas[:, None] * cross(state.weight, down)
         force, anchor = self._force(state, estimate, target)
         nozzles, tick, valid = state.nozzles, state.nozzles.tick, estimate.valid[:, None]
 
@@ -144,7 +161,9 @@ class ThrusterFive(Controller[Station]):
             change = -(given + taken) - cross(estimate.rate_body, held)
             command |= state.exchange.command(change, estimate, time)
         owed = np.where(valid, tick * nozzles.counted(left), state.owed)
-        return command, replace(state, owed=owed, anchor=anchor, emptying=emptying)
+        fired = np.sum(command["command_thruster"], axis=1)
+        gas = state.gas + fired * (tick / state.exhaust_speed)
+        return command, replace(state, owed=owed, anchor=anchor, emptying=emptying, gas=gas)
 
     def _force(self, state: Station, estimate: Estimate, target: Target) -> tuple[Array, Array]:
         """On the machine (n, 3) [N, body], and where each run was first seen (n, 3) [m]."""

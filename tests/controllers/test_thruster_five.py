@@ -7,12 +7,13 @@ import pytest
 from scipy.optimize import brentq, linprog
 
 from tests.controllers.flight import simulate
+from twin.api import fly
 from twin.controller import load_controller
 from twin.controller.exchange import Gyros
 from twin.controller.thrusters import Wrenches
 from twin.drives import travelling_mass
 from twin.effects import parse_effects, with_effects
-from twin.errors import ControllerError
+from twin.errors import ControllerError, UsageError
 from twin.estimators.estimator import blank
 from twin.plant.forces import STANDARD_GRAVITY
 from twin.plant.initial import InitialState
@@ -81,14 +82,14 @@ def test_thrusters_that_do_not_push_all_round_are_refused():
 @pytest.mark.parametrize("gains", [{}, {"torque": 0.0}], ids=["beside gyros", "thrusters alone"])
 def test_a_place_is_held_within_five_millimetres(gains):
     law, platform = load_controller("thruster_five", gains), load_platform("astros:mode_c")
-    run = simulate(law, platform, 40.0, estimator="filter", seed=SEED)
+    run = simulate(law, platform, 20.0, estimator="filter", seed=SEED)
     place = np.linalg.norm(run.true["position"][:, :2], axis=1)
     print(f"seed {SEED}: {1e3 * place.max():.2f} mm")
     assert place.max() < 5e-3
     moving = InitialState(velocity=np.array([0.02, 0.0, 0.0]))
     reference = parse_reference(law.reference)
     run = simulate(
-        law, platform, 60.0, estimator="filter", seed=SEED, start=moving, reference=reference
+        law, platform, 40.0, estimator="filter", seed=SEED, start=moving, reference=reference
     )
     place = np.linalg.norm(run.true["position"][:, :2], axis=1)
     assert place[run.time > 20.0].max() < 5e-3, "once it is back"
@@ -102,7 +103,7 @@ def test_a_metre_from_rest_to_rest_takes_the_time_and_gas_of_full_thrust():
     gas = force * seconds / (platform.gas.specific_impulse * STANDARD_GRAVITY)
     assert (seconds, gas) == (pytest.approx(8.9, abs=0.05), pytest.approx(0.151, abs=5e-4))
     reference = parse_reference(f"hold+move:1,0@{force / mass}")
-    run = simulate(law, platform, 20.0, estimator="filter", seed=SEED, reference=reference)
+    run = simulate(law, platform, 12.0, estimator="filter", seed=SEED, reference=reference)
     target = reference.at(run.time).position
     assert target is not None
     error = np.linalg.norm((run.true["position"] - target)[:, :2], axis=1)
@@ -161,3 +162,18 @@ def test_full_gyros_are_emptied_by_a_newton_at_0_6_m_in_8_3_seconds():
     assert size[0] == pytest.approx(5.0)
     assert empty == pytest.approx(5.0 / (1.0 * 0.6), abs=0.35)
     assert np.degrees(np.abs(2.0 * run.true["attitude"][:, 1:]).max()) < 1.0
+
+
+def test_a_place_that_nobody_can_follow_is_told_before_the_flight():
+    with pytest.raises(UsageError, match="stays where it is"):
+        fly("astros", "thruster_five", reference="hold+move:1,0", duration=0.1)
+    flown = fly("astros:mode_c", "thruster_pd", reference="hold+move:1,0", duration=0.1)
+    assert "ThrusterPD steers none" in flown.warnings[0]
+    flown = fly("astros:mode_c", "thruster_five", reference="hold+move:1,0@0.2", duration=0.1)
+    assert "it will lag behind" in flown.warnings[0]
+    flown = fly("astros:mode_c", "thruster_five", reference="hold+move:1,0@0.05", duration=0.2)
+    assert not flown.warnings
+    assert flown.metrics["place_error_max_m"] < 5e-3
+    streams = {"reference_position", "reference_velocity", "estimate_position", "estimate_velocity"}
+    assert streams <= set(flown.recording)
+    assert not fly("astros", "thruster_five", duration=0.1).warnings, "its own reference"
