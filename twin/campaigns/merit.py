@@ -25,8 +25,8 @@ class Metric:
     of: str = "run"
     """Procedure that has it: `run`, `balance`, or `both`."""
     needs: str = ""
-    """`ball`, `hinge`, `turns` (no hinge), `wheels` or `stages`: without these on the platform
-    there is none."""
+    """`ball`, `hinge`, `turns` (no hinge), `travels`, `wheels` or `stages`: without these on the
+    platform there is none."""
     worse: int = 1
     """1: a larger one is worse; -1: a smaller one; 0: neither."""
 
@@ -34,6 +34,8 @@ class Metric:
 METRICS: dict[str, Metric] = {
     "tracking_error_rms": Metric("rad", "rms tracking error at the end", "run", "turns"),
     "tracking_error_max": Metric("rad", "largest tracking error", "run", "turns"),
+    "place_error_rms": Metric("m", "rms distance from its place at the end", "run", "travels"),
+    "place_error_max": Metric("m", "largest of these distances", "run", "travels"),
     "tilt_max": Metric("rad", "largest tilt", "both", "turns"),
     "tilt_rms": Metric("rad", "rms tilt at the end", "run", "turns"),
     "in_plane_rms": Metric(
@@ -77,6 +79,7 @@ def metric_names(platform: Platform, procedure: str) -> tuple[str, ...]:
         "turns": platform.base.kind != "hinge",
         "wheels": bool(platform.wheels),
         "stages": bool(platform.stages),
+        "travels": platform.base.travels and platform.base.kind != "hinge",
     }
     return tuple(
         name
@@ -151,7 +154,10 @@ class Merits:
         plane = offset[:, 0] ** 2 + offset[:, 1] ** 2
         result["gravity_torque_in_plane"] = gravity * np.sqrt(plane)
         tracked: dict[str, Any] = self._tracking.rows()
-        for name, unit in (("tracking_error_rms", "rad"), ("tracking_error_max", "rad")):
+        for name, unit in (
+            *(("tracking_error_rms", "rad"), ("tracking_error_max", "rad")),
+            *(("place_error_rms", "m"), ("place_error_max", "m")),
+        ):
             if f"{name}_{unit}" in tracked:
                 result[name] = np.asarray(tracked[f"{name}_{unit}"])
         if self._platform.wheels:

@@ -47,6 +47,8 @@ ATTITUDE_ERROR = "plots/attitude_error"
 RATE = "plots/rate"
 WHEEL_SPEED = "plots/wheel_speed"
 STAGE_POSITION = "plots/stage_position"
+PLACE = "plots/place"
+PLACE_ERROR = "plots/place_error"
 GRAVITY_TORQUE = "plots/gravity_torque"
 JOINT_ANGLE = "plots/joint_angle"
 JOINT_RATE = "plots/joint_rate"
@@ -69,6 +71,11 @@ class Plots:
         self._travel = 1e3 * np.array([stage.travel for stage in platform.stages]).reshape(-1, 2)
         self._moment = np.array([stage.mass * stage.axis for stage in platform.stages])
 
+    @property
+    def _place_axes(self) -> int:
+        """Along which the machine travels: of a planar stage x and y."""
+        return 2 if self._platform.base.planar else 3
+
     def styles(self) -> Iterator[tuple[str, rr.SeriesLines]]:
         """Names and colours of every series that can come, by entity path."""
         platform = self._platform
@@ -85,6 +92,9 @@ class Plots:
         wheels = [wheel.name for wheel in platform.wheels]
         yield WHEEL_SPEED, _lines(wheels)
         yield STAGE_POSITION, _lines([stage.name for stage in platform.stages])
+        axes = ["x", "y", "z"][: self._place_axes]
+        yield PLACE, _lines(axes)
+        yield PLACE_ERROR, _lines(axes)
         for path, ends in (
             (TILT, ["stop"]),
             (WHEEL_SPEED, ["limit"] * 2),
@@ -144,6 +154,13 @@ class Plots:
             yield STAGE_POSITION, (time, place)
             ends = [self._travel[:, 1].max(), self._travel[:, 0].min()]
             yield from _limits(STAGE_POSITION, time, place, ends)
+        where = _first_of(rows, "estimate_position", "position", "truth_position")
+        if where is not None and self._platform.base.travels:
+            time, place = where[0], where[1][:, : self._place_axes]
+            yield PLACE, (time, place)
+            asked = self._latest.at(time, rows, "reference_position")
+            if asked is not None:
+                yield PLACE_ERROR, (time, 1e3 * (place - asked[:, : self._place_axes]))
         yield from self._gravity_torque(rows)
 
     def _gravity_torque(self, rows: Rows) -> Iterator[tuple[str, tuple[Array, Array]]]:
@@ -588,6 +605,10 @@ def blueprint(
             ]
         if platform.stages:
             views.append(("stage position [mm]", STAGE_POSITION))
+        if platform.base.travels:
+            views += [("place [m]", PLACE), ("place error [mm]", PLACE_ERROR)]
+        if platform.base.travels and platform.thrusters:
+            views.append(("thrust [N]", entity("command_thruster")))
         views.append(("gravity torque [mN m]", GRAVITY_TORQUE))
     graphs = [_graph(title, path) for title, path in views]
     flight = rrb.Grid(*graphs, grid_columns=1 if len(graphs) <= 3 else 2, name="the flight")
