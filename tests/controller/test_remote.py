@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +49,10 @@ class Program:
     deed: Callable[[NearEnd], bytes] | None = None
     """What it says instead of an answer; b"" for nothing at all."""
     gain: float = 8.0
+    width: int = 3
     ticks: int = 0
+    heard: dict[str, Array] = field(default_factory=dict)
+    """Last value of each channel."""
 
     def fly(self, told: str) -> None:
         """Connect to where that sentence says that it is waited for."""
@@ -66,6 +69,7 @@ class Program:
             rate = np.zeros(3)
             while data := line.recv(4096):
                 for sample in near.hear(data, 0.0):
+                    self.heard[sample.stream] = np.array(sample.value)
                     if sample.stream == "estimate_rate":
                         rate = np.array(sample.value)
                     elif sample.stream == "reference_rate":
@@ -78,7 +82,9 @@ class Program:
         self.ticks += 1
         if self.ticks == self.at and self.deed is not None:
             return self.deed(near) or None
-        return near.setpoints({self.drives: self.gain * rate}, self.valid_for_ms, 0.0)
+        return near.setpoints(
+            {self.drives: self.gain * np.resize(rate, self.width)}, self.valid_for_ms, 0.0
+        )
 
 
 def flight_of(
@@ -311,3 +317,18 @@ def test_its_gains_are_its_own():
             duration=1.0,
             gains={"derivative": 8.0},
         )
+
+
+def test_a_program_is_told_the_place_of_a_machine_that_travels():
+    places = ["estimate_position", "estimate_velocity", "reference_position", "reference_velocity"]
+    channels = [
+        channel.stream for channel in remote.schema_of(load_platform("astros:mode_c")).channels
+    ]
+    assert channels[channels.index("reference_attitude") - 4 :][:4] == places
+    still = [channel.stream for channel in remote.schema_of(load_platform("astros")).channels]
+    assert not set(places) & set(still)
+    program = Program("astros:mode_c", "command_thruster", gain=0.0, width=12)
+    assert flown(program, 1.0).ended is Ended.done
+    heard = program.heard
+    np.testing.assert_allclose(heard["estimate_position"][:2], 0.0, atol=5e-3)
+    assert np.isnan(heard["reference_position"]).all()

@@ -247,6 +247,10 @@ class RemoteLaw(Controller[str]):
         return f"{self._name} let its {stream} run out: {told('EXPIRED', event.value)}"
 
 
+_PLACE = ("estimate_position", "estimate_velocity", "reference_position", "reference_velocity")
+"""Of a machine that travels; not a number where it is not seen yet, or no place is asked for."""
+
+
 def schema_of(platform: Platform) -> Schema:
     """The channels that a law outside of this process sees and sets."""
     widths = {
@@ -257,9 +261,10 @@ def schema_of(platform: Platform) -> Schema:
         "stage_position": len(platform.stages),
         "joint_angle": int(platform.base.kind == "hinge"),
         "joint_rate": int(platform.base.kind == "hinge"),
-        "reference_attitude": 4,
-        "reference_rate": 3,
     }
+    if platform.base.travels and "position" in platform.sensors:
+        widths |= dict.fromkeys(_PLACE, 3)
+    widths |= {"reference_attitude": 4, "reference_rate": 3}
     measured = (Channel(name, STREAMS[name].unit, width) for name, width in widths.items() if width)
     commanded = (
         Channel(
@@ -284,6 +289,13 @@ def _values(estimate: Estimate, target: Target) -> dict[str, Array]:
         "joint_rate": estimate.joint_rate[0],
         "reference_attitude": np.atleast_2d(target.attitude)[0],
         "reference_rate": np.atleast_2d(target.rate_body)[0],
+    } | {
+        name: np.full(3, np.nan) if place is None else np.atleast_2d(place)[0]
+        for name, place in zip(
+            _PLACE,
+            (estimate.position, estimate.velocity, target.position, target.velocity),
+            strict=True,
+        )
     }
 
 
