@@ -4,12 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from twin.effects import parse_effects, with_effects
 from twin.errors import PlatformError
 from twin.plant.forces import STANDARD_GRAVITY
+from twin.plant.initial import InitialState
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, Tank, load_platform
+from twin.rotation import conjugate, multiply, normalized, vertical_body
 
 SEED = 20261130
 USED = 0.0283
@@ -132,3 +135,37 @@ def test_gas_whose_tanks_have_no_place_weighs_nothing():
     truth = used(platform, USED, runs=(0, 1)).truth()
     offset = truth["truth_center_of_mass_offset"].value
     np.testing.assert_array_equal(offset[0], offset[1])
+
+
+def test_a_leaking_machine_moves_as_an_integrator_without_mujoco_has_it():
+    """H = J_b w + sum a_i h_i, with J and m r of the gas that is left, over each control tick."""
+    place, leak, seconds = np.array([0.1, 0.3, 0.05]), 2e-3, 4.0
+    stated = with_tanks(load_platform("astros"), Tank(place))
+    platform = with_effects(stated, parse_effects(f"gas_consumption={leak}"))
+    attitude, rate = normalized(np.array([0.999, 0.02, -0.03, 0.02])), np.array([0.05, -0.03, 0.2])
+    start = InitialState(attitude=attitude, rate_body=rate, wheel_speed=0.0)
+    plant = SimulatedPlant(platform, initial=start)
+    for tick in range(round(seconds / platform.tick) + 1):
+        plant.read(tick * platform.tick)
+    axes = np.array([wheel.axis for wheel in platform.wheels])
+    spin = np.array([wheel.inertia for wheel in platform.wheels])
+    held = axes.T @ (spin * (axes @ rate))  # no motor turns, so that each wheel keeps its own
+
+    def slope(_: float, y: np.ndarray, gone: float) -> np.ndarray:
+        w = y[4:]
+        inertia = platform.inertia - parallel_axis(gone, place) - (axes.T * spin) @ axes
+        moment = platform.center_of_mass_offset - gone * place
+        torque = np.cross(moment, -platform.gravity * vertical_body(y[:4]))
+        turning = np.linalg.solve(inertia, torque - np.cross(w, inertia @ w + held))
+        return np.append(0.5 * multiply(y[:4], np.append(0.0, w)), turning)
+
+    y = np.append(attitude, rate)
+    for tick in range(round(seconds / platform.tick)):
+        gone = leak * tick * platform.tick
+        y = solve_ivp(
+            slope, (0.0, platform.tick), y, "DOP853", args=(gone,), rtol=1e-12, atol=1e-14
+        ).y[:, -1]
+    found = plant.truth()["truth_attitude"].value[0, 0]
+    off = 2.0 * np.linalg.norm(multiply(conjugate(y[:4]), found)[1:])
+    print(f"{np.degrees(off):.1e} deg after {seconds:g} s")
+    assert off < 1e-11

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from twin.api import fly
 from twin.controller import load_controller
+from twin.diagnosis import diagnose
 from twin.diagnosis.baseline import baseline_of
 from twin.effects import effect_named, with_effects
 from twin.plant.forces import STANDARD_GRAVITY
@@ -84,3 +86,22 @@ def test_a_leak_from_a_tank_with_a_place_is_told_by_gauge_and_gravity_together()
     assert abs(effect.values[0] - 1e-3) < 4.0 * sigma
     assert sigma < 2e-5, "the gauge alone would leave more"
     assert found.cost < drift.cost - 20.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(SEED, SEED + 4))
+def test_gas_that_leaks_is_named_and_not_a_drift_of_the_centre_of_mass(seed: int):
+    stated = load_platform("astros")
+    assert stated.gas is not None
+    tank = Tank(np.array([0.0, 0.3, 0.0]))
+    stated = replace(stated, gas=replace(stated.gas, tanks=(tank,)))
+    leak = effect_named("gas_consumption")(rate=28.3e-4)
+    log = fly(
+        with_effects(stated, [leak]),
+        "thruster_pd",
+        reference="multisine:3",
+        duration=10.0,
+        seed=seed,
+    ).recording.without_truth()
+    found = diagnose([log], stated)
+    assert [cause.effect.name for cause in found.causes] == ["gas_consumption"], str(found)[:200]
