@@ -19,6 +19,10 @@ from twin.units import STANDARD_GRAVITY
 Array = NDArray[np.float64]
 
 
+_NEARLY = 0.9
+"""Of what a wheel holds: it is full."""
+
+
 @dataclass(frozen=True)
 class Station:
     """What the law remembers."""
@@ -33,6 +37,8 @@ class Station:
     exchange: Exchange | VariableSpeedGyros | None
     torque: float
     """Largest of wheels or gyros about each axis [N m]."""
+    full: float
+    """|h| beyond which they are emptied [N m s]."""
     emptying_torque: float
     """[N m]."""
     mass: float
@@ -61,9 +67,10 @@ class ThrusterFive(Controller[Station]):
     - A valve opens for `pulse` at least, or for a tick where it is on-off: what that is too coarse
       for is owed and saved for the next ticks, but for the torque that wheels or gyros give in
       its place. What is beyond the limits is not owed.
-    - Wheels or gyros whose momentum |h| passes `full` are emptied by the thrusters, with a torque
-      of size e, in |h| / e seconds; until then they give no other torque. e is `emptying`, or as
-      much as the wheels' motors give any way round.
+    - Wheels or gyros whose momentum |h| passes `full`, or nine tenths of what the smallest wheel in
+      the body holds, are emptied by the thrusters, with a torque of size e, in |h| / e seconds;
+      until then they give no other torque. e is `emptying`, or as much as the wheels' motors give
+      any way round.
     - Without a place in the target a run stays where it was first seen. On a base that stays in
       its place only the attitude is left.
 
@@ -111,7 +118,10 @@ class ThrusterFive(Controller[Station]):
         if gas is not None and gas.tanks and not platform.base.on_floor:
             speed = gas.specific_impulse * STANDARD_GRAVITY
             weight = platform.gravity * gas.moment
-        most = exchange.any_way_round(platform) if isinstance(exchange, Wheels) else np.inf
+        most, holds = np.inf, np.inf
+        if isinstance(exchange, Wheels):
+            most = exchange.any_way_round(platform)
+            holds = _NEARLY * min(wheel.momentum_limit for wheel in platform.wheels)
         return Station(
             owed=np.zeros((n, 6)),
             anchor=np.full((n, 3), np.nan),
@@ -119,6 +129,7 @@ class ThrusterFive(Controller[Station]):
             nozzles=Wrenches.of(platform, law, price=np.inf if exchange is None else self.price),
             exchange=exchange,
             torque=min(self.torque, most),
+            full=min(self.full, holds),
             emptying_torque=min(self.emptying, most),
             mass=travelling_mass(platform),
             gas=np.zeros(n),
@@ -144,7 +155,7 @@ class ThrusterFive(Controller[Station]):
             held = state.exchange.momentum(estimate)
             size = np.sqrt(np.einsum("ni,ni->n", held, held))
             torque_size = state.emptying_torque
-            emptying = (size > self.full) | (emptying & (size > torque_size * tick))
+            emptying = (size > state.full) | (emptying & (size > torque_size * tick))
             share = np.where(emptying, torque_size / np.maximum(size, 1e-9), 0.0)
             taken = share[:, None] * held
             allowed = np.where(emptying, 0.0, state.torque)
