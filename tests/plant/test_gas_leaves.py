@@ -161,7 +161,7 @@ def test_a_leaking_machine_moves_as_an_integrator_without_mujoco_has_it():
 
     y = np.append(attitude, rate)
     for tick in range(round(seconds / platform.tick)):
-        gone = leak * tick * platform.tick
+        gone = leak * (tick + 0.5) * platform.tick
         y = solve_ivp(
             slope, (0.0, platform.tick), y, "DOP853", args=(gone,), rtol=1e-12, atol=1e-14
         ).y[:, -1]

@@ -332,10 +332,21 @@ class Tanks:
         """The force (n, thrusters) [N] that there is gas for: none once the tanks are empty."""
         return np.where(self.mass[:, None] > 0.0, force, 0.0)
 
+    @property
+    def taken(self) -> Array:
+        """(n,) that has left [kg]."""
+        return self._gas.mass - self.mass
+
     def draw(self, force: Array, duration: float) -> None:
         """Take out what the force (n, thrusters) [N], held for `duration` [s], needs."""
-        used = force.sum(axis=1) * (duration / self._exhaust_speed)
-        self.mass = np.maximum(self.mass - used, 0.0)
+        self.mass = np.maximum(self.mass - self._needed(force, duration), 0.0)
+
+    def flow(self, force: Array, duration: float) -> Array:
+        """(n,) what will leave by that force and by leaks within `duration` [s], in kg."""
+        return np.minimum(self._needed(force, duration) + self._leak * duration, self.mass)
+
+    def _needed(self, force: Array, duration: float) -> Array:
+        return force.sum(axis=1) * (duration / self._exhaust_speed)
 
     def leak(self, duration: float) -> None:
         """Lose what leaks within `duration` [s]."""
@@ -374,6 +385,8 @@ class LighterBus:
         """By stream of what is true, what a kilogram takes with it, as its columns."""
         self._bus = bus
         self._views = {name: batch.expand(name) for name in _INERTIAL}
+        self.used = np.zeros(len(self._views["body_mass"]))
+        """(n,) that is taken off [kg]."""
         self._anchor = model.jnt_pos[model.body_jntadr[bus]].copy()
         self._moment, self._spread = turn @ gas.moment, turn @ gas.inertia @ turn.T
         self._mass = self._views["body_mass"][:, bus].copy()
@@ -396,6 +409,7 @@ class LighterBus:
     def take(self, used: Array) -> None:
         """(n,) has left since the start [kg]; a run of which nothing has keeps its bits."""
         rows = np.flatnonzero(used > 0.0)
+        self.used = used
         mass, center, tensor = self._without(used[rows], rows)
         moments, axes = np.linalg.eigh(tensor)
         axes = axes * np.sign(np.linalg.det(axes))[:, None, None]

@@ -211,7 +211,7 @@ class SimulatedPlant(Plant):
             if self._lighter is not None:
                 for name, per_mass in self._lighter.taken.items():
                     whole = streams[f"truth_{name}"]
-                    value = whole.value - (self._gone[:, None] * per_mass)[:, None]
+                    value = whole.value - (self._tanks.taken[:, None] * per_mass)[:, None]
                     streams[f"truth_{name}"] = Samples(value, whole.time, whole.valid)
         return streams
 
@@ -326,6 +326,8 @@ class SimulatedPlant(Plant):
             control = self._joints.no_forces(steps) if control is None else control
             control[:, :, self.machine.base_dof] += self._thrust_torque[:, None]
         pushed = control is not None
+        if self._tanks is not None and self._lighter is not None:
+            self._lighten(self._tanks, self._lighter, steps * self.platform.step)
         self._set_contacts(steps)
         living = self._living()
         if control is not None and len(living) < self.n:
@@ -370,15 +372,12 @@ class SimulatedPlant(Plant):
             tanks.leak(duration)
         if fired:
             self._push_with(self._thrust)
-        if self._lighter is not None and (fired or tanks.leaks):
-            self._lighter.take(self._gone)
 
-    @property
-    def _gone(self) -> Array:
-        """(n,) gas that has left [kg]."""
-        assert self._tanks is not None
-        assert self.platform.gas is not None
-        return self.platform.gas.mass - self._tanks.mass
+    def _lighten(self, tanks: Tanks, lighter: LighterBus, duration: float) -> None:
+        """Take off the bus what will have left in the middle of a time of that length."""
+        taken = tanks.taken + 0.5 * tanks.flow(self._thrust, duration)
+        if not np.array_equal(taken, lighter.used):
+            lighter.take(taken)
 
     def _set_contacts(self, steps: int) -> None:
         platform = self.platform

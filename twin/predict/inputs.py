@@ -364,11 +364,11 @@ class Inputs:
         gas = self.machine.platform.gas
         if gas is None or self._thrust is None:
             return np.zeros(len(times))
-        first = min(float(self._thrust.time[0]), float(np.min(times)) - self.machine.platform.step)
-        edges = np.unique([first, *times.tolist()])
+        first = float(self._thrust.time[0])
+        edges = np.unique([first, *times[times > first].tolist()])
         impulse = np.sum(self.thrust(edges), axis=1) * np.diff(edges)
-        taken = np.cumsum(impulse) / (gas.specific_impulse * STANDARD_GRAVITY)
-        return np.minimum(np.interp(times, edges[1:], taken), gas.mass)
+        taken = np.cumsum([0.0, *impulse.tolist()]) / (gas.specific_impulse * STANDARD_GRAVITY)
+        return np.minimum(np.interp(times, edges, taken), gas.mass)
 
     def joint_states(self, times: Array) -> tuple[Array, Array, Array]:
         """qpos (m, nq), qvel and qacc (m, nv) of the joints that are not the base, as measured.
