@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from twin.identification import Settings as IdentificationSettings
     from twin.intake.importing import Imported
     from twin.loop import Observer
+    from twin.manoeuvre import TorqueProfile
     from twin.plant.guard.guarded import Held
     from twin.platform import Platform
     from twin.procedures.session import Balanced
@@ -204,6 +205,7 @@ def fly(
     *,
     gains: Mapping[str, float] | None = None,
     reference: str | Reference | None = None,
+    torque: str | TorqueProfile | None = None,
     duration: float | None = None,
     effects: Effects = (),
     attitude: Triple = (0.0, 0.0, 0.0),
@@ -229,11 +231,15 @@ def fly(
         platform: the machine.
         controller: a shipped law by its name, a file, or a law itself (`twin.controller`).
         gains: of a law by its name, that differ from its own.
-        reference: `hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or
-            `multisine[:AMPLITUDE[@FREQUENCY]]`, in degrees and hertz; `place:X,Y` or
+        reference: `hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]`,
+            `multisine[:AMPLITUDE[@FREQUENCY]]`, waves or the path of a table of attitudes
+            (`twin.manoeuvre`), in degrees and hertz; `place:X,Y` or
             `move:X,Y[@ACCELERATION[,SPEED]]`, in metres and seconds; both with a + between; or a
             motion itself; None: what the law is usually given.
-        duration: [s]; None: 60, or the whole log that is replayed.
+        torque: in place of a law, on the body in open loop: `[wheels:|gyros:|thrusters:]` and the
+            path of a table or waves in N m (`twin.manoeuvre`), or a profile itself.
+        duration: [s]; None: 60, the whole log that is replayed, or to the end of a table that
+            states reference or torque.
         effects: what the simulated machine has beyond its platform; see `load`.
         attitude: roll, pitch, yaw at the start [rad]; a hinge takes the first.
         rate: body rates at the start [rad/s]; a hinge takes the first.
@@ -300,6 +306,7 @@ def fly(
         flight = prepare(
             load(platform),
             controller=str(controller) if isinstance(controller, Path) else controller,
+            torque=torque,
             estimator=estimator,
             plant=plant,
             reference=reference,
@@ -313,7 +320,7 @@ def fly(
             tell=say,
         )
         warnings = tuple(flight.warnings())
-        what = flight.words(controller, estimator, reference)
+        what = flight.words(torque or controller, estimator, reference)
         how = plant_words(plant, seed, arm)
         say("\n".join([f"{what}, {how}", *flight.remarks(warnings)]))
         if identified is not None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from twin.budget import momentum_budget
 from twin.clock import Clock, Timing, check_duration
-from twin.controller import AnyController, Controller, load_controller
+from twin.controller import AnyController, Controller, OpenLoop, load_controller
 from twin.controller.load import tell_mistake
 from twin.controller.thrusters import Wrenches
 from twin.drives import travelling_mass
@@ -27,13 +27,14 @@ from twin.estimators import (
     usual_estimator,
 )
 from twin.loop import Ended, FlightProgress, Observer, Outcome, fly
+from twin.manoeuvre import TorqueProfile, parse_torque
 from twin.plant.initial import InitialState
 from twin.plant.plant import Plant
 from twin.plant.replayed import ReplayedPlant
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 from twin.recording import Recording, open_log
-from twin.reference import Reference, parse_reference
+from twin.reference import Reference, Tabulated, parse_reference
 from twin.rotation import IDENTITY, from_rotation_vector, multiply, to_euler_zyx
 from twin.shown import Shown
 from twin.signals import Command, Target
@@ -85,12 +86,13 @@ class Flight:
 
     def words(
         self,
-        controller: str | Path | AnyController,
+        controller: str | Path | AnyController | TorqueProfile,
         estimator: str | None,
         reference: str | Reference | None,
     ) -> str:
-        """What is flown, by the names under which it was asked for."""
+        """What is flown, by the names under which it was asked for; a torque for a controller."""
         law = str(controller) if isinstance(controller, str | Path) else type(controller).__name__
+        law = f"torque {law}" if isinstance(self.controller, OpenLoop) else law
         motion = reference or self.controller.reference
         return (
             f"{self.platform.name}: {law} with estimator "
@@ -355,6 +357,7 @@ def prepare(
     platform: str | Platform,
     *,
     controller: str | AnyController,
+    torque: str | TorqueProfile | None = None,
     estimator: str | None,
     plant: str,
     reference: str | Reference | None,
@@ -373,11 +376,14 @@ def prepare(
         platform: a shipped name, or a folder; `:variant` may follow; or the machine itself.
         controller: a shipped name, a file, or the address of a law in another program
             (`twin.controller.remote`), which is waited for; or the law itself.
+        torque: in place of a law other than free_float: see `twin.manoeuvre.parse_torque`, or a
+            profile itself.
         estimator: a name of `twin.estimators`; None for the machine's usual one.
         plant: `sim`, `replay:LOG`, or one that `twin.bench.open_bench` knows.
         reference: see `twin.reference.parse_reference`, or a motion itself; None: what the law is
             usually given.
-        duration: [s]; None: 60 s, or the whole log that is replayed.
+        duration: [s]; None: 60 s, the whole log that is replayed, or to the end of a table that
+            states reference or torque.
         seed: of all random numbers.
         initial: of a simulated or emulated plant.
         gains: of the law, by name.
@@ -406,6 +412,7 @@ def prepare(
     if effects and kind in ("replay", "serial"):
         what = "a log that is replayed" if kind == "replay" else "a real machine"
         raise UsageError(f"effects are simulated; {what} has its own: drop --effects")
+    driver = None if torque is None else _open_loop(torque, controller, gains)
     bench: Bench | None = None
     if plant == "sim":
         body: Plant = SimulatedPlant(machine, seed=seed, initial=start)
@@ -422,11 +429,13 @@ def prepare(
         raise UnknownName("plant", plant, PLANTS)
     check_duration(length)
     observer = load_estimator(estimator or usual_estimator(machine))
-    law = _law(controller, gains, machine, simulated=bench is None or lockstep, tell=tell)
+    law = driver or _law(controller, gains, machine, simulated=bench is None or lockstep, tell=tell)
     if kind != "replay":  # whose log may show more than the machine
         _check_seen(law, estimator or usual_estimator(machine), observer, machine)
     asked = reference or law.reference
     followed = asked if isinstance(asked, Reference) else parse_reference(asked)
+    if duration is None and kind != "replay":
+        length = _table_end(followed, law) or length
     if kind != "replay":  # what a log did is done, wherever the law would have gone
         _check_within_stop(machine, asked, followed, length)
         if reference is not None and followed.at(0.0).position is not None:
@@ -440,6 +449,13 @@ def prepare(
         initial=start,
         bench=bench,
     )
+
+
+def _table_end(followed: Reference, law: AnyController) -> float | None:
+    """When the table of the reference, or that of a torque, ends [s]; None: there is none."""
+    ends = [law.profile.end if isinstance(law, OpenLoop) else None]
+    ends += [float(followed.table.time[-1]) if isinstance(followed, Tabulated) else None]
+    return max((end for end in ends if end is not None and end > 0.0), default=None)
 
 
 def _check_within_stop(
@@ -544,6 +560,17 @@ def _same(one: object, other: object) -> bool:
     if not isinstance(one, dict) or not isinstance(other, dict) or one.keys() != other.keys():
         return False
     return all(np.array_equal(one[key], other[key], equal_nan=True) for key in one)
+
+
+def _open_loop(
+    torque: str | TorqueProfile, controller: str | AnyController, gains: Mapping[str, float] | None
+) -> AnyController:
+    if controller != "free_float" or gains:
+        raise UsageError(
+            "a torque is flown in open loop, in place of a law: drop --torque, or --controller and "
+            "--gains"
+        )
+    return OpenLoop(*parse_torque(torque)) if isinstance(torque, str) else OpenLoop(torque)
 
 
 def _law(

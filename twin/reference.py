@@ -1,7 +1,8 @@
-"""Where the body should be: an attitude, a place, or both, and the short text that names one.
+"""Where the body should be: an attitude, a place, or both, and the text that names one.
 
-`hold:0,5,0`, `slew:0,0,90@1` and `multisine:5` are what a command line takes, in degrees, and
-`place:0,0` or `move:1,0@0.05` in metres; `slew:0,0,90+move:1,0` is both. See `parse_reference`.
+`hold:0,5,0`, `slew:0,0,90@1`, `multisine:5` and `sine:x,10@20s` are what a command line takes, in
+degrees, the path of a table, and `place:0,0` or `move:1,0@0.05` in metres; `slew:0,0,90+move:1,0`
+is both. See `parse_reference`.
 """
 
 import abc
@@ -9,22 +10,32 @@ import math
 import re
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import UsageError
+from twin.manoeuvre import (
+    WAVES,
+    AttitudeTable,
+    Wave,
+    is_table,
+    is_wave,
+    parse_waves,
+    quintic,
+)
 from twin.rotation import from_euler_zyx, from_rotation_vector, to_rotation_vector
 from twin.signals import Target
 
 Array = NDArray[np.float64]
 
 GRAMMAR = (
-    "hold, hold:ROLL,PITCH,YAW, slew:ROLL,PITCH,YAW[@RATE] or multisine[:AMPLITUDE[@FREQUENCY]], "
-    "in degrees; of a machine that travels place:X,Y or move:X,Y[@ACCELERATION[,SPEED]], in "
-    "metres and seconds, or both with + between"
+    "hold, hold:ROLL,PITCH,YAW, slew:ROLL,PITCH,YAW[@RATE], multisine[:AMPLITUDE[@FREQUENCY]], "
+    f"{WAVES}, or a table (FILE.csv, FILE.parquet); of a machine that travels place:X,Y or "
+    "move:X,Y[@ACCELERATION[,SPEED]], in metres and seconds, or both with + between"
 )
-"""Angles in degrees, rates in degrees per second, frequencies in hertz."""
+"""Angles in degrees, rates in degrees per second, frequencies in hertz; see `twin.manoeuvre`."""
 
 
 class Reference(abc.ABC):
@@ -91,7 +102,7 @@ class Slew(Reference):
 
     def at(self, time: float | Array) -> Target:
         """On the way, or there. The axis is fixed, so the derivatives are those of the angle."""
-        share, rate, acceleration = _quintic(time, self.duration)
+        share, rate, acceleration = quintic(time, self.duration)
         return Target(
             from_rotation_vector(share[..., None] * self.rotation_vector),
             rate[..., None] * self.rotation_vector,
@@ -121,7 +132,7 @@ class Multisine(Reference):
 
     def at(self, time: float | Array) -> Target:
         """Attitude of the three Euler angles and its derivatives."""
-        share, share_1, share_2 = (s[..., None] for s in _quintic(time, self.ramp))
+        share, share_1, share_2 = (s[..., None] for s in quintic(time, self.ramp))
         omega = 2.0 * np.pi * self.base_frequency * _TONES
         phase = omega * np.maximum(time, 0.0)[..., None, None] + _PHASES
         sine, cosine = _WEIGHTS * np.sin(phase), _WEIGHTS * np.cos(phase)
@@ -229,18 +240,49 @@ _WEIGHTS = np.array([0.5, 0.3, 0.2])
 _PHASES = np.pi * np.arange(9.0).reshape(3, 3) ** 2 / 9.0
 
 
+@dataclass(frozen=True)
+class Waves(Reference):
+    """Roll, pitch and yaw (x, y, z) follow sums of sines, chirps and square waves from rest."""
+
+    waves: tuple[Wave, ...]
+    """Amplitudes in rad."""
+
+    def at(self, time: float | Array) -> Target:
+        """Attitude of the three Euler angles and its derivatives."""
+        angles = np.zeros((3, *np.shape(time), 3))
+        for wave in self.waves:
+            for order, values in enumerate(wave.motion(time)):
+                angles[order, ..., wave.axis] += values
+        return _target(*angles)
+
+
+@dataclass(frozen=True)
+class Tabulated(Reference):
+    """The motion of a table, held before its first and after its last row."""
+
+    table: AttitudeTable
+
+    def at(self, time: float | Array) -> Target:
+        """As interpolated (`twin.manoeuvre.AttitudeTable`)."""
+        return Target(*self.table.at(time))
+
+
 def parse_reference(text: str) -> Reference:
     """The reference that a command line names; see `GRAMMAR`.
 
     Raises:
         UsageError: it names none; says what would.
+        LogError: a table that cannot be read, with its line.
     """
+    if is_table(text):
+        return Tabulated(AttitudeTable.read(Path(text)))
     parts = re.split(r"\+(?=[a-z])", text)
-    if len(parts) == 2:
-        attitude, place = (parse_reference(part) for part in parts)
-        if isinstance(place, Place | Move) and not isinstance(attitude, Place | Move):
-            return AttitudeAndPlace(attitude, place)
-    if len(parts) > 1:
+    places = [part for part in parts if part.startswith(("place:", "move:"))]
+    if len(parts) > 1 and places:
+        attitude = "+".join(part for part in parts if part not in places)
+        if len(places) == 1 and attitude:
+            return AttitudeAndPlace(parse_reference(attitude), parse_reference(places[0]))
+    if len(parts) > 1 and (places or not is_wave(text)):
         raise UsageError(f"reference {text!r} is no attitude + one place; use {GRAMMAR}")
     kind, _, rest = text.partition(":")
     if kind == "place":
@@ -273,6 +315,8 @@ def parse_reference(text: str) -> Reference:
         if limit <= 0.0:
             raise UsageError(f"reference {text!r}: the rate must be above 0 deg/s")
         return Slew(*angles, rate=limit)
+    if is_wave(text):
+        return _waves(text)
     raise UsageError(f"no reference named {text!r}; use {GRAMMAR}")
 
 
@@ -290,6 +334,20 @@ def _move(text: str, rest: str) -> Move:
     return Move(x, y, limits[0], limits[1] if len(limits) == 2 else math.inf)
 
 
+def _waves(text: str) -> Waves:
+    waves = parse_waves(text, "reference")
+    swings = np.zeros(3)
+    for wave in waves:
+        swings[wave.axis] += abs(wave.amplitude)
+    if swings.max() >= 90.0:
+        axis = "xyz"[int(np.argmax(swings))]
+        raise UsageError(
+            f"reference {text!r}: it swings by {swings.max():g} deg about {axis}, and Euler angles "
+            "end at 90 deg; give smaller amplitudes"
+        )
+    return Waves(tuple(replace(wave, amplitude=math.radians(wave.amplitude)) for wave in waves))
+
+
 def _angles(text: str, numbers: str, count: int) -> list[float]:
     return [math.radians(number) for number in _numbers(text, numbers, count)]
 
@@ -303,14 +361,6 @@ def _numbers(text: str, numbers: str, count: int) -> list[float]:
         wanted = "one number" if count == 1 else f"{count} numbers with commas between"
         raise UsageError(f"reference {text!r}: {numbers!r} should be {wanted}; use {GRAMMAR}")
     return values
-
-
-def _quintic(time: float | Array, duration: float) -> tuple[Array, Array, Array]:
-    """Smooth step from 0 to 1 within `duration`, and its first two derivatives in time."""
-    u = np.clip(np.asarray(time) / duration, 0.0, 1.0)
-    left = 1.0 - u
-    step = u**3 * (10.0 + u * (6.0 * u - 15.0))
-    return step, 30.0 * (u * left) ** 2 / duration, 60.0 * u * left * (left - u) / duration**2
 
 
 def _target(angle: Array, rate: Array, acceleration: Array) -> Target:

@@ -54,10 +54,17 @@ class RunVerb:
     """With plant pty: loop and emulation wait for each other instead of keeping to the wall's
     clock, so that the speed of the computer does not matter."""
     reference: Annotated[str | None, _arg("REFERENCE")] = None
-    """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]` or `multisine[:AMPLITUDE[@FREQUENCY]]`,
-    in degrees and hertz; of a machine that travels `place:X,Y` or
-    `move:X,Y[@ACCELERATION[,SPEED]]` in metres and seconds, or both as in `hold:0,0,30+move:1,0`;
-    by default the law's usual reference, which `twin controllers` lists."""
+    """`hold[:ROLL,PITCH,YAW]`, `slew:ROLL,PITCH,YAW[@RATE]`, `multisine[:AMPLITUDE[@FREQUENCY]]`,
+    `sine:AXES,AMPLITUDE@FREQUENCY[,PHASE]`, `square:` likewise or
+    `chirp:AXES,AMPLITUDE@FROM,TO,SECONDS` about x, y and z (several joined by +), in degrees and
+    hertz, or 20s for a period; or a table of attitudes over time, FILE.csv or FILE.parquet
+    (docs/manoeuvres.md). Of a machine that travels `place:X,Y` or
+    `move:X,Y[@ACCELERATION[,SPEED]]` in metres and seconds, or both as in
+    `hold:0,0,30+move:1,0`. By default the law's usual reference, which `twin controllers`
+    lists."""
+    torque: Annotated[str | None, _arg("[wheels:|gyros:|thrusters:]PROFILE")] = None
+    """In place of a law: torque on the body in open loop, by those actuators or the first of these
+    that the machine has. PROFILE is a table of torques over time, or waves as above in N m."""
     identified: Annotated[Path | None, _arg("FILE.json")] = None
     """What `twin identify LOG --json` wrote: on the bench, the flight is first simulated at all
     corners of its 95 % set, and refused where the guard would cut it out."""
@@ -65,7 +72,8 @@ class RunVerb:
     """What the simulated machine has beyond its platform, as in
     `clock_lag:wheel_speed=0.17,gyro_bias=1e-3/0/0`; see `twin effects`."""
     duration: Annotated[float | None, _arg("SECONDS")] = None
-    """By default 60, or the whole log that is replayed."""
+    """By default 60, the whole log that is replayed, or to the end of a table that states
+    reference or torque."""
     attitude: Annotated[Angles, _arg("ROLL PITCH YAW")] = (0.0, 0.0, 0.0)
     """At the start, in degrees; a hinge takes the first."""
     rate: Annotated[Angles, _arg("X Y Z")] = (0.0, 0.0, 0.0)
@@ -132,6 +140,7 @@ class RunVerb:
                 self.controller,
                 gains=_gains(self.gains),
                 reference=self.reference,
+                torque=self.torque,
                 duration=self.duration,
                 effects=() if self.effects is None else parse_effects(self.effects),
                 attitude=_radians(self.attitude),

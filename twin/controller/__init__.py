@@ -5,3 +5,4 @@ from twin.controller.check import usual_machine as usual_machine
 from twin.controller.controller import AnyController as AnyController
 from twin.controller.controller import Controller as Controller
 from twin.controller.load import load_controller as load_controller
+from twin.controller.open_loop import OpenLoop as OpenLoop
