@@ -325,7 +325,7 @@ def fly(
         say("\n".join([f"{what}, {how}", *flight.remarks(warnings)]))
         if identified is not None:
             say(check_lean(flight, identified_box(Path(identified))))
-        metrics = Metrics(flight.platform, settle=settled(flight.duration))
+        metrics = Metrics(flight.platform, settle=settled(flight.duration), say=say)
         last = FlightRecorder(flight.plant)
         every: list[Observer] = [metrics, last, *observers]
         facts = provenance(flight.platform, seed=seed)
@@ -364,6 +364,7 @@ def fly(
         last.records,
         None if bench is None else bench.first_use(),
         {} if bench is None else bench.document(),
+        flight.forecast(),
     )
     if ended_by is not None:
         ended_by.run = run

@@ -9,9 +9,16 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from twin.budget import momentum_budget
+from twin.budget import (
+    GyroBudget,
+    MomentumBudget,
+    constant_gyros,
+    gyro_budget,
+    momentum_budget,
+)
 from twin.clock import Clock, Timing, check_duration
 from twin.controller import AnyController, Controller, OpenLoop, load_controller
+from twin.controller.exchange import Gyros
 from twin.controller.load import tell_mistake
 from twin.controller.thrusters import Wrenches
 from twin.drives import travelling_mass
@@ -55,6 +62,8 @@ _TURNING = {
 """What turns a body about the vertical; masses do not."""
 _LEVEL = 1e-6
 """Yaw that is none [rad]."""
+_TURN = 1e-3
+"""By which a law is asked what torque holds the body [rad]."""
 
 
 @dataclass(frozen=True)
@@ -113,8 +122,8 @@ class Flight:
                 f"the log is of {self.plant.of_other}, and is replayed as if it were of "
                 f"{self.platform.name}: filter and law take it for that machine"
             ]
-        wanted = self._wanted()
-        return [*self._unsteered(), *self._unseen_heading(wanted), *self._saturation(wanted)]
+        heading = self._unseen_heading(self._wanted)
+        return [*self._unsteered(), *heading, *self._saturation()]
 
     def _unsteered(self) -> list[str]:
         """That the law, or the thrusters, cannot follow the place that the reference asks for."""
@@ -147,6 +156,16 @@ class Flight:
             f"the reference asks for {size:.3g} m/s^2, and the thrusters of {self.platform.name}, "
             f"level, give {scale * size:.3g} m/s^2 that way: it will lag behind"
         ]
+
+    def forecast(self) -> dict[str, str | float | None] | None:
+        """For JSON: which of wheels and gyros are used up first, and when [s], None if they last;
+        None where their momentum is not foretold."""
+        budget = None if isinstance(self.plant, ReplayedPlant) else self._budget
+        if isinstance(budget, GyroBudget):
+            return {"of": "gyros", "used_up_at_s": budget.singular_at}
+        if budget is None:
+            return None
+        return {"of": budget.first or "wheels", "used_up_at_s": budget.saturates_at}
 
     def _unseen_heading(self, wanted: Command) -> list[str]:
         """That the law steers a heading which no sensor shows."""
@@ -182,16 +201,11 @@ class Flight:
             f"{platform.name}, which is {told}: {follows}; {remedy}"
         ]
 
-    def _saturation(self, wanted: Command) -> list[str]:
-        platform = self.platform
-        n = self.plant.n
-        if "command_wheel_torque" not in wanted or platform.base.kind != "ball":
-            return []
-        if any(wheel.gimbal is not None for wheel in platform.wheels):
-            return []  # what a wheel takes depends on where its gimbal stands
-        start = np.broadcast_to(self.initial.wheel_speeds(platform), (n, len(platform.wheels)))[0]
-        budget = momentum_budget(platform, self.reference, self.duration, start)
-        if budget.saturates_at is None:
+    def _saturation(self) -> list[str]:
+        platform, budget = self.platform, self._budget
+        if isinstance(budget, GyroBudget):
+            return self._singular_gyros(budget)
+        if budget is None or budget.saturates_at is None:
             return []
         offset = platform.center_of_mass_offset / platform.mass * 1e6
         torque = platform.gravity * np.hypot(*platform.center_of_mass_offset[:2]) * 1e3
@@ -202,6 +216,68 @@ class Flight:
             f"{budget.first} to its {limit:g} N m s at {budget.saturates_at:.0f} s "
             f"of {self.duration:g} s"
         ]
+
+    @cached_property
+    def _budget(self) -> MomentumBudget | GyroBudget | None:
+        """Momentum that wheels or gyros will need; None where the law turns the body by something
+        else too, or follows no reference, or the machine hangs on no ball."""
+        platform, n, wheels = self.platform, self.plant.n, self.platform.wheels
+        wanted = self._wanted
+        if platform.base.kind != "ball" or isinstance(self.controller, OpenLoop):
+            return None
+        if _by_gyros(platform, wanted):
+            return self._gyro_budget()
+        # what a wheel takes in a gimbal depends on where that stands
+        if "command_wheel_torque" not in wanted or any(w.gimbal is not None for w in wheels):
+            return None
+        start = np.broadcast_to(self.initial.wheel_speeds(platform), (n, len(wheels)))[0]
+        return momentum_budget(platform, self.reference, self.duration, start)
+
+    def _singular_gyros(self, budget: GyroBudget) -> list[str]:
+        """That the array comes to a singular state."""
+        platform = self.platform
+        if budget.singular_at is None:
+            return []
+        means = "in which no turn of the gimbals gives the torque that is asked for"
+        if budget.singular_at == 0.0:
+            return [f"the gyros begin in a singular state, {means}"]
+        torque = platform.gravity * np.hypot(*platform.center_of_mass_offset[:2]) * 1e3
+        leans = (
+            f", at a lean of {np.degrees(budget.lean):.3g} deg which the law lets it have,"
+            if budget.lean > np.radians(0.01)
+            else ""
+        )
+        row = np.searchsorted(budget.time, budget.singular_at)
+        return [
+            f"the gyros will fill: gravity turns the level body with {torque:.3g} mN m, and "
+            f"following the reference{leans} takes them to a momentum of "
+            f"{np.linalg.norm(budget.momentum[row]):.3g} N m s at {budget.singular_at:.0f} s of "
+            f"{self.duration:g} s, next to a singular state, {means} (none is within "
+            f"{budget.radius:.3g} N m s)"
+        ]
+
+    def _gyro_budget(self) -> GyroBudget:
+        """With the lean that the law lets the body have, if it says what torque holds it."""
+        platform, law = self.platform, self.controller
+        array = Gyros.of(platform, type(law).__name__)
+        turns = np.vstack([np.zeros((1, 3)), _TURN * np.eye(3)])
+        estimate = Passthrough().init(platform, len(turns))
+        home = estimate.gimbal_angle[0]
+        given = home if self.initial.gimbal_angle is None else self.initial.gimbal_angle
+        angles = np.broadcast_to(given, (self.plant.n, len(home)))[0]
+        stiffness = None
+        if type(law).first_command is Controller.first_command:
+            estimate = replace(
+                estimate,
+                gimbal_angle=np.tile(angles, (len(turns), 1)),
+                attitude=from_rotation_vector(turns),
+                valid=np.ones(len(turns), dtype=np.bool_),
+                awaited={},
+            )
+            rates = law.first_command(platform, estimate, Target(IDENTITY))["command_gimbal_rate"]
+            torque = -np.einsum("ngi,ng->ni", array.columns(estimate), rates)
+            stiffness = (torque[1:] - torque[0]).T / _TURN
+        return gyro_budget(platform, self.reference, self.duration, angles, stiffness)
 
     def fly(
         self,
@@ -225,7 +301,7 @@ class Flight:
                 from twin.service.answer import BodyAnswer
                 from twin.service.first_use import armed
 
-                clock = armed(self.bench, self._wanted(), tell)
+                clock = armed(self.bench, self._wanted, tell)
                 observers = [*observers, stack.enter_context(BodyAnswer(self.bench))]
             return fly(
                 self.plant,
@@ -241,6 +317,7 @@ class Flight:
         """A machine on its bench has a view of its own, and keeps to the wall's clock."""
         return [FlightProgress(self.duration)] if self.bench is None else []
 
+    @cached_property
     def _wanted(self) -> Command:
         """What the law commands at its beginning; its mistakes are told before anything moves."""
         law, target = self.controller, self.reference.at(0.0)
@@ -279,6 +356,8 @@ class Run(Shown):
     """What was read and applied while the actuators of an armed machine were tried."""
     bench: Mapping[str, Any] = field(default_factory=dict[str, Any], repr=False)
     """Of a machine on its bench, for JSON: devices, streams, limits, first use."""
+    forecast: Mapping[str, Any] | None = None
+    """When wheels or gyros were foretold to be used up (`Flight.forecast`)."""
 
     @cached_property
     def recording(self) -> Recording:
@@ -308,6 +387,7 @@ class Run(Shown):
             "ticks": timing.ticks,
             "lateness_s": late if timing.lateness else None,
             "warnings": list(self.warnings),
+            "forecast": self.forecast,
             "remarks": list(self.outcome.remarks),
             "metrics": self.metrics,
             "seconds": timing.seconds,
@@ -554,6 +634,12 @@ def _answers_to(law: AnyController, machine: Platform) -> set[str]:
     except Exception:  # noqa: BLE001 - `Flight.fly` asks again, and tells what is wrong with it
         return set()
     return found
+
+
+def _by_gyros(platform: Platform, wanted: Command) -> bool:
+    """Whether a law turns the body by gyros of constant momentum alone."""
+    turned = wanted.keys() & (_TURNING | {"command_stage_position"}) == {"command_gimbal_rate"}
+    return turned and constant_gyros(platform)
 
 
 def _same(one: object, other: object) -> bool:

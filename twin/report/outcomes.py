@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.budget import SINGULAR
 from twin.identification import Identification, Misfit
 from twin.interval import Interval
 from twin.loop import Outcome
@@ -54,6 +55,13 @@ def flown(platform: Platform, outcome: Outcome, row: Mapping[str, Any], settle: 
         lines.append(f"{wheel.name} held up to {peak:.3g} of {wheel.momentum_limit:g} N m s")
     if np.isfinite(row.get("wheel_saturated_at_s", np.nan)):
         lines.append(f"a wheel was saturated from {row['wheel_saturated_at_s']:.1f} s on")
+    if "gyro_margin_min" in row:
+        since = row["gyro_near_singular_at_s"]
+        near = f", below {SINGULAR:g} from {since:.1f} s on" if np.isfinite(since) else ""
+        lines.append(
+            f"gyros held up to {row['gyro_momentum_max_N_m_s']:.3g} N m s; their least margin to a "
+            f"singular state was {row['gyro_margin_min']:.2g}{near}"
+        )
     lines += outcome.remarks
     timing = outcome.timing
     if timing.lateness:

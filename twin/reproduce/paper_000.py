@@ -2,11 +2,7 @@
 
 Fig. 7: singular states of three gyros, and the skew whose sphere without any is the largest.
 
-In a singular state the array cannot give a torque along some u: each rotor then turns its axis as
-far along u, or against it, as its gimbal allows (G. Margulies, J. N. Aubrun, Geometric theory of
-single-gimbal control moment gyro systems, 1978),
-    h(u, s) = sum s_i (u - (u . g_i) g_i) / |u - (u . g_i) g_i|,  s_i = +-1.
-The sphere is as large as the smallest |h| over u and s.
+The sphere is as large as the smallest momentum of a singular state (`twin.budget`).
 
 Fig. 8 and 9: adaptive balancing against direct compensation, with the faults the paper names.
 
@@ -17,14 +13,14 @@ method from the tracking run, move the masses by eq. 12. Adaptive: eq. 35 and 37
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import minimize_scalar
 
+from twin.budget import directions, singular_momenta, singularity_free_radius
 from twin.controller import load_controller
 from twin.effects import effects_of, parse_effects, with_effects
 from twin.effects.actuators import GimbalFriction
@@ -307,12 +303,8 @@ FIG_3_PART = PaperPart(
 )
 
 
-SIGNS = np.array([(1.0, *rest) for rest in product((1.0, -1.0), repeat=2)])
-"""Of the three gyros; those with all signs turned are the same states from behind."""
 SKEWS = (60.0, 120.0)
 """[deg], between which the best is sought."""
-COARSE = 60
-"""Directions to each quarter turn of the first search."""
 
 
 def fig_7_compute(say: Say) -> Computed:
@@ -320,17 +312,18 @@ def fig_7_compute(say: Say) -> Computed:
     machine = load_platform("tas2")
     say("the best skew")
     skews = np.linspace(*SKEWS, 61)
-    radii = np.array([sphere(gimbal_axes(machine, skew)) for skew in skews])
+    radii = np.array([singularity_free_radius(gimbal_axes(machine, skew)) for skew in skews])
     near = float(skews[np.argmax(radii)])
     best = minimize_scalar(
-        lambda skew: -sphere(gimbal_axes(machine, float(skew))),
+        lambda skew: -singularity_free_radius(gimbal_axes(machine, float(skew))),
         bounds=(near - 1.0, near + 1.0),
         method="bounded",
         options={"xatol": 1e-3},
     )
-    skew, radius = float(best.x), sphere(gimbal_axes(machine, 90.0))
+    skew, radius = float(best.x), singularity_free_radius(gimbal_axes(machine, 90.0))
     others = ", ".join(
-        f"{sphere(gimbal_axes(machine, other)):.3f} at {other:g}" for other in (70.0, 85.0, 95.0)
+        f"{singularity_free_radius(gimbal_axes(machine, other)):.3f} at {other:g}"
+        for other in (70.0, 85.0, 95.0)
     )
     say("the surface")
     rows = {
@@ -355,45 +348,10 @@ def gimbal_axes(machine: Platform, skew: float) -> Array:
     )
 
 
-def momenta(axes: Array, along: Array) -> Array:
-    """h(u, s) of directions (n, 3), shape (n, signs, 3), in units of one gyro's momentum.
-
-    Along a gimbal's axis its rotor may stand anywhere; the directions round about cover that.
-    """
-    across = along[:, None, :] - np.einsum("ni,gi->ng", along, axes)[..., None] * axes
-    size = np.linalg.norm(across, axis=2, keepdims=True)
-    rotors = across / np.maximum(size, 1e-12)
-    return np.einsum("sg,ngi->nsi", SIGNS, rotors)
-
-
-def sphere(axes: Array) -> float:
-    """The smallest |h| of a singular state, in units of one gyro's momentum."""
-
-    def size(angles: Array) -> float:
-        return float(np.linalg.norm(momenta(axes, _directions(angles[None])), axis=2).min())
-
-    polar, around = np.meshgrid(
-        np.linspace(1e-3, np.pi - 1e-3, 2 * COARSE), np.linspace(0.0, 2.0 * np.pi, 4 * COARSE)
-    )
-    grid = np.stack([polar.ravel(), around.ravel()], axis=1)
-    sizes = np.linalg.norm(momenta(axes, _directions(grid)), axis=2).min(axis=1)
-    starts = grid[np.argsort(sizes)[:5]]
-    options = {"xatol": 1e-9, "fatol": 1e-12, "maxiter": 400}
-    result = [minimize(size, start, method="Nelder-Mead", options=options).fun for start in starts]
-    return float(min(*result, sizes.min()))
-
-
-def _directions(angles: Array) -> Array:
-    """(n, 3) from (n, 2) polar and azimuth."""
-    polar, around = angles[:, 0], angles[:, 1]
-    across = np.sin(polar)
-    return np.stack([across * np.cos(around), across * np.sin(around), np.cos(polar)], axis=1)
-
-
 def _surface(axes: Array) -> str:
     polar, around = np.meshgrid(np.linspace(0.01, np.pi - 0.01, 24), np.linspace(0, 2 * np.pi, 48))
-    along = _directions(np.stack([polar.ravel(), around.ravel()], axis=1))
-    result = momenta(axes, along)
+    along = directions(np.stack([polar.ravel(), around.ravel()], axis=1))
+    result = singular_momenta(axes, along)
     inner = int(np.argmin(np.linalg.norm(result, axis=2).min(axis=0)))
     with mpl.rc_context(FIGURE):
         figure = Figure(figsize=(9.6, 4.6))
