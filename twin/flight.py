@@ -389,6 +389,14 @@ class Run(Shown):
             "warnings": list(self.warnings),
             "forecast": self.forecast,
             "remarks": list(self.outcome.remarks),
+            "estimates": {
+                name: {
+                    "value": None if stated.value is None else stated.value[0].tolist(),
+                    "sigma": stated.sigma[0].tolist(),
+                    "unit": stated.unit,
+                }
+                for name, stated in self.outcome.quantities.items()
+            },
             "metrics": self.metrics,
             "seconds": timing.seconds,
             **self.bench,

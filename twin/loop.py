@@ -7,8 +7,8 @@ batch holds.
 import logging
 import signal
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
 
@@ -23,7 +23,7 @@ from twin.estimators.estimator import Estimator
 from twin.estimators.place import PlaceFilter
 from twin.plant.plant import Plant
 from twin.reference import Reference
-from twin.signals import Command, Estimate, Target, Tick
+from twin.signals import Command, Estimate, Quantity, Target, Tick
 from twin.units import span
 
 _LOGGER = logging.getLogger(__name__)
@@ -99,6 +99,8 @@ class Outcome:
     """Number of the signal by which its operator stopped it, an end as good as any; 0: nobody."""
     remarks: tuple[str, ...] = ()
     """What the estimator could not use, or nobody saw; a sentence each."""
+    quantities: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
+    """What the estimator states in the end with its sigma, by name; empty if it never was valid."""
 
 
 def fly(
@@ -203,7 +205,8 @@ def _fly(
         ended = Ended.degraded
         reason = f"{len(plant.stopped)} of {n} runs were stopped"
     remarks = tuple(estimator.remarks(estimate))
-    return Outcome(ended, reason, now, dict(plant.stopped), clock.timing, asked, remarks)
+    stated = estimate.quantities() if estimate.valid.any() else {}
+    return Outcome(ended, reason, now, dict(plant.stopped), clock.timing, asked, remarks, stated)
 
 
 def _by(number: int) -> str:

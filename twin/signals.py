@@ -80,6 +80,12 @@ STREAMS: dict[str, Stream] = {
     "estimate_gyro_bias": Stream("rad/s", _XYZ, "body"),
     "estimate_position": Stream("m", _XYZ, "world"),
     "estimate_velocity": Stream("m/s", _XYZ, "world"),
+    "estimate_attitude_sigma": Stream("rad", _XYZ, "world"),
+    "estimate_gyro_bias_sigma": Stream("rad/s", _XYZ, "body"),
+    "estimate_center_of_mass_offset": Stream("kg m", _XYZ, "body"),
+    "estimate_center_of_mass_offset_sigma": Stream("kg m", _XYZ, "body"),
+    "estimate_vertical_offset": Stream("m", ("z",), "body"),
+    "estimate_vertical_offset_sigma": Stream("m", ("z",), "body"),
     "reference_attitude": Stream("1", _WXYZ, "world from body"),
     "reference_rate": Stream("rad/s", _XYZ, "body"),
     "reference_position": Stream("m", _XYZ, "world"),
@@ -155,6 +161,22 @@ def valid_rows(reading: Reading, stream: str) -> list[tuple[float, Array]]:
     return [(float(samples.time[0, i]), samples.value[0, i]) for i in good]
 
 
+class Quantity(NamedTuple):
+    """Something that an estimator states, with its standard deviation.
+
+    It is recorded as the streams `estimate_NAME` and `estimate_NAME_sigma`.
+    """
+
+    value: Array | None
+    """(n, k); None where `Estimate` has it by that name."""
+    sigma: Array
+    """(n, k) 1 sigma; of an attitude (n, 3) about the room's axes [rad]."""
+    unit: str
+    """Of both, in SI."""
+    columns: tuple[str, ...]
+    """Names of the k columns."""
+
+
 @dataclass(slots=True)
 class Estimate:
     """What is believed about the machine at a tick.
@@ -199,6 +221,10 @@ class Estimate:
     def at(self, time: float) -> "Estimate":
         """The same estimate, stamped `time`."""
         return replace(self, time=time)
+
+    def quantities(self) -> dict[str, Quantity]:
+        """What it states beside the motion, or of it with a standard deviation, by name."""
+        return {}
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """What a machine's sensors tell an attitude filter, and when: streams, levers, delays, states."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,26 @@ UP = np.array([0.0, 0.0, 1.0])
 _EPS = 1e-9
 _SLANT = 0.02
 """Share of a field along the floor from which on it shows a heading."""
+
+
+@dataclass(frozen=True)
+class Aid:
+    """What became of the samples of one stream, run by run (n,)."""
+
+    taken: Array
+    """Samples that corrected the estimate."""
+    refused: Array
+    """Samples beyond the gate, or of no plausible size."""
+    squares: Array
+    """Sum of squared innovations in their sigmas, a column; each no larger than the gate."""
+    since: Array
+    """Since when all were refused [s]; NaN where the last one was taken."""
+    last: Array
+    """Newest sample as it was shown; NaN before the first, (n, columns)."""
+    used: Array
+    """When the last one was taken [s]; NaN before the first."""
+    odd: Array
+    """When the last one was beyond the gate [s]; NaN before the first."""
 
 
 class Layout(NamedTuple):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from twin.errors import UsageError
 from twin.platform import Platform, Sensor
 from twin.rotation import IDENTITY
-from twin.signals import POSITIONS, Command, Estimate, Mask, Reading, Samples
+from twin.signals import POSITIONS, Command, Estimate, Mask, Quantity, Reading, Samples
 
 Array = NDArray[np.float64]
 
@@ -24,6 +24,12 @@ class OffsetEstimate(Estimate):
     """(n, 3) m r from CR to CM with the stages where they are, body axes [kg m]."""
     offset_covariance: Array
     """(n, 3, 3) of it [kg^2 m^2]."""
+
+    def quantities(self) -> dict[str, Quantity]:
+        """m r."""
+        sigma = np.sqrt(np.diagonal(self.offset_covariance, axis1=1, axis2=2))
+        offset = Quantity(self.center_of_mass_offset, sigma, "kg m", ("x", "y", "z"))
+        return {"center_of_mass_offset": offset}
 
 
 class Estimator(abc.ABC):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from twin.estimators.aids import (
     AIDS,
     UP,
+    Aid,
     Known,
     Spin,
     due,
@@ -43,7 +44,7 @@ from twin.rotation import (
     normalized,
     skew,
 )
-from twin.signals import Estimate, Mask, Reading, Samples
+from twin.signals import Estimate, Mask, Quantity, Reading, Samples
 
 Array = NDArray[np.float64]
 
@@ -81,26 +82,6 @@ class _Still(NamedTuple):
 
 
 _STILL = _Still()
-
-
-@dataclass(frozen=True)
-class Aid:
-    """What became of the samples of one stream, run by run (n,)."""
-
-    taken: Array
-    """Samples that corrected the estimate."""
-    refused: Array
-    """Samples beyond the gate, or of no plausible size."""
-    squares: Array
-    """Sum of squared innovations in their sigmas, a column; each no larger than the gate."""
-    since: Array
-    """Since when all were refused [s]; NaN where the last one was taken."""
-    last: Array
-    """Newest sample as it was shown; NaN before the first, (n, columns)."""
-    used: Array
-    """When the last one was taken [s]; NaN before the first."""
-    odd: Array
-    """When the last one was beyond the gate [s]; NaN before the first."""
 
 
 class Stillness(NamedTuple):
@@ -153,6 +134,14 @@ class MultiplicativeEstimate(Estimate):
         """(n, 3) standard deviation of the attitude about the room's axes [rad]; the third is the
         heading's."""
         return np.sqrt(np.diagonal(self.state_covariance, axis1=1, axis2=2)[:, :3])
+
+    def quantities(self) -> dict[str, Quantity]:
+        """How well attitude and gyro bias are known."""
+        bias = np.sqrt(np.diagonal(self.state_covariance, axis1=1, axis2=2)[:, 3:6])
+        return {
+            "attitude": Quantity(None, self.sigma_world, "rad", ("x", "y", "z")),
+            "gyro_bias": Quantity(None, bias, "rad/s", ("x", "y", "z")),
+        }
 
 
 @dataclass(frozen=True)

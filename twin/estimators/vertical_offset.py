@@ -19,7 +19,7 @@ from twin.estimators.estimator import (
 )
 from twin.platform import Platform
 from twin.rotation import cross, skew, vertical_body
-from twin.signals import Estimate, Reading, Samples
+from twin.signals import Estimate, Quantity, Reading, Samples
 
 Array = NDArray[np.float64]
 
@@ -45,6 +45,11 @@ class VerticalEstimate(OffsetEstimate):
     """[N]."""
     mass: float
     """[kg]."""
+
+    def quantities(self) -> dict[str, Quantity]:
+        """r_z alone: of the offset in the plane the filter knows nothing."""
+        sigma = np.sqrt(self.state_covariance[:, 3:, 3])
+        return {"vertical_offset": Quantity(self.state[:, 3:], sigma, "m", ("z",))}
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,9 @@ from twin.strapdown import FAULTS, GyroComparison
 from twin.strapdown.compare import GyroError
 from twin.units import fitting, printed, three_digits
 
+_SIGMAS_95 = 1.96
+"""Half width of a 95 % interval, in sigmas."""
+
 
 def flown(platform: Platform, outcome: Outcome, row: Mapping[str, Any], settle: float) -> list[str]:
     """What happened, in words a lab uses: degrees and newton metre seconds.
@@ -62,6 +65,7 @@ def flown(platform: Platform, outcome: Outcome, row: Mapping[str, Any], settle: 
             f"gyros held up to {row['gyro_momentum_max_N_m_s']:.3g} N m s; their least margin to a "
             f"singular state was {row['gyro_margin_min']:.2g}{near}"
         )
+    lines += estimated(platform, outcome)
     lines += outcome.remarks
     timing = outcome.timing
     if timing.lateness:
@@ -75,6 +79,31 @@ def flown(platform: Platform, outcome: Outcome, row: Mapping[str, Any], settle: 
             f"each took {own50:.2f} ms (median), {own99:.2f} ms (99 %), {longest:.2f} ms at most, "
             f"of {platform.tick * 1e3:g} ms"
         )
+    return lines
+
+
+def estimated(platform: Platform, outcome: Outcome) -> list[str]:
+    """What the estimator stated of the first run in the end, with 95 % intervals."""
+    lines: list[str] = []
+    for name, stated in outcome.quantities.items():
+        unit, factor = stated.unit, 1.0
+        if unit == "kg m":
+            unit, factor = "m", 1.0 / platform.mass
+        value, half = (
+            np.zeros_like(stated.sigma[0]) if stated.value is None else factor * stated.value[0],
+            _SIGMAS_95 * factor * stated.sigma[0],
+        )
+        largest = float(np.abs(np.concatenate([value, half])).max())
+        scale, shown = (1e-6, "um") if unit == "m" else fitting(largest, unit)
+        called = "CM from CR" if name == "center_of_mass_offset" else name.replace("_", " ")
+        if stated.value is None:
+            known = ", ".join(three_digits(item / scale) for item in half)
+            known = f"({known})" if len(half) > 1 else known
+            lines.append(f"estimated {called} is known within {known} {shown} (95 %)")
+            continue
+        known = ", ".join(pair(v / scale, h / scale) for v, h in zip(value, half, strict=True))
+        known = f"({known})" if len(half) > 1 else known
+        lines.append(f"estimated {called} {known} {shown} (95 %)")
     return lines
 
 

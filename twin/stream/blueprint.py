@@ -569,6 +569,15 @@ def _xyzw(quat: Array) -> Array:
     return quat[..., [1, 2, 3, 0]]
 
 
+SIGMA = "_sigma"
+"""After the name of a stream: its standard deviation."""
+
+
+def is_sigma(stream: str) -> bool:
+    """Whether a stream is the standard deviation of another."""
+    return stream.endswith(SIGMA)
+
+
 PALE = 0.4
 """How much of its colour a predicted curve keeps, beside the measured one."""
 
@@ -582,7 +591,8 @@ def blueprint(
         platform: what is seen.
         remarks: whether there is a place for what is said, below the machine.
         streams: of the recording, where they are known; those that were measured and predicted are
-            shown with their residuals in front of the flight's plots.
+            shown with their residuals in front of the flight's plots, and what an estimator states
+            with its sigma behind them.
     """
     views: list[tuple[str, str]]
     if platform.base.kind == "hinge":
@@ -611,6 +621,7 @@ def blueprint(
             views.append(("thrust [N]", entity("command_thruster")))
         views.append(("gravity torque [mN m]", GRAVITY_TORQUE))
     graphs = [_graph(title, path) for title, path in views]
+    graphs += _stated(streams or {})
     flight = rrb.Grid(*graphs, grid_columns=1 if len(graphs) <= 3 else 2, name="the flight")
     shown: rrb.Grid | rrb.Tabs = flight
     known = streams or {}
@@ -631,6 +642,28 @@ def blueprint(
         rrb.BlueprintPanel(state="collapsed"),
         auto_views=False,
     )
+
+
+def _stated(streams: Mapping[str, Header]) -> list[rrb.TimeSeriesView]:
+    """What an estimator states beside the motion, and its standard deviation."""
+    views: list[rrb.TimeSeriesView] = []
+    for sigma in (name for name in streams if name.startswith("estimate_") and is_sigma(name)):
+        name, header = sigma.removesuffix(SIGMA), streams[sigma]
+        words = name.removeprefix("estimate_").replace("_", " ")
+        there = entity(sigma)
+        style = rr.SeriesLines(
+            names=[f"{column}, 1 sigma" for column in header.columns],
+            colors=[PALETTE[i % len(PALETTE)] for i in range(len(header.columns))],
+        )
+        alone = name in ("estimate_attitude", "estimate_gyro_bias")
+        contents = (
+            [f"/{there}"] if alone or name not in streams else [f"/{entity(name)}", f"/{there}"]
+        )
+        title = f"{words}, 1 sigma" if len(contents) == 1 else f"{words} and 1 sigma"
+        views.append(
+            _graph(f"{title} [{header.unit}]", "/", contents=contents, overrides={there: style})
+        )
+    return views
 
 
 def _graph(title: str, path: str, **options: Any) -> rrb.TimeSeriesView:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from twin.platform import Platform
 from twin.recording.recording import Series
-from twin.signals import Samples, Tick, stream_named
+from twin.signals import Estimate, Samples, Tick, stream_named
 
 Array = NDArray[np.float64]
 Item = TypeVar("Item")
@@ -90,6 +90,7 @@ class StreamRows:
                 ("estimate_gyro_bias", [e.gyro_bias for e in estimates]),
             ):
                 blocks[name] = self._values(stamps, seen, values)
+            blocks |= self._quantities(stamps, seen, estimates)
         for name in blocks:
             if name not in self.headers:
                 unit = stream_named(name).unit
@@ -102,6 +103,24 @@ class StreamRows:
             return False
         own = place[self._run] if place.ndim == 2 and len(place) > 1 else place
         return bool(np.isfinite(own).all())
+
+    def _quantities(
+        self, stamps: Sequence[bytes], seen: Sequence[int], estimates: Sequence[Estimate]
+    ) -> dict[str, Block]:
+        """What an estimator states beside the motion; it states the same names at each tick."""
+        if not estimates[0].quantities():
+            return {}
+        blocks: dict[str, Block] = {}
+        stated = [estimate.quantities() for estimate in estimates]
+        for name, first in stated[0].items():
+            rows = [quantities[name] for quantities in stated]
+            streams = {f"estimate_{name}_sigma": [row.sigma for row in rows]}
+            if first.value is not None:
+                streams[f"estimate_{name}"] = [row.value for row in rows if row.value is not None]
+            for stream, values in streams.items():
+                blocks[stream] = self._values(stamps, seen, values)
+                self.headers[stream] = Header(first.columns, first.unit)
+        return blocks
 
     def _samples(self, samples: Sequence[Samples]) -> Block:
         return Block(

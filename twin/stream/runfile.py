@@ -11,7 +11,7 @@ from twin.platform import Platform
 from twin.recording.recording import Recording
 from twin.recording.rrd import RrdFile, scalars
 from twin.recording.rrd_reader import SCHEMA
-from twin.stream.blueprint import SAID, Plots, Scene, blueprint
+from twin.stream.blueprint import SAID, Plots, Scene, blueprint, is_sigma
 from twin.stream.rows import Block, Header, decode
 
 Array = NDArray[np.float64]
@@ -25,6 +25,9 @@ class RunFile:
         self.path = path
         self._file = RrdFile(path)
         self._widths: dict[str, int] = {}
+        self._headers: dict[str, Header] = {}
+        self._remarks = False
+        self._platform: Platform | None = None
         self._scene: Scene | None = None
         self._plots: Plots | None = None
         self._undrawn: dict[str, list[tuple[Array, Array]]] = {}
@@ -41,6 +44,7 @@ class RunFile:
         self._file.provenance(provenance)
         if platform is None:
             return
+        self._platform, self._remarks, self._headers = platform, remarks, dict(streams or {})
         self._scene, self._plots = Scene(platform), Plots(platform)
         self._file.rerun.send_blueprint(blueprint(platform, remarks=remarks, streams=streams))
         for path, archetype in (*self._scene.shapes(), *self._plots.styles()):
@@ -52,6 +56,11 @@ class RunFile:
             if stream not in self._widths:
                 self._widths[stream] = len(header.columns)
                 self._file.declare(stream, header.columns, header.unit)
+        if self._platform is None or not any(map(is_sigma, headers.keys() - self._headers.keys())):
+            return
+        self._headers |= headers
+        layout = blueprint(self._platform, remarks=self._remarks, streams=self._headers)
+        self._file.rerun.send_blueprint(layout)
 
     def write(self, rows: Mapping[str, tuple[Array, Array]]) -> None:
         """Append rows; they are in the file on return."""
