@@ -560,7 +560,7 @@ def balance(
 
     Args:
         platform: the machine.
-        procedure: direct, masses, masses-and-coils or adaptive, or one of an installed package.
+        procedure: direct, masses, masses-and-filter, masses-and-coils, adaptive, or a package's.
         target: gravity torque that may be left at the worst attitude [N m]; None: that of the
             machine's paper, else that of 5 um.
         effects: what the simulated machine has beyond its platform; see `load`.

@@ -162,3 +162,54 @@ def test_machine_without_an_attitude_sensor_is_told_what_would_do():
     blind = dataclasses.replace(whole, sensors={"gyro": whole.sensors["gyro"]})
     with pytest.raises(UsageError, match="astros has no attitude; no estimator knows"):
         load_estimator("offset").init(blind, 1)
+
+
+VERTICALS = [
+    ("astros", ("gyro", "inclinometer")),
+    ("astros", ("gyro", "accelerometer")),
+    ("astros", ("inclinometer",)),
+]
+
+
+@pytest.mark.parametrize(("name", "kept"), VERTICALS, ids=lambda value: "-".join(value))
+def test_offset_is_found_by_what_shows_the_vertical_alone(name, kept):
+    whole = load_platform(name)
+    others = {"attitude", "gyro", "inclinometer", "accelerometer"} - set(kept)
+    sensors = {n: sensor for n, sensor in whole.sensors.items() if n not in others}
+    if "accelerometer" in sensors:
+        sensors["accelerometer"] = dataclasses.replace(sensors["accelerometer"], bias=np.zeros(3))
+    platform = dataclasses.replace(whole, sensors=sensors, effects=())
+    start = InitialState(attitude=from_rotation_vector(np.array([0.06, 0.03, 0.0])))
+    plant = SimulatedPlant(platform, seed=3, initial=start)
+    estimator = OffsetFilter(rate_start=0.05)
+    names = load_controller("free_float"), parse_reference("hold"), SimulatedClock()
+
+    last = Last()
+    fly(plant, estimator, *names, duration=40.0, observers=[last])
+    estimate, truth = last.estimate, last.truth["truth_center_of_mass_offset"]
+    error = estimate.center_of_mass_offset[0] - truth.value[0, -1]
+    size = np.linalg.norm(truth.value[0, -1])
+    assert np.abs(error).max() < 2e-3 * size
+    assert np.sqrt(np.diagonal(estimate.offset_covariance[0])).max() < 2e-3 * size
+
+
+def test_coils_are_known_to_turn_the_body():
+    platform = dataclasses.replace(load_platform("cubesat"), effects=())
+    law = load_controller("magnetic_damping", {"derivative": 0.02})
+    start = InitialState(attitude=from_rotation_vector(np.array([0.1, 0.05, 0.0])))
+    last = Last()
+    fly(
+        SimulatedPlant(platform, seed=1, initial=start),
+        OffsetFilter(torque_noise=1e-7),
+        law,
+        parse_reference("hold"),
+        SimulatedClock(),
+        duration=30.0,
+        observers=[last],
+    )
+    error = (
+        last.estimate.center_of_mass_offset - last.truth["truth_center_of_mass_offset"].value[:, -1]
+    )
+    sigma = np.sqrt(np.diagonal(last.estimate.offset_covariance, axis1=1, axis2=2))
+    assert (np.abs(error) < 4.0 * sigma).all()
+    assert sigma.max() < 1e-6 * platform.mass

@@ -7,15 +7,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import twin
 from tests.processes import running, wait_until
 from twin.platform import load_platform
-from twin.procedures.fits import Fits
+from twin.procedures.fits import Fits, filter_moment
 
 CUBESAT = load_platform("cubesat")
 NOBODY = np.zeros((0, 3))
@@ -83,3 +84,31 @@ def test_ctrl_c_ends_a_balancing_with_a_document_whatever_its_fits_do(word):
     document = json.loads(out)
     assert document["ended"] == "safe_stop", document
     assert process.returncode == 130
+
+
+@pytest.mark.parametrize("shows", ["attitude", "inclinometer", "accelerometer"])
+def test_the_filter_finds_m_r_in_a_swing_within_its_interval(shows):
+    whole = load_platform("astros")
+    others = {"attitude", "inclinometer", "accelerometer"} - {shows}
+    sensors = {name: sensor for name, sensor in whole.sensors.items() if name not in others}
+    machine = replace(whole, sensors=sensors)
+    estimator = "filter" if shows == "attitude" else "mekf"
+    run = twin.fly(machine, attitude=(0.08, 0.03, 0.0), duration=40.0, seed=5, estimator=estimator)
+    log = run.recording.without_truth()
+    fit = filter_moment([log], machine, np.array([[0.0, 0.0, -0.05]]))
+    assert not fit.failure
+    error = fit.moment - machine.center_of_mass_offset
+    assert (np.abs(error) < 2.0 * fit.quantile * np.sqrt(np.diag(fit.covariance))).all()
+    assert np.abs(error).max() < 5e-3 * np.linalg.norm(machine.center_of_mass_offset)
+
+
+def test_two_logs_tell_the_filter_more_than_one():
+    machine = load_platform("astros")
+    logs = [
+        twin.fly(machine, attitude=(0.08, 0.03, 0.0), duration=20.0, seed=seed).recording
+        for seed in (1, 2)
+    ]
+    logs = [log.without_truth() for log in logs]
+    guess = np.array([[0.0, 0.0, -0.05]])
+    one, two = filter_moment(logs[:1], machine, guess), filter_moment(logs, machine, guess)
+    assert np.trace(two.covariance) < np.trace(one.covariance)

@@ -8,6 +8,7 @@ import pytest
 from twin.errors import ControllerError, UnknownName, UsageError
 from twin.platform import load_platform
 from twin.procedures import Refused, balancing, random_offsets, refuse, usual_target
+from twin.procedures.fits import filter_moment, fit_moment
 from twin.procedures.means import Reach, damper
 
 BALANCED = ("cubesat", "tas2", "astros", "sads", "whorl2")
@@ -56,12 +57,23 @@ def test_machine_without_stages_is_refused():
         Reach.of(load_platform("dfki_pendulum"))
 
 
-@pytest.mark.parametrize("way", ["direct", "masses", "adaptive"])
-def test_machine_without_attitude_is_refused_before_it_moves(way):
+@pytest.mark.parametrize("way", ["direct", "masses", "masses-and-filter", "adaptive"])
+def test_machine_on_which_nothing_shows_the_vertical_is_refused_before_it_moves(way):
     astros = load_platform("astros")
-    sensors = {name: sensor for name, sensor in astros.sensors.items() if name != "attitude"}
-    with pytest.raises(UsageError, match="astros has no 'attitude', only gyro, .*mass_pid"):
+    blind = {"attitude", "inclinometer", "accelerometer"}
+    sensors = {name: sensor for name, sensor in astros.sensors.items() if name not in blind}
+    with pytest.raises(UsageError, match="none of it shows how the body leans: carry an incl"):
         balancing(replace(astros, sensors=sensors), 1, way=way, target=1e-3, workers=0)
+
+
+@pytest.mark.parametrize("shows", ["inclinometer", "accelerometer", "attitude"])
+def test_machine_that_shows_the_vertical_somehow_is_balanced(shows):
+    astros = load_platform("astros")
+    others = {"attitude", "inclinometer", "accelerometer"} - {shows}
+    sensors = {name: sensor for name, sensor in astros.sensors.items() if name not in others}
+    machine = replace(astros, sensors=sensors)
+    procedure = balancing(machine, 1, way="direct", target=1e-3, workers=0)
+    assert procedure.lab.fits.by is (fit_moment if shows == "attitude" else filter_moment)
 
 
 def test_unknown_procedure_is_named_with_the_known():

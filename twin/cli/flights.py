@@ -229,19 +229,21 @@ class BalanceVerb:
     The vertical mass goes down first, so that the body hangs. Then it is made to swing, J and m r
     are identified from the swing, and the masses move: in the plane at once or under a control law,
     in height by at most half of the remaining offset, never above the CR. In the end it floats free
-    for two minutes, and the residual torque is stated with 95 % intervals. The machine needs
-    `attitude`: from gyro and inclinometer alone the fit of a swing does not settle.
+    for two minutes, and the residual torque is stated with 95 % intervals. Without `attitude` an
+    inclinometer or an accelerometer shows the vertical; m r then comes from a Kalman filter with J
+    as stated.
 
     Procedures: direct moves the masses by what was identified (000 eq. 12-15, iterated as in 004);
-    masses and masses-and-coils leave the plane to a law (001; 003); adaptive begins with adaptive
+    masses and masses-and-coils leave the plane to a law (001; 003), masses-and-filter too, and the
+    height to a Kalman filter of the offset (001's two steps); adaptive begins with adaptive
     balancing under persistent excitation (000 eq. 35-37).
     """
 
     platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
     """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
     procedure: Annotated[str, _arg("NAME")] = "direct"
-    """direct, masses, masses-and-coils or adaptive. What damps meanwhile is what the machine has:
-    coils in a field, gyros, or wheels."""
+    """direct, masses, masses-and-filter, masses-and-coils or adaptive. What damps meanwhile is what
+    the machine has: coils in a field, gyros, or wheels."""
     target: Annotated[float | None, _arg("N_M")] = None
     """Gravity torque that may be left at the worst attitude; by default that of the machine's
     paper, else that of 5 um."""

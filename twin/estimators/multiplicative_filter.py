@@ -591,6 +591,11 @@ class _Filter:
             self.covariance = self.covariance.copy()
             self.covariance[:, :3] *= np.sqrt(extra)[:, None, None]
             self.covariance[:, :, :3] *= np.sqrt(extra)[:, None, None]
+            # of an angle nothing more can be unknown: a heading that nobody sees would grow forever
+            own = np.diagonal(self.covariance, axis1=1, axis2=2)[:, :3]
+            most = np.sqrt(np.minimum(_ANYWHERE / own, 1.0))
+            self.covariance[:, :3] *= most[:, :, None]
+            self.covariance[:, :, :3] *= most[:, None, :]
         if name == "magnetometer":
             # what was another field a moment ago may still be a little of it
             with np.errstate(invalid="ignore"):

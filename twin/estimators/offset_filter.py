@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.estimators.aids import delay_of, first_attitude
 from twin.estimators.estimator import (
     Estimator,
     OffsetEstimate,
@@ -37,6 +38,7 @@ from twin.rotation import (
     from_rotation_vector,
     multiply,
     normalized,
+    rotate,
     skew,
     to_rotation_vector,
     vertical_body,
@@ -96,6 +98,8 @@ class Gyrostat:
     """(rotors,) [N m s]."""
     riding: Sliding
     """The bodies on the stages."""
+    field: Array
+    """(3,) of the room [T]."""
 
     @classmethod
     def of(cls, platform: Platform) -> "Gyrostat":
@@ -120,6 +124,7 @@ class Gyrostat:
             gimbal_inertia=_gimbal_inertia(machine),
             rotor_momentum=np.array([rotor.momentum for rotor in platform.rotors]),
             riding=machine.sliding,
+            field=platform.magnetic_field,
         )
 
     def parts(
@@ -168,9 +173,17 @@ class Gyrostat:
         return -self.gravity * vertical_body(attitude)
 
     def moved(
-        self, motion: MotionState, moment: Array, parts: PartsOfTick, torque: Array, period: float
+        self,
+        motion: MotionState,
+        moment: Array,
+        parts: PartsOfTick,
+        torque: Array,
+        period: float,
+        push: Array | None = None,
     ) -> MotionState:
         """After a period [s] under the wheels' torques u (n, w) [N m]; m r without `parts.moved`.
+
+        `push` (n, 3) [N m] is what else turns the body, constant in its axes.
 
         H by fourth-order Runge-Kutta; the attitude by the mean of its rates, and the coning of a
         rate that changes evenly.
@@ -179,7 +192,8 @@ class Gyrostat:
 
         def pull(at: MotionState) -> tuple[Array, Array]:
             rate = rate_of(parts, at)
-            return cross(whole, self.down(at.attitude)) - cross(rate, at.momentum), rate
+            change = cross(whole, self.down(at.attitude)) - cross(rate, at.momentum)
+            return change if push is None else change + push, rate
 
         def onward(rate: Array, change: Array, step: float) -> MotionState:
             return MotionState(
@@ -234,6 +248,9 @@ def _spread(place: Array) -> Array:
     return square[..., None, None] * np.eye(3) - place[..., None] * place[..., None, :]
 
 
+_HEADING = 1e-3
+"""1 sigma of a heading that counts from the start [rad]."""
+
 TURN, MOMENTUM, BIAS, MOMENT, SPINS = (
     slice(0, 3),
     slice(3, 6),
@@ -242,6 +259,18 @@ TURN, MOMENTUM, BIAS, MOMENT, SPINS = (
     slice(12, None),
 )
 """Where the errors stand in the state."""
+
+
+class VerticalSensor(NamedTuple):
+    """An inclinometer or an accelerometer: what shows how the body leans where no camera does."""
+
+    stream: str
+    variance: Array
+    """(2,) or (3,) of a sample, in parts of g."""
+    delay: float
+    """By which its low-pass passes slow signals late [s]."""
+    lever: Array
+    """(3,) from the CR to its site [m]."""
 
 
 class OffsetFilterNoise(NamedTuple):
@@ -255,6 +284,8 @@ class OffsetFilterNoise(NamedTuple):
     """(w,) of a wheel's momentum as its speed tells it [(N m s)^2]."""
     gyro_delay: float
     """By which the gyro's low-pass passes slow signals late [s]."""
+    vertical: VerticalSensor | None = None
+    """What stands for an attitude; None where one is measured."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -271,6 +302,12 @@ class GyrostatEstimate(OffsetEstimate):
     """(n, w) that the wheels were told to give from this tick on [N m]."""
     gyrostat: Gyrostat
     noise: OffsetFilterNoise
+    dipole: Array
+    """(n, 3) that the coils were told to have from this tick on [A m^2, body]; (n, 0) without."""
+    squares: Array
+    """(n,) sum of the squared innovations in their sigmas."""
+    counted: Array
+    """(n,) how many they are."""
 
 
 @dataclass(frozen=True)
@@ -293,6 +330,10 @@ class OffsetFilter(Estimator):
     - m r starts at 0 within `offset_start` of the CR, wherever the platform states the CM.
     - The bias is constant, within what platform.toml states of it.
     - The CR must stand still, and the machine hang on a ball.
+    - Without an attitude an inclinometer, or else an accelerometer, shows the vertical, with what
+      the turning adds to gravity at its site; the heading counts from the start. Its constant error
+      is not in the covariance: a vertical off by d makes m r off by d x m r.
+    - Coils turn the body by their dipole in the field that platform.toml states.
 
     The unscented filter of the same state, and of J, is for logs: `twin identify --method ukf`.
 
@@ -312,7 +353,9 @@ class OffsetFilter(Estimator):
 
     def init(self, platform: Platform, n: int) -> GyrostatEstimate:
         """Level and at rest, the CM at the CR; not valid, and attitude unknown."""
-        need_floating_body(platform, "offset")
+        vertical = _vertical_sensor(platform)
+        if vertical is None:
+            need_floating_body(platform, "offset")
         start, gyrostat = blank(platform, n), Gyrostat.of(platform)
         stages, gimbals = start.stage_position, start.gimbal_angle
         parts = gyrostat.parts((stages, stages), (gimbals, gimbals), 0.0)
@@ -329,7 +372,10 @@ class OffsetFilter(Estimator):
         spread[:, MOMENTUM, SPINS] = parts.axes * limit**2
         spread[:, SPINS, MOMENTUM] = spread[:, MOMENTUM, SPINS].transpose(0, 2, 1)
         spread[:, SPINS, SPINS] = np.diag(limit**2)
-        spread[:, BIAS, BIAS] = np.diag(platform.sensors["gyro"].bias ** 2)
+        if vertical is not None:
+            spread[:, 2, 2] = _HEADING**2
+        if "gyro" in platform.sensors:
+            spread[:, BIAS, BIAS] = np.diag(platform.sensors["gyro"].bias ** 2)
         spread[:, MOMENT, MOMENT] = (self.offset_start * platform.mass) ** 2 * np.eye(3)
         momentum = np.einsum("niw,nw->ni", parts.axes, spins) + parts.held
         return GyrostatEstimate(
@@ -341,13 +387,17 @@ class OffsetFilter(Estimator):
             spread=spread,
             torque=np.zeros((n, len(home))),
             gyrostat=gyrostat,
-            noise=_noise(platform),
+            noise=_noise(platform, vertical),
+            dipole=np.zeros((n, 3 if platform.magnetorquers else 0)),
+            squares=np.zeros(n),
+            counted=np.zeros(n),
         )
 
     def told(self, estimate: Estimate, applied: Command) -> GyrostatEstimate:
-        """Remember what the wheels will do until the next tick."""
+        """Remember what wheels and coils will do until the next tick."""
         known = cast(GyrostatEstimate, estimate)
-        return replace(known, torque=applied.get("command_wheel_torque", known.torque))
+        torque = applied.get("command_wheel_torque", known.torque)
+        return replace(known, torque=torque, dipole=applied.get("command_dipole", known.dipole))
 
     def update(self, estimate: Estimate, reading: Reading) -> GyrostatEstimate:
         """Valid from a run's first attitude sample and positions; it stands still until then."""
@@ -364,7 +414,11 @@ class OffsetFilter(Estimator):
         awaited, oriented = still_awaited(streams, before), before.oriented
         motion, spread, valid = before.motion, before.spread, before.valid
         if valid.any():
-            moved = before.gyrostat.moved(motion, before.moment, parts, before.torque, period)
+            push = None
+            if before.dipole.shape[1]:
+                field = np.broadcast_to(before.gyrostat.field, motion.momentum.shape)
+                push = cross(before.dipole, rotate(conjugate(motion.attitude), field))
+            moved = before.gyrostat.moved(motion, before.moment, parts, before.torque, period, push)
             onward = self._spread(before, moved, parts, period)
             motion = _chosen(valid, moved, motion)
             spread = np.where(valid[:, None, None], onward, spread)
@@ -373,8 +427,20 @@ class OffsetFilter(Estimator):
             first = normalized(newest(fixes, motion.attitude))
             motion = motion._replace(attitude=np.where(valid[:, None], motion.attitude, first))
             oriented = oriented | np.asarray(fixes.valid.any(axis=1))
+        vertical = before.noise.vertical
+        shown = None if vertical is None else streams.get(vertical.stream)
+        if vertical is not None and shown is not None and not valid.all():
+            sample = newest(shown, np.zeros((len(valid), shown.value.shape[2])))
+            every = np.ones(len(valid), dtype=np.bool_)
+            first, _ = first_attitude(
+                {vertical.stream: (sample, shown.time[:, -1], every)}, np.zeros((1, 3)), len(valid)
+            )
+            motion = motion._replace(attitude=np.where(valid[:, None], motion.attitude, first))
+            oriented = oriented | np.asarray(shown.valid.any(axis=1))
         valid = seen(oriented, awaited)
-        state = _State(motion, before.gyro_bias, before.moment, spread)
+        state = _State(
+            motion, before.gyro_bias, before.moment, spread, before.squares, before.counted
+        )
         torque = np.einsum("niw,nw->ni", end.axes, before.torque)
         if period > 0.0:
             swung = np.einsum("niw,nw->ni", end.axes - begin.axes, motion.spins)
@@ -382,6 +448,7 @@ class OffsetFilter(Estimator):
         told = _Seen(before.gyrostat, before.noise, end, before.torque, torque, reading.time, valid)
         for correct, stream in (
             (told.by_attitude, fixes),
+            (told.by_vertical, shown),
             (told.by_gyro, streams.get("gyro")),
             (told.by_wheels, streams.get("wheel_speed")),
         ):
@@ -407,6 +474,8 @@ class OffsetFilter(Estimator):
             motion=motion,
             moment=state.moment,
             spread=spread,
+            squares=state.squares,
+            counted=state.counted,
         )
 
     def _spread(
@@ -439,6 +508,8 @@ class _State(NamedTuple):
     bias: Array
     moment: Array
     spread: Array
+    squares: Array
+    counted: Array
 
     def corrected(self, residual: Array, slope: Array, variance: Array) -> "_State":
         """By what the errors make of a residual (n, m), H (n, m, k), with noise (n, m).
@@ -450,7 +521,11 @@ class _State(NamedTuple):
         residual, variance = np.where(weak, 0.0, residual), np.where(weak, 1.0, variance)
         noise = variance[:, :, None] * np.eye(variance.shape[1])
         seen = self.spread @ slope.transpose(0, 2, 1)
-        gain = np.linalg.solve(slope @ seen + noise, seen.transpose(0, 2, 1)).transpose(0, 2, 1)
+        whole = slope @ seen + noise
+        gain = np.linalg.solve(whole, seen.transpose(0, 2, 1)).transpose(0, 2, 1)
+        square = np.linalg.solve(whole, residual[..., None])[..., 0] * residual
+        squares = self.squares + np.where(weak, 0.0, square).sum(axis=1)
+        counted = self.counted + (~weak).sum(axis=1)
         left = np.eye(slope.shape[2]) - gain @ slope
         spread = left @ self.spread @ left.transpose(0, 2, 1)
         spread = spread + gain @ noise @ gain.transpose(0, 2, 1)
@@ -460,7 +535,8 @@ class _State(NamedTuple):
             self.motion.momentum + step[:, MOMENTUM],
             self.motion.spins + step[:, SPINS],
         )
-        return _State(motion, self.bias + step[:, BIAS], self.moment + step[:, MOMENT], spread)
+        bias, moment = self.bias + step[:, BIAS], self.moment + step[:, MOMENT]
+        return _State(motion, bias, moment, spread, squares, counted)
 
 
 @dataclass(frozen=True)
@@ -491,6 +567,36 @@ class _Seen:
         known[:, :, TURN] = np.eye(3)
         known += 0.5 * square[..., None] * slope[1] - mean[..., None] * slope[0]
         return state.corrected(residual, known, _of_mean(self.noise.attitude, count))
+
+    def by_vertical(self, state: _State, shown: Samples) -> _State:
+        """Mean specific force, in parts of g, beyond that of the motion carried back."""
+        sensor = cast(VerticalSensor, self.noise.vertical)
+        rate, pull, slope = self._turning(state)
+        age = (self.time - shown.time)[..., None] + sensor.delay
+        back = 0.5 * age**2 * pull[:, None] - age * rate[:, None]
+        there = multiply(state.motion.attitude[:, None], from_rotation_vector(back))
+        up = vertical_body(there)
+        turning = rate[:, None] - age * pull[:, None]
+        lever = np.broadcast_to(sensor.lever, turning.shape)
+        felt = cross(np.broadcast_to(pull[:, None], turning.shape), lever)
+        felt = felt + cross(turning, cross(turning, lever))
+        force = up + felt / self.gyrostat.gravity
+        if sensor.stream == "inclinometer":  # roll = asin(f_y), pitch = -asin(f_x)
+            sines = np.sin(shown.value)
+            error = np.stack([sines[..., 0], -sines[..., 1]], axis=-1) - force[..., [1, 0]]
+            rows = [1, 0]
+        else:
+            error = shown.value / self.gyrostat.gravity - force
+            rows = [0, 1, 2]
+        residual, count = self._mean(shown, error)
+        mean, square = self._mean(shown, age)[0], self._mean(shown, age**2)[0]
+        turned = np.zeros_like(slope[0])
+        turned[:, :, TURN] = np.eye(3)
+        turned += 0.5 * square[..., None] * slope[1] - mean[..., None] * slope[0]
+        known = skew(self._mean(shown, up)[0]) @ turned
+        # a first guess of m r that is far off turns the body, and shakes the sensor, as wrongly
+        known = (known - skew(sensor.lever[None]) @ slope[1] / self.gyrostat.gravity)[:, rows]
+        return state.corrected(residual, known, _of_mean(sensor.variance, count))
 
     def by_gyro(self, state: _State, gyro: Samples) -> _State:
         """Mean of what it shows beyond the rate, carried back by its age and its delay."""
@@ -551,13 +657,33 @@ def _chosen(rows: NDArray[np.bool_], new: MotionState, old: MotionState) -> Moti
     return MotionState(*(np.where(rows[:, None], a, b) for a, b in zip(new, old, strict=True)))
 
 
-def _noise(platform: Platform) -> OffsetFilterNoise:
-    gyro, speeds = platform.sensors["gyro"], platform.sensors.get("wheel_speed")
+def _vertical_sensor(platform: Platform) -> VerticalSensor | None:
+    """Of a machine on a ball without an attitude: its inclinometer, else its accelerometer."""
+    if "attitude" in platform.sensors or platform.base.kind != "ball" or platform.base.falls:
+        return None
+    name = next((n for n in ("inclinometer", "accelerometer") if n in platform.sensors), None)
+    if name is None:
+        return None
+    sensor, lever = platform.sensors[name], np.zeros(3)
+    if sensor.site:
+        from twin.plant.truth import site_places
+
+        lever = site_places(compile_model(platform))[sensor.site]
+    scale = 1.0 if name == "inclinometer" else platform.gravity
+    return VerticalSensor(name, variance_of(sensor) / scale**2, delay_of(sensor), lever)
+
+
+def _noise(platform: Platform, vertical: VerticalSensor | None) -> OffsetFilterNoise:
+    gyro, speeds = platform.sensors.get("gyro"), platform.sensors.get("wheel_speed")
     inertia = np.array([wheel.inertia for wheel in platform.wheels])
     delay = 0.0
-    if np.isfinite(gyro.cutoff):
+    if gyro is not None and np.isfinite(gyro.cutoff):
         delay = 1.0 / (2.0 * np.pi * gyro.cutoff * np.sin(0.5 * np.pi / gyro.order))
     wheels = np.zeros(0) if speeds is None else inertia**2 * variance_of(speeds)
     return OffsetFilterNoise(
-        variance_of(gyro), variance_of(platform.sensors["attitude"]), wheels, delay
+        np.zeros(3) if gyro is None else variance_of(gyro),
+        np.zeros(3) if vertical else variance_of(platform.sensors["attitude"]),
+        wheels,
+        delay,
+        vertical,
     )

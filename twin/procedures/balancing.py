@@ -473,7 +473,10 @@ class Balancing(Controller[BalancingProgress]):
         acting = {"strong": progress.within(*DAMPED), "weak": progress.within(*SWINGING)}
         acting["level"] = progress.within(Phase.level)
         # Only of a body that hangs still: on one that swings, masses would swing along.
-        leaning = progress.within(Phase.settle) & (kit.lean(estimate) > CLEAR)
+        # With the CM where a round has put it the body comes back by itself, unless it lies on the
+        # stop; damped strongly it creeps, and looks as if it hung.
+        aside = np.where(progress.rounds > 0, NEAR, CLEAR)
+        leaning = progress.within(Phase.settle) & (kit.lean(estimate) > aside)
         leaning &= time - progress.swinging_until > SMOOTHED
         if leaning.any():
             step = kit.reach.uphill(estimate, kit.platform.tick)

@@ -74,6 +74,7 @@ FITTED = {
     "gyro",
     "attitude",
     "inclinometer",
+    "accelerometer",
     "wheel_speed",
     "gimbal_angle",
     "gimbal_rate",
@@ -84,8 +85,8 @@ FITTED = {
     "command_dipole",
     "estimate_gyro_bias",
 }
-"""What an offset is identified from. Not a magnetometer beside coils, nor an accelerometer, which
-says little that the attitude does not; nor, beside that, an inclinometer."""
+"""What an offset is identified from. Not a magnetometer beside coils; beside an attitude neither an
+accelerometer nor an inclinometer, and no accelerometer beside an inclinometer."""
 
 
 class Logbook:
@@ -95,6 +96,8 @@ class Logbook:
         self._platform = platform
         self._kept: dict[str, Kept] = {}
         self._since = np.inf
+        better = {"attitude", "inclinometer"} & platform.sensors.keys()
+        self._names = FITTED - ({"accelerometer"} if better else set[str]())
 
     def collect(self, tick: Tick) -> None:
         """One tick."""
@@ -131,7 +134,7 @@ class Logbook:
         return _still(Recording(streams, facts), self._platform)
 
     def _keep(self, name: str, runs: int, time: Array, value: Array, valid: Mask) -> None:
-        if name not in FITTED:
+        if name not in self._names:
             return
         if name not in self._kept:
             self._kept[name] = Kept(runs, value.shape[-1])

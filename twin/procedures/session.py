@@ -173,7 +173,7 @@ class BalancingSession:
             if recorder is not None:
                 recorder.start(machine, provenance(machine, seed=self.seed), remarks=True)
                 observers.append(recorder)
-            estimator = load_estimator(usual_estimator(machine))
+            estimator = load_estimator(_estimator(machine))
             # last, for a machine on its bench moves from now on
             stack.enter_context(plant)
             if simulated:
@@ -276,6 +276,12 @@ class Balanced(Shown):
             **stated,
             "recording": self.rrd,
         }
+
+
+def _estimator(machine: Platform) -> str:
+    """What damps needs the whole rate: a gyro's, where there is one."""
+    usual = usual_estimator(machine)
+    return "mekf" if usual == "inclinometer" and "gyro" in machine.sensors else usual
 
 
 def _check_damped(bench: Bench) -> None:

@@ -12,7 +12,7 @@ from twin.errors import TwinError, UnknownName, UsageError
 from twin.library import Registry
 from twin.platform import Platform
 from twin.procedures.balancing import Balancing
-from twin.procedures.fits import Fits
+from twin.procedures.fits import Fits, filter_moment, fit_moment
 from twin.procedures.logbook import Lab, Logbook
 from twin.procedures.means import Reach, mean_inertia
 from twin.procedures.plan import AIM, Aim, Notes, Remark
@@ -41,6 +41,8 @@ class Way:
     """Duration of the level phase [s]."""
     once: bool = False
     """Whether the level phase comes once, at the start, and not in every round."""
+    by_filter: bool = False
+    """Whether m r is found by the Kalman filter of 001, J as stated, in place of a fit of both."""
 
 
 ASTROS, CUBESAT = 16.49, 0.02567
@@ -51,6 +53,12 @@ WAYS: Mapping[str, Way] = Registry(
     {
         "direct": Way("identify and move the masses, again and again (000 eq. 12-15, 004)"),
         "masses": Way("in the plane by a PID of the masses (001)", "mass_pid", ASTROS),
+        "masses-and-filter": Way(
+            "in the plane by a PID of the masses, the height by a Kalman filter (001)",
+            "mass_pid",
+            ASTROS,
+            by_filter=True,
+        ),
         "masses-and-coils": Way(
             "in the plane by masses, damped by coils (003)", "mass_magnetic_pid", CUBESAT
         ),
@@ -103,19 +111,29 @@ def balancing(
 
     Raises:
         UnknownName: no such procedure.
-        UsageError: a target that is no torque, or a machine whose attitude nothing shows.
+        UsageError: a target that is no torque, or a machine on which nothing shows the vertical.
         ControllerError: the machine lacks a part.
     """
     if way not in WAYS:
         raise UnknownName("procedure", way, WAYS)
     if not (np.isfinite(target) and target > 0.0):
         raise UsageError(f"target is {target:g} N m; give a torque above zero")
-    _need_attitude(platform)
+    _need_vertical(platform)
     chosen = WAYS[way]
+    by_filter = chosen.by_filter or "attitude" not in platform.sensors
     notes = Notes(n, tell)
     procedure = Balancing(
         Aim(target, platform.gravity),
-        Lab(Logbook(platform), Fits(platform, workers=workers, wait=wait), notes),
+        Lab(
+            Logbook(platform),
+            Fits(
+                platform,
+                fit=filter_moment if by_filter else fit_moment,
+                workers=workers,
+                wait=wait,
+            ),
+            notes,
+        ),
         None if chosen.law is None else _law(chosen.law, chosen.inertia, platform),
         _reference(way),
         chosen.lasts,
@@ -125,15 +143,13 @@ def balancing(
     return procedure
 
 
-def _need_attitude(platform: Platform) -> None:
-    # each procedure begins with a fit of a swing, and by gyro and inclinometer none has settled
-    if "attitude" not in platform.sensors:
+def _need_vertical(platform: Platform) -> None:
+    if not {"attitude", "inclinometer", "accelerometer"} & platform.sensors.keys():
         shown = ", ".join(platform.sensors) or "nothing"
         raise UsageError(
-            f"{platform.name} has no 'attitude', only {shown}: every procedure begins by "
-            "identifying J and m r from a swing, and without attitude that does not settle; "
-            "carry motion capture or a star tracker as [sensors.attitude], on the bench as "
-            "[hardware.streams.attitude], or level it by `twin run --controller mass_pid`"
+            f"{platform.name} measures {shown}, and none of it shows how the body leans: carry an "
+            "inclinometer, an accelerometer or motion capture as [sensors.inclinometer], "
+            "[sensors.accelerometer] or [sensors.attitude]"
         )
 
 
