@@ -153,3 +153,16 @@ def test_cubesat_is_balanced_from_anywhere_and_says_truly_how_well(tmp_path, cap
     assert abs(document["residual_torque"]["value"] - torque) < 3.0 * half / 1.96
     heights = recording["truth_center_of_mass_offset"].value[200:, 2]
     assert (heights < 0.0).all(), "from below, all the way"
+
+
+@pytest.mark.slow(390)
+def test_cubesat_is_balanced_by_its_gravity_vector_alone_and_says_truly_how_well(tmp_path, capsys):
+    out = tmp_path / "out.rrd"
+    words = ["cubesat:imu", "--random-offset", "--seed", "1", "--rrd", str(out), "--json"]
+    assert main(["balance", *words]) == 0
+    document = json.loads(capsys.readouterr().out)
+    left = open_log(out)["truth_center_of_mass_offset"].value[-1]
+    torque = CUBESAT.gravity * np.linalg.norm(left)
+    assert torque < 4.3e-5
+    half = document["residual_torque"]["high"] - document["residual_torque"]["value"]
+    assert abs(document["residual_torque"]["value"] - torque) < 3.0 * half / 1.96

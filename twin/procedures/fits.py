@@ -101,30 +101,29 @@ def filter_moment(recordings: Sequence[Recording], platform: Platform, guesses: 
         offset_start=max(widest, _NARROW),
         rate_start=swing,
     )
-    moment = np.zeros(3)
-    for _ in range(_PASSES):
-        try:
-            end = _filtered(estimator, recordings, platform, moment)
-        except (TwinError, np.linalg.LinAlgError) as problem:
-            return _failed(str(problem))
-        change, moment = end.moment[0] - moment, end.moment[0]
-        covariance = end.spread[0, MOMENT, MOMENT]
-        if not (np.isfinite(moment).all() and np.isfinite(covariance).all()):
-            return _failed("the filter of m r lost the motion")
-        if (np.abs(change) <= 0.1 * np.sqrt(np.diag(covariance))).all():
-            break
+    try:
+        end = _filtered(estimator, recordings, platform, np.zeros(3))
+        for _ in range(_PASSES):
+            before, sigma = end.moment[0], np.sqrt(np.diag(end.spread[0, MOMENT, MOMENT]))
+            end = _filtered(estimator, recordings, platform, before)
+            if (np.abs(end.moment[0] - before) <= 0.1 * sigma).all():
+                break
+    except (TwinError, np.linalg.LinAlgError) as problem:
+        return _failed(str(problem))
+    moment, covariance = end.moment[0], end.spread[0, MOMENT, MOMENT]
+    if not (np.isfinite(moment).all() and np.isfinite(covariance).all()):
+        return _failed("the filter of m r lost the motion")
     count = float(end.counted[0])
     misfit = float(end.squares[0]) / max(count, 1.0)
     half = 1.96 * np.sqrt(2.0 / max(count, 1.0))
-    whole = moment + end.center_of_mass_offset[0] - end.moment[0]
-    tipped = skew(whole[None])[0]
+    tipped = skew(end.center_of_mass_offset)[0]
     covariance = covariance * max(misfit, 1.0) + tipped @ _tilt_variance(platform) @ tipped.T
     judged = Misfit("all streams", misfit, 1.0 - half, 1.0 + half)
     return MomentFit(moment, covariance, 1.96, platform.inertia, judged)
 
 
-_PASSES = 6
-"""Of the filter through the logs at most."""
+_PASSES = 5
+"""Of the filter through the logs at most, after the first."""
 _NARROW = 1e-4
 """1 sigma of the offset that the filter begins with at least [m]."""
 _USUAL = 49.5

@@ -26,6 +26,7 @@ from twin.estimators.estimator import Passthrough
 from twin.identification import Settings, identify
 from twin.identification.methods import Form
 from twin.loop import fly
+from twin.manoeuvre import parse_waves
 from twin.plant.initial import InitialState, hanging
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
@@ -48,17 +49,17 @@ DURATION = 60.0
 """[s], ASSUMED."""
 RATE = 50.0
 """[Hz] of every sensor: paper, "a step-size of 0.02 s"."""
-TORQUE = np.array([0.11, 0.11, 0.16])
-"""[N m] of the thrusters about x, y, z, ASSUMED: the data reach the paper's 0.1 rad/s."""
-PERIOD = np.array([6.0, 7.5, 30.0])
-"""[s] of their square waves, ASSUMED: Fig. 3 has a basic torque profile, and no numbers."""
+THRUST = parse_waves("square:x,0.11@6s,90+square:y,0.11@7.5s,90+square:z,0.16@30s,90", "torque")
+"""Torques of the thrusters [N m] and periods of their square waves, as `twin run --torque` takes
+them. ASSUMED: the data reach the paper's 0.1 rad/s; its Fig. 3 has a basic torque profile, and no
+numbers."""
 FINE = 0.01
 """[s] step of the reference body's own integration."""
 
 
 def square(time: Array) -> Array:
     """(m, 3) torque of the thrusters at instants (m,) [N m]; its mean rate is none."""
-    return TORQUE * np.where((time[:, None] / PERIOD + 0.25) % 1.0 < 0.5, 1.0, -1.0)
+    return np.stack([wave.value(time) for wave in THRUST], axis=1)
 
 
 @dataclass(frozen=True)
