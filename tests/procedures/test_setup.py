@@ -66,6 +66,13 @@ def test_machine_on_which_nothing_shows_the_vertical_is_refused_before_it_moves(
         balancing(replace(astros, sensors=sensors), 1, way=way, target=1e-3, workers=0)
 
 
+def test_machine_without_a_gyro_is_refused_before_it_moves():
+    astros = load_platform("astros")
+    sensors = {"inclinometer": astros.sensors["inclinometer"]}
+    with pytest.raises(UsageError, match=r"without a gyro .* \[sensors.gyro\], or level it by"):
+        balancing(replace(astros, sensors=sensors), 1, way="direct", target=1e-3, workers=0)
+
+
 @pytest.mark.parametrize("shows", ["inclinometer", "accelerometer", "attitude"])
 def test_machine_that_shows_the_vertical_somehow_is_balanced(shows):
     astros = load_platform("astros")

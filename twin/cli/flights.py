@@ -230,8 +230,8 @@ class BalanceVerb:
     are identified from the swing, and the masses move: in the plane at once or under a control law,
     in height by at most half of the remaining offset, never above the CR. In the end it floats free
     for two minutes, and the residual torque is stated with 95 % intervals. Without `attitude` an
-    inclinometer or an accelerometer shows the vertical; m r then comes from a Kalman filter with J
-    as stated.
+    inclinometer or an accelerometer beside the gyro shows the vertical; m r then comes from a
+    Kalman filter with J as stated.
 
     Procedures: direct moves the masses by what was identified (000 eq. 12-15, iterated as in 004);
     masses and masses-and-coils leave the plane to a law (001; 003), masses-and-filter too, and the

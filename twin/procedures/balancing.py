@@ -474,10 +474,10 @@ class Balancing(Controller[BalancingProgress]):
         acting["level"] = progress.within(Phase.level)
         # Only of a body that hangs still: on one that swings, masses would swing along.
         # With the CM where a round has put it the body comes back by itself, unless it lies on the
-        # stop; damped strongly it creeps, and looks as if it hung.
-        aside = np.where(progress.rounds > 0, NEAR, CLEAR)
-        leaning = progress.within(Phase.settle) & (kit.lean(estimate) > aside)
-        leaning &= time - progress.swinging_until > SMOOTHED
+        # stop or the round was wrong: damped strongly it creeps, and looks as if it hung.
+        comes = (progress.rounds > 0) & (kit.lean(estimate) <= NEAR)
+        leaning = progress.within(Phase.settle) & (kit.lean(estimate) > CLEAR)
+        leaning &= time - progress.swinging_until > np.where(comes, LONGEST, SMOOTHED)
         if leaning.any():
             step = kit.reach.uphill(estimate, kit.platform.tick)
             uphill = np.clip(progress.goal + step, *kit.reach.masses.travel)

@@ -92,14 +92,12 @@ def filter_moment(recordings: Sequence[Recording], platform: Platform, guesses: 
         guesses: (k, 3) m r [kg m]; the filter begins at none, within twice the largest of them.
     """
     widest = 2.0 * float(np.abs(guesses).max(initial=0.0)) / platform.mass
-    swing = 1.0 if "gyro" in platform.sensors else _SLOW
     usual = OffsetFilter()
     share = float(np.trace(platform.inertia)) / _USUAL
     estimator = OffsetFilter(
         torque_noise=share * usual.torque_noise,
         wheel_noise=share * usual.wheel_noise,
         offset_start=max(widest, _NARROW),
-        rate_start=swing,
     )
     try:
         end = _filtered(estimator, recordings, platform, np.zeros(3))
@@ -129,8 +127,6 @@ _NARROW = 1e-4
 _USUAL = 49.5
 """Sum of the principal moments of `astros`, for whose size the filter's noises are stated
 [kg m^2]."""
-_SLOW = 0.05
-"""Rate at which a swing that no gyro shows is taken to begin, 1 sigma [rad/s]."""
 
 
 def _filtered(

@@ -18,12 +18,10 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.stats import chi2
 
 from twin.controller.exchange import exchange_of
-from twin.estimators.aids import first_attitude
 from twin.identification import Misfit
 from twin.interval import Interval
 from twin.platform import Platform
-from twin.recording import Recording, Series
-from twin.rotation import conjugate, multiply, to_rotation_vector
+from twin.recording import Recording
 from twin.signals import Estimate
 
 Array = NDArray[np.float64]
@@ -237,7 +235,7 @@ def observed_torque(recording: Recording, platform: Platform, inertia: Array) ->
     source: the note on in-plane balancing by sliding masses and magnetorquers (paper 003 of
     docs/design.md), after its reference 13.
     """
-    gyro = recording["gyro"] if "gyro" in recording else _by_differences(recording)
+    gyro = recording["gyro"]
     step = float(np.median(np.diff(gyro.time)))
     times = np.arange(gyro.time[0], gyro.time[-1], step)
     rate = gyro.interpolated_at(times)
@@ -255,19 +253,6 @@ def observed_torque(recording: Recording, platform: Platform, inertia: Array) ->
     torque = np.linalg.norm(change + np.cross(rate, momentum), axis=1)
     inside = (times > times[0] + EDGE) & (times < times[-1] - EDGE)
     return float(np.percentile(torque[inside], 95.0))
-
-
-def _by_differences(recording: Recording) -> Series:
-    """Rates of a body without a gyro, from its inclinometer or its accelerometer [rad/s]."""
-    name = "inclinometer" if "inclinometer" in recording else "accelerometer"
-    shown = recording[name]
-    every = np.ones(len(shown), dtype=np.bool_)
-    attitude, _ = first_attitude(
-        {name: (shown.value, shown.time, every)}, np.zeros((1, 3)), len(shown)
-    )
-    turn = to_rotation_vector(multiply(conjugate(attitude[:-1]), attitude[1:]))
-    middle = 0.5 * (shown.time[1:] + shown.time[:-1])
-    return Series(middle, turn / np.diff(shown.time)[:, None], ("x", "y", "z"), "rad/s")
 
 
 def _held(recording: Recording, platform: Platform, times: Array) -> Array | None:

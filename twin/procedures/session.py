@@ -279,9 +279,9 @@ class Balanced(Shown):
 
 
 def _estimator(machine: Platform) -> str:
-    """What damps needs the whole rate: a gyro's, where there is one."""
+    """What damps needs the whole rate, and an inclinometer's differences lack the yaw."""
     usual = usual_estimator(machine)
-    return "mekf" if usual == "inclinometer" and "gyro" in machine.sensors else usual
+    return "mekf" if usual == "inclinometer" else usual
 
 
 def _check_damped(bench: Bench) -> None:

@@ -144,12 +144,18 @@ def balancing(
 
 
 def _need_vertical(platform: Platform) -> None:
+    shown = ", ".join(platform.sensors) or "nothing"
     if not {"attitude", "inclinometer", "accelerometer"} & platform.sensors.keys():
-        shown = ", ".join(platform.sensors) or "nothing"
         raise UsageError(
             f"{platform.name} measures {shown}, and none of it shows how the body leans: carry an "
             "inclinometer, an accelerometer or motion capture as [sensors.inclinometer], "
             "[sensors.accelerometer] or [sensors.attitude]"
+        )
+    if "gyro" not in platform.sensors:
+        raise UsageError(
+            f"{platform.name} measures {shown}: without a gyro nothing damps its turn about the "
+            "vertical, and what is left cannot be observed; carry one as [sensors.gyro], or level "
+            "it by `twin run --controller mass_pid`"
         )
 
 
