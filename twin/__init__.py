@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from twin.controller import Controller as Controller
     from twin.effects import Effect as Effect
     from twin.errors import TwinError as TwinError
+    from twin.experiments.isolation import isolate as isolate
     from twin.platform import Platform as Platform
     from twin.recording import Recording as Recording
     from twin.recording import Series as Series
@@ -42,6 +43,7 @@ _FROM = {  # all other names are of `twin.api`
     "Controller": "twin.controller",
     "Effect": "twin.effects",
     "TwinError": "twin.errors",
+    "isolate": "twin.experiments.isolation",
     "Platform": "twin.platform",
     "Recording": "twin.recording",
     "Series": "twin.recording",
@@ -66,6 +68,7 @@ __all__ = [
     "identify",
     "identify_by_all",
     "import_log",
+    "isolate",
     "load",
     "machine_of",
     "new",

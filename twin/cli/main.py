@@ -30,6 +30,11 @@ VERBS: dict[str, tuple[str, str, str]] = {
     "identify": ("twin.cli.fits", "Identify", "inertia and mass moment from logs"),
     "compare": ("twin.cli.fits", "Compare", "what the model gets wrong about a log"),
     "diagnose": ("twin.cli.fits", "Diagnose", "why the model is wrong, and by how much"),
+    "isolate": (
+        "twin.cli.experiments",
+        "Isolate",
+        "what a planned experiment could detect and tell apart",
+    ),
     "campaign": ("twin.cli.campaigns", "Campaign", "thousands of runs that differ as a file says"),
     "replay": (
         "twin.cli.campaigns",

@@ -37,7 +37,7 @@ from twin.predict.innovations import Innovations, Problem
 from twin.predict.kalman import EXACT
 from twin.predict.logs import motion_of
 from twin.recording import Recording
-from twin.reference import parse_reference
+from twin.reference import Reference, parse_reference
 from twin.rotation import from_euler_zyx
 from twin.stream.recorder import MemoryRecorder
 
@@ -79,6 +79,8 @@ class SimulatedRun:
     """At the start [deg]."""
     rate: Angles = (0.0, 0.0, 0.0)
     """Likewise [deg/s]."""
+    motion: Reference | None = None
+    """Followed in place of `reference`, which is then the file that holds it."""
 
     @property
     def command(self) -> str:
@@ -105,6 +107,15 @@ class SimulatedRun:
         Raises:
             TwinError: the machine cannot fly it.
         """
+        log, obstacle = self.attempt(machine, seed=seed)
+        return None if obstacle else log.without_truth()
+
+    def attempt(self, machine: Platform, *, seed: int = 0) -> tuple[Recording, str]:
+        """The recording with its truth, and which limit the flight meets; empty where none.
+
+        Raises:
+            TwinError: the machine cannot fly it.
+        """
         law = load_controller(self.controller)
         roll, pitch, yaw = np.radians(self.attitude)
         rate = np.radians(self.rate)
@@ -120,22 +131,21 @@ class SimulatedRun:
                 plant,
                 load_estimator(usual_estimator(machine)),
                 law,
-                parse_reference(self.reference),
+                self.motion or parse_reference(self.reference),
                 self.duration,
                 initial,
             )
             outcome = flight.fly(SimulatedClock(), [memory, metrics])
-        result = metrics.rows()
+        result, log = metrics.rows(), memory.recording()
         if outcome.ended is not Ended.done:
-            return None
+            return log, outcome.reason or f"the flight {outcome.ended.value}"
         if np.any(np.isfinite(result.get("wheel_saturated_at_s", np.nan))):
-            return None
-        log = memory.recording()
+            return log, "a wheel saturates"
         if "truth_attitude" in log and machine.base.kind != "hinge":
             lean = float(machine.lean(log["truth_attitude"].value).max())
             if lean > NEAR * machine.stop_angle:
-                return None
-        return log.without_truth()
+                return log, f"it leans to {np.degrees(lean):.1f} deg, close to its stop"
+        return log, ""
 
 
 def excitations(platform: Platform, duration: float) -> list[SimulatedRun]:

@@ -14,6 +14,7 @@ from twin.campaigns.replay import Replayed
 from twin.comparison import Comparison
 from twin.diagnosis import Diagnosis, Validation
 from twin.errors import UsageError
+from twin.experiments.isolation import Isolation
 from twin.files import whole, write_whole
 from twin.flight import Run
 from twin.identification import Identification
@@ -43,6 +44,13 @@ from twin.report.diagnosis_page import (
     prediction_figure,
 )
 from twin.report.document import document
+from twin.report.experiment_pages import (
+    isolation_document,
+    isolation_figure,
+    isolation_page,
+    isolation_parts,
+    isolation_sentences,
+)
 from twin.report.figures import motion_figure
 from twin.report.outcome_pages import (
     balance_page,
@@ -216,6 +224,11 @@ parts_of.register(Balanced, balance_parts)
 page_of.register(Run, run_page)
 parts_of.register(Run, run_parts)
 sentences_of.register(GyroComparison, gyro_sentences)
+sentences_of.register(Isolation, isolation_sentences)
+document_of.register(Isolation, isolation_document)
+figure_of.register(Isolation, isolation_figure)
+page_of.register(Isolation, isolation_page)
+parts_of.register(Isolation, isolation_parts)
 
 
 @document_of.register
