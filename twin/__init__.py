@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from twin.controller import Controller as Controller
     from twin.effects import Effect as Effect
     from twin.errors import TwinError as TwinError
+    from twin.experiments.design import excite as excite
     from twin.experiments.isolation import isolate as isolate
     from twin.platform import Platform as Platform
     from twin.recording import Recording as Recording
@@ -43,6 +44,7 @@ _FROM = {  # all other names are of `twin.api`
     "Controller": "twin.controller",
     "Effect": "twin.effects",
     "TwinError": "twin.errors",
+    "excite": "twin.experiments.design",
     "isolate": "twin.experiments.isolation",
     "Platform": "twin.platform",
     "Recording": "twin.recording",
@@ -61,6 +63,7 @@ __all__ = [
     "compare",
     "compare_sensors",
     "diagnose",
+    "excite",
     "extend",
     "fly",
     "fly_campaign",

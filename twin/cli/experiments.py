@@ -77,3 +77,58 @@ class Isolate:
             )
         _show(result, json=self.json, html=self.html)
         return 0
+
+
+@dataclass(frozen=True)
+class Excite:
+    """The motion within a machine's limits that tells most of what is asked.
+
+    A multisine of roll, pitch and yaw that a shipped law follows; of a machine that no law turns at
+    will, the attitude and rate to let it go from. It is simulated with the machine's actuators and
+    sensors throughout, keeps a fifth of the way to each limit free, and its forecast is held
+    against flights with other noise.
+    """
+
+    platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
+    """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
+    out: Annotated[Path | None, tyro.conf.Positional, _arg("OUT.csv")] = None
+    """Write the reference into this file, for `twin run --reference`."""
+    wanted: Annotated[str, tyro.conf.arg(name="for", metavar="inertia|CAUSE|CAUSE,CAUSE")] = (
+        "inertia"
+    )
+    """What the experiment is for: J; the size of an effect (`twin effects`), as in
+    `wheel_friction:w1`; or to tell two effects apart."""
+    duration: Annotated[float, _arg("SECONDS")] = 60.0
+    """Of the experiment."""
+    evaluations: Annotated[int, _arg("N")] = 90
+    """Simulated trials of the search."""
+    flights: Annotated[int, _arg("N")] = 8
+    """With other noise, which the forecast is held against; 0: none."""
+    seed: int = 0
+    """Of the search and of the noise."""
+    html: Annotated[Path | None, _arg("OUT.html")] = None
+    """Write a page; an existing file is overwritten."""
+    json: bool = False
+    """Print one JSON document instead of sentences."""
+
+    def run(self) -> int:
+        """Search, check, write, print."""
+        from twin import excite
+        from twin.cli.output import progress
+        from twin.files import check_writable
+
+        if self.html is not None:
+            check_writable(self.html, ".html")
+        with progress() as say:
+            result = excite(
+                self.platform,
+                self.wanted,
+                duration=self.duration,
+                evaluations=self.evaluations,
+                flights=self.flights,
+                out=self.out,
+                seed=self.seed,
+                say=say,
+            )
+        _show(result, json=self.json, html=self.html)
+        return 0

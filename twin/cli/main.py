@@ -35,6 +35,11 @@ VERBS: dict[str, tuple[str, str, str]] = {
         "Isolate",
         "what a planned experiment could detect and tell apart",
     ),
+    "excite": (
+        "twin.cli.experiments",
+        "Excite",
+        "the motion that tells most of an inertia or a cause",
+    ),
     "campaign": ("twin.cli.campaigns", "Campaign", "thousands of runs that differ as a file says"),
     "replay": (
         "twin.cli.campaigns",

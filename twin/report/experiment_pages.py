@@ -8,8 +8,22 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from twin.diagnosis.screen import TIED
+from twin.experiments.design import Design, SplineMotion
 from twin.experiments.isolation import Alternative, CauseIsolation, Isolation
-from twin.report.style import FIGURE, Drawing, PageTable, Part, foot, opened, page, rendered
+from twin.report.style import (
+    FIGURE,
+    PALETTE,
+    SOFT,
+    Drawing,
+    PageTable,
+    Part,
+    foot,
+    opened,
+    page,
+    rendered,
+)
+from twin.rotation import to_euler_zyx
 from twin.units import listed, printed, three_digits
 
 MOST_PAIRS = 12
@@ -225,3 +239,129 @@ def isolation_page(result: Isolation) -> str:
     """The page as text."""
     title = f"What an experiment could tell of {result.run.platform.name}"
     return page(title, rendered([*isolation_parts(result), foot([], [result.run.platform])]))
+
+
+def design_sentences(result: Design) -> list[str]:
+    """What `twin excite` prints."""
+    run, wanted = result.run, listed(result.wanted)
+    if result.behind:
+        wanted = " against ".join(result.wanted)
+    lines = [
+        f"{run.platform.name}: {run.duration:g} s for {wanted}, of {result.evaluations} trials"
+    ]
+    if result.numbers:
+        lines.append(f"{'':<32}  {'95 % half width':<18}  usual experiment")
+        for number in result.numbers:
+            half, usual = (
+                printed(v, number.unit, number.half) for v in (number.half, number.usual)
+            )
+            lines.append(f"{number.name:<32}  {half:<18}  {usual}")
+        lines.append(f"Intervals are {three_digits(result.narrower)} times narrower in the mean.")
+    for label, (behind, usual) in result.behind.items():
+        other = next(name for name in result.wanted if name != label)
+        size = ", ".join(f"{value:.3g}" for value in result.sizes[label])
+        lines.append(
+            f"If {label} ({size}) is the truth, {other} is {three_digits(behind)} of evidence "
+            f"behind; after the usual experiment {three_digits(usual)}."
+        )
+    if result.behind and min(new for new, _ in result.behind.values()) < TIED:
+        lines.append(f"No trial separates them: a tie ends at {TIED:g} of evidence.")
+    used = ", ".join(f"{name} {share:.0%}" for name, share in result.used.items())
+    lines.append(f"Limits used: {used}." if used else "It has no limits to keep.")
+    lines += _checked(result)
+    if result.file is not None:
+        lines.append(f"wrote {result.file}")
+    lines.append(f"Fly it: {run.command}")
+    return lines
+
+
+def _checked(result: Design) -> list[str]:
+    if not result.flights:
+        return ["The forecast was not held against noisy flights (--flights)."]
+    many = f"In {result.flights} simulated flights with noise"
+    if result.observed:
+        parts = [
+            f"{three_digits(mean)} +- {three_digits(spread)} where {label} was the truth"
+            for label, (mean, spread) in result.observed.items()
+        ]
+        return [f"{many} the evidence was {listed(parts)}."]
+    return [
+        f"{many} the errors were {result.scatter:.2f} of the forecast standard deviations (rms)."
+    ]
+
+
+def design_document(result: Design) -> Mapping[str, Any]:
+    """For `--json`; SI."""
+    return {
+        "platform": result.run.platform.name,
+        "for": result.wanted,
+        "command": result.run.command,
+        "file": result.file,
+        "duration": result.run.duration,
+        "evaluations": result.evaluations,
+        "half_widths": {
+            number.name: {"value": number.half, "usual": number.usual, "unit": number.unit}
+            for number in result.numbers
+        },
+        "behind": {
+            label: {"value": new, "usual": old} for label, (new, old) in result.behind.items()
+        },
+        "sizes": dict(result.sizes),
+        "narrower": result.narrower,
+        "limits_used": dict(result.used),
+        "flights": result.flights,
+        "scatter": result.scatter,
+        "observed": {
+            label: {"mean": mean, "standard_deviation": spread}
+            for label, (mean, spread) in result.observed.items()
+        },
+    }
+
+
+def design_figure(result: Design) -> Figure:
+    """The reference over time; without one, the intervals."""
+    motion = result.run.motion
+    with mpl.rc_context(FIGURE):
+        figure = Figure(figsize=(9.6, 4.8))
+        if isinstance(motion, SplineMotion):
+            panels = figure.subplots(2, 1, sharex=True)
+            angles = np.degrees(to_euler_zyx(motion.attitude))[:, ::-1]
+            rates = np.degrees(motion.at(motion.time).rate_body)
+            for k, (name, axis) in enumerate(zip(("roll", "pitch", "yaw"), "xyz", strict=True)):
+                panels[0].plot(motion.time, angles[:, k], color=PALETTE[k], label=name)
+                panels[1].plot(motion.time, rates[:, k], color=PALETTE[k], label=axis)
+            panels[0].set_ylabel("angle [deg]")
+            panels[1].set_ylabel("rate [deg/s]")
+            panels[1].set_xlabel("time [s]")
+            for panel in panels:
+                panel.legend(ncols=3, loc="upper right")
+            return figure
+        panel = figure.subplots()
+        names = [number.name for number in result.numbers] or list(result.behind)
+        ratios = [number.usual / number.half for number in result.numbers] or [
+            new / max(old, 1e-9) for new, old in result.behind.values()
+        ]
+        panel.barh(names, ratios, color=PALETTE[0])
+        panel.axvline(1.0, color=SOFT)
+        panel.set_xlabel("times better than the usual experiment")
+        return figure
+
+
+def design_page(result: Design) -> str:
+    """The page as text."""
+    first, *rest = design_sentences(result)
+    rows = [
+        [n.name, printed(n.half, n.unit, n.half), printed(n.usual, n.unit, n.half)]
+        for n in result.numbers
+    ]
+    title = f"An experiment for {result.run.platform.name}"
+    said = [line.strip() for line in rest if not line.startswith(" ")]
+    said = [line for line in said if not any(line.startswith(n.name) for n in result.numbers)]
+    parts = [
+        *opened(title, result.run.platform.title, f"{first}.", said),
+        "<h2>The motion</h2>",
+        Drawing("motion", design_figure(result), "The reference, from rest to rest."),
+        PageTable("half_widths", ["number", "95 % half width", "usual experiment"], rows),
+        foot([], [result.run.platform]),
+    ]
+    return page(title, rendered(parts))

@@ -14,6 +14,7 @@ from twin.campaigns.replay import Replayed
 from twin.comparison import Comparison
 from twin.diagnosis import Diagnosis, Validation
 from twin.errors import UsageError
+from twin.experiments.design import Design
 from twin.experiments.isolation import Isolation
 from twin.files import whole, write_whole
 from twin.flight import Run
@@ -45,6 +46,10 @@ from twin.report.diagnosis_page import (
 )
 from twin.report.document import document
 from twin.report.experiment_pages import (
+    design_document,
+    design_figure,
+    design_page,
+    design_sentences,
     isolation_document,
     isolation_figure,
     isolation_page,
@@ -225,6 +230,10 @@ page_of.register(Run, run_page)
 parts_of.register(Run, run_parts)
 sentences_of.register(GyroComparison, gyro_sentences)
 sentences_of.register(Isolation, isolation_sentences)
+sentences_of.register(Design, design_sentences)
+document_of.register(Design, design_document)
+figure_of.register(Design, design_figure)
+page_of.register(Design, design_page)
 document_of.register(Isolation, isolation_document)
 figure_of.register(Isolation, isolation_figure)
 page_of.register(Isolation, isolation_page)
