@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from twin.errors import TwinError as TwinError
     from twin.experiments.design import excite as excite
     from twin.experiments.isolation import isolate as isolate
+    from twin.experiments.routine import history as history
+    from twin.experiments.routine import trim as trim
+    from twin.experiments.routine import verify as verify
     from twin.platform import Platform as Platform
     from twin.recording import Recording as Recording
     from twin.recording import Series as Series
@@ -45,6 +48,9 @@ _FROM = {  # all other names are of `twin.api`
     "Effect": "twin.effects",
     "TwinError": "twin.errors",
     "excite": "twin.experiments.design",
+    "history": "twin.experiments.routine",
+    "trim": "twin.experiments.routine",
+    "verify": "twin.experiments.routine",
     "isolate": "twin.experiments.isolation",
     "Platform": "twin.platform",
     "Recording": "twin.recording",
@@ -68,6 +74,7 @@ __all__ = [
     "fly",
     "fly_campaign",
     "forecast",
+    "history",
     "identify",
     "identify_by_all",
     "import_log",
@@ -80,7 +87,9 @@ __all__ = [
     "results",
     "show",
     "transfer",
+    "trim",
     "validate",
+    "verify",
 ]
 
 

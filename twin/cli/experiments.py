@@ -132,3 +132,100 @@ class Excite:
             )
         _show(result, json=self.json, html=self.html)
         return 0
+
+
+@dataclass(frozen=True)
+class Verify:
+    """A free float of 60 to 120 s: residual torque, period, vertical offset, swirl and friction.
+
+    The latest recording is held against the earlier ones on a control chart. J is taken as stated.
+    Without a recording the free float is simulated on the machine as stated, which shows what the
+    check could see. Exit code 1 where a number is out of control.
+    """
+
+    platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
+    """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
+    recordings: Annotated[tuple[Path, ...], tyro.conf.Positional, _arg("[RECORDING ...]")] = ()
+    """Free floats, of any order: .rrd files, or folders with a log.toml."""
+    seed: int = 0
+    """Of the noise of a simulated one."""
+    html: Annotated[Path | None, _arg("OUT.html")] = None
+    """Write a page with the control charts; an existing file is overwritten."""
+    json: bool = False
+    """Print one JSON document instead of a table."""
+
+    def run(self) -> int:
+        """Fit, compare, print."""
+        from twin import verify
+        from twin.cli.output import progress
+        from twin.files import check_writable
+
+        if self.html is not None:
+            check_writable(self.html, ".html", read=self.recordings)
+        with progress() as say:
+            result = verify(self.platform, self.recordings, seed=self.seed, say=say)
+        _show(result, json=self.json, html=self.html)
+        return 1 if result.departures else 0
+
+
+@dataclass(frozen=True)
+class History:
+    """The trend of a machine over all its recordings in a folder and below it.
+
+    Each is fitted as `twin verify` does; recordings of other machines, and those from which nothing
+    can be had, are skipped and listed.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional, _arg("DIR")]
+    """With .rrd files and folders with a log.toml."""
+    platform: Annotated[str | None, _arg("NAME")] = None
+    """The machine, by name or folder; default: the one that the first recording names."""
+    html: Annotated[Path | None, _arg("OUT.html")] = None
+    """Write a page with the control charts; an existing file is overwritten."""
+    json: bool = False
+    """Print one JSON document instead of a table."""
+
+    def run(self) -> int:
+        """Fit, print."""
+        from twin import history
+        from twin.cli.output import progress
+        from twin.files import check_writable
+
+        if self.html is not None:
+            check_writable(self.html, ".html")
+        with progress() as say:
+            result = history(self.folder, self.platform, say=say)
+        _show(result, json=self.json, html=self.html)
+        return 0
+
+
+@dataclass(frozen=True)
+class TrimVerb:
+    """Which weight where: what the sliding masses undo of an offset, and what the rest needs."""
+
+    platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
+    """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
+    recording: Annotated[Path | None, _arg("RECORDING")] = None
+    """A free float from which m r is taken; by default that of the platform."""
+    add: Annotated[tuple[tuple[float, float, float, float], ...], _arg("KG X Y Z ...")] = ()
+    """Masses that are fixed to it [kg], and where [m], from the centre of rotation in body axes."""
+    below: Annotated[float, _arg("UM")] = 0.0
+    """How far below the centre of rotation the centre of mass is to be, in micrometres."""
+    json: bool = False
+    """Print one JSON document instead of sentences."""
+
+    def run(self) -> int:
+        """Solve, print."""
+        from twin import trim
+        from twin.cli.output import progress
+
+        with progress() as say:
+            result = trim(
+                self.platform,
+                recording=self.recording,
+                add=self.add,
+                below=1e-6 * self.below,
+                say=say,
+            )
+        _show(result, json=self.json, html=None)
+        return 0

@@ -40,6 +40,13 @@ VERBS: dict[str, tuple[str, str, str]] = {
         "Excite",
         "the motion that tells most of an inertia or a cause",
     ),
+    "verify": (
+        "twin.cli.experiments",
+        "Verify",
+        "a free float of this morning against the earlier ones",
+    ),
+    "trim": ("twin.cli.experiments", "TrimVerb", "which weight where"),
+    "history": ("twin.cli.experiments", "History", "the trend of a machine over its recordings"),
     "campaign": ("twin.cli.campaigns", "Campaign", "thousands of runs that differ as a file says"),
     "replay": (
         "twin.cli.campaigns",

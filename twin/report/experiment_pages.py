@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from twin.diagnosis.screen import TIED
 from twin.experiments.design import Design, SplineMotion
 from twin.experiments.isolation import Alternative, CauseIsolation, Isolation
+from twin.experiments.routine import FEWEST, UNITS, Trend, Trim
 from twin.report.style import (
     FIGURE,
     PALETTE,
@@ -24,10 +25,12 @@ from twin.report.style import (
     rendered,
 )
 from twin.rotation import to_euler_zyx
-from twin.units import listed, printed, three_digits
+from twin.units import fitting, listed, printed, three_digits
 
 MOST_PAIRS = 12
 """Tied pairs that the text lists."""
+ROUGH = 1.5
+"""Misfit above which a free float shows more than what its fit has."""
 CELL = 0.19
 """Of the matrix [in]."""
 
@@ -365,3 +368,216 @@ def design_page(result: Design) -> str:
         foot([], [result.run.platform]),
     ]
     return page(title, rendered(parts))
+
+
+def trend_sentences(result: Trend) -> list[str]:
+    """What `twin verify` and `twin history` print."""
+    last = result.floats[-1]
+    what = "a simulation of it as stated" if result.simulated else last.source
+    lines = [
+        f"{result.platform.name}: {what}, {last.duration:.0f} s"
+        + ("" if result.simulated else f", of {last.when:%Y-%m-%d %H:%M}"),
+        f"{'':<26}  {'95 % interval':<34}  {'stated':<12}  control limits",
+    ]
+    for name, interval in last.numbers.items():
+        unit = UNITS[name]
+        half = 0.5 * (interval.high - interval.low)
+        size = max(abs(interval.value), half)
+        value = f"{printed(interval.value, unit, size)} +- {printed(half, unit, size)}"
+        stated = printed(last.stated[name], unit, size) if name in last.stated else "0"
+        limit = result.limits.get(name)
+        band = "-"
+        if limit is not None:
+            band = " to ".join(printed(x, unit, size) for x in (limit.low, limit.high))
+            band += "" if limit.inside else "  OUT OF CONTROL"
+        lines.append(f"{name:<26}  {value:<34}  {stated:<12}  {band}")
+    if last.periods:
+        swings = listed([f"{period:.1f} s" for period in last.periods])
+        lines.append(f"It swings freely with periods of {swings}.")
+    else:
+        lines.append(
+            "Its centre of mass is not below the bearing: it does not swing, it falls over."
+        )
+    if last.misfit > ROUGH:
+        lines.append(
+            f"The residual is {last.misfit:.1f} times the sensors' noise: something else acts; "
+            "ask `twin diagnose`."
+        )
+    lines.append(_verdict(result))
+    lines += [f"skipped {name}: {why}" for name, why in result.skipped.items()]
+    return lines
+
+
+def _verdict(result: Trend) -> str:
+    earlier = len(result.floats) - 1
+    if result.simulated:
+        return (
+            "This is what a free float can show; give recordings to hold them against each other."
+        )
+    if not result.limits:
+        return f"Control limits need {FEWEST} earlier recordings; there {_are(earlier)}."
+    if result.departures:
+        return f"Out of control against {earlier} earlier ones: {listed(result.departures)}."
+    return f"In control: no number departs from the {earlier} earlier ones."
+
+
+def _are(count: int) -> str:
+    return "is 1" if count == 1 else f"are {count or 'none'}"
+
+
+def trend_document(result: Trend) -> Mapping[str, Any]:
+    """For `--json`; SI."""
+    return {
+        "platform": result.platform.name,
+        "simulated": result.simulated,
+        "recordings": [
+            {
+                "source": item.source,
+                "when": item.when.isoformat(),
+                "duration": item.duration,
+                "numbers": {name: value.document() for name, value in item.numbers.items()},
+                "periods": item.periods,
+                "misfit": item.misfit,
+            }
+            for item in result.floats
+        ],
+        "stated": dict(result.floats[-1].stated),
+        "limits": {
+            name: {
+                "middle": limit.middle,
+                "spread": limit.spread,
+                "low": limit.low,
+                "high": limit.high,
+                "inside": limit.inside,
+            }
+            for name, limit in result.limits.items()
+        },
+        "departures": result.departures,
+        "skipped": dict(result.skipped),
+    }
+
+
+def trend_figure(result: Trend) -> Figure:
+    """Control charts: each number of each recording with its interval, and the limits."""
+    names = list(result.floats[-1].numbers)
+    with mpl.rc_context(FIGURE):
+        figure = Figure(figsize=(9.6, 0.8 + 1.5 * len(names)))
+        panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+        places = np.arange(1, len(result.floats) + 1)
+        for panel, name in zip(panels, names, strict=True):
+            shown = [item.numbers.get(name) for item in result.floats]
+            size = max(max(abs(i.low), abs(i.high)) for i in shown if i is not None)
+            factor, unit = fitting(size, UNITS[name])
+            for place, interval in zip(places, shown, strict=True):
+                if interval is None:
+                    continue
+                limit = result.limits.get(name)
+                out = place == places[-1] and limit is not None and not limit.inside
+                color = PALETTE[1] if out else PALETTE[0]
+                ends = [(interval.value - interval.low), (interval.high - interval.value)]
+                panel.errorbar(
+                    place,
+                    interval.value / factor,
+                    np.array(ends)[:, None] / factor,
+                    fmt="o",
+                    color=color,
+                    capsize=3,
+                )
+            limit = result.limits.get(name)
+            if limit is not None:
+                panel.axhspan(limit.low / factor, limit.high / factor, color="#e8edf1", zorder=0)
+                panel.axhline(limit.middle / factor, color=SOFT, lw=0.8)
+            panel.set_ylabel(f"{name}\n[{unit}]", fontsize=7)
+        panels[-1].set_xticks(places)
+        panels[-1].set_xlabel("recording, by time")
+        return figure
+
+
+def trend_page(result: Trend) -> str:
+    """The page as text."""
+    title = f"Free floats of {result.platform.name}"
+    first, *rest = trend_sentences(result)
+    said = [line for line in rest if not line.startswith((" ", *UNITS))]
+    rows = [
+        [str(place), item.source, f"{item.when:%Y-%m-%d %H:%M}", f"{item.duration:.0f} s"]
+        for place, item in enumerate(result.floats, start=1)
+    ]
+    parts = [
+        *opened(
+            title, first, _verdict(result), [line for line in said if line != _verdict(result)]
+        ),
+        "<h2>Control charts</h2>",
+        Drawing(
+            "control",
+            trend_figure(result),
+            "Each recording with its 95 % interval; the band is three standard deviations of a new "
+            "recording about the mean of the earlier ones.",
+        ),
+        PageTable("recordings", ["number", "recording", "when", "length"], rows),
+        foot([], [result.platform]),
+    ]
+    return page(title, rendered(parts))
+
+
+def trim_sentences(result: Trim) -> list[str]:
+    """What `twin trim` prints."""
+    platform, lines = result.platform, list[str]()
+    for item in result.added:
+        place = ", ".join(f"{value:g}" for value in item.position)
+        lines.append(f"With {item.mass:g} kg more at ({place}) m:")
+    xx, yy, zz = np.diag(platform.inertia)
+    xy, xz, yz = platform.inertia[0, 1], platform.inertia[0, 2], platform.inertia[1, 2]
+    entries = zip(("xx", "yy", "zz", "xy", "xz", "yz"), (xx, yy, zz, xy, xz, yz), strict=True)
+    lines += [
+        f"mass {platform.mass:.6g} kg, J "
+        + ", ".join(f"{name} {value:.6g}" for name, value in entries)
+        + " kg m^2",
+        f"m r {_vector(result.moment)} kg m ({result.source}), wanted {_vector(result.target)}",
+    ]
+    if platform.stages:
+        reach = ", ".join(
+            f"{axis} {low:.3g} to {high:.3g}"
+            for axis, (low, high) in zip("xyz", result.reach, strict=True)
+        )
+        lines.append(f"The masses change m r by {reach} kg m.")
+        where = ", ".join(
+            f"{stage.name} {1e3 * value:.3f} mm"
+            for stage, value in zip(platform.stages, result.stages, strict=True)
+        )
+        lines.append(f"They come nearest at {where}.")
+    if not result.weights:
+        lines.append("That reaches it: no weight is needed.")
+    else:
+        lines.append(f"They leave {_vector(result.rest)} kg m. One of these weights takes it away:")
+        for item in result.weights:
+            far = float(np.linalg.norm(item.position))
+            place = ", ".join(f"{value:.3f}" for value in np.round(item.position, 6) + 0.0)
+            lines.append(
+                f"  {item.mass:g} kg at ({place}) m, {far:.3f} m from the centre of rotation"
+            )
+    if result.periods:
+        swings = listed([f"{period:.1f} s" for period in result.periods])
+        lines.append(f"It then swings freely with periods of {swings}.")
+    return lines
+
+
+def _vector(values: Sequence[float] | Any) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in np.round(values, 12) + 0.0) + ")"
+
+
+def trim_document(result: Trim) -> Mapping[str, Any]:
+    """For `--json`; SI."""
+    return {
+        "platform": result.platform.name,
+        "added": [{"mass": i.mass, "position": i.position} for i in result.added],
+        "mass": result.platform.mass,
+        "inertia": result.platform.inertia,
+        "moment": result.moment,
+        "source": result.source,
+        "target": result.target,
+        "reach": result.reach,
+        "stages": result.stages,
+        "rest": result.rest,
+        "weights": [{"mass": i.mass, "position": i.position} for i in result.weights],
+        "periods": result.periods,
+    }

@@ -16,6 +16,7 @@ from twin.diagnosis import Diagnosis, Validation
 from twin.errors import UsageError
 from twin.experiments.design import Design
 from twin.experiments.isolation import Isolation
+from twin.experiments.routine import Trend, Trim
 from twin.files import whole, write_whole
 from twin.flight import Run
 from twin.identification import Identification
@@ -55,6 +56,12 @@ from twin.report.experiment_pages import (
     isolation_page,
     isolation_parts,
     isolation_sentences,
+    trend_document,
+    trend_figure,
+    trend_page,
+    trend_sentences,
+    trim_document,
+    trim_sentences,
 )
 from twin.report.figures import motion_figure
 from twin.report.outcome_pages import (
@@ -80,6 +87,7 @@ from twin.stream.runfile import write_recording
 from twin.units import printed
 
 TITLES: dict[type, str] = {
+    Trim: "Which weight where",
     GyroComparison: "The gyro held against the attitude",
     Replayed: "A run of a campaign, flown again",
     Validation: "The gain on another log",
@@ -234,6 +242,12 @@ sentences_of.register(Design, design_sentences)
 document_of.register(Design, design_document)
 figure_of.register(Design, design_figure)
 page_of.register(Design, design_page)
+sentences_of.register(Trend, trend_sentences)
+document_of.register(Trend, trend_document)
+figure_of.register(Trend, trend_figure)
+page_of.register(Trend, trend_page)
+sentences_of.register(Trim, trim_sentences)
+document_of.register(Trim, trim_document)
 document_of.register(Isolation, isolation_document)
 figure_of.register(Isolation, isolation_figure)
 page_of.register(Isolation, isolation_page)
