@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from twin.controller import Controller as Controller
     from twin.effects import Effect as Effect
     from twin.errors import TwinError as TwinError
+    from twin.experiments.calibration import calibrate as calibrate
     from twin.experiments.design import excite as excite
     from twin.experiments.isolation import isolate as isolate
     from twin.experiments.routine import history as history
@@ -47,6 +48,7 @@ _FROM = {  # all other names are of `twin.api`
     "Controller": "twin.controller",
     "Effect": "twin.effects",
     "TwinError": "twin.errors",
+    "calibrate": "twin.experiments.calibration",
     "excite": "twin.experiments.design",
     "history": "twin.experiments.routine",
     "trim": "twin.experiments.routine",
@@ -64,6 +66,7 @@ __all__ = [
     "Series",
     "TwinError",
     "balance",
+    "calibrate",
     "campaign",
     "check_log",
     "compare",

@@ -229,3 +229,58 @@ class TrimVerb:
             )
         _show(result, json=self.json, html=None)
         return 0
+
+
+@dataclass(frozen=True)
+class Calibrate:
+    """Bias, scale and noise of a sensor from logs, with 95 % intervals.
+
+    gyro: left at rest for minutes (Allan deviation); beside an attitude scale, axes and lag; else
+    whole turns about its axes between two rests. accelerometer: six poses at rest or more.
+    magnetometer: turned through all attitudes, far from iron.
+    """
+
+    sensor: Annotated[str, tyro.conf.Positional, _arg("gyro|accelerometer|magnetometer")]
+    """What is calibrated."""
+    logs: Annotated[tuple[Path, ...], tyro.conf.Positional, _arg("LOG [LOG ...]")]
+    """Folders with a log.toml, or .rrd recordings; they need no platform."""
+    gravity: Annotated[float | None, _arg("M/S2")] = None
+    """Where the logs were recorded; default: what the first one states, else 9.81."""
+    field: Annotated[float | None, _arg("UT")] = None
+    """Strength of the magnetic field, in uT; default: what the first log states, else unknown."""
+    out: Annotated[Path | None, _arg("calibration.toml")] = None
+    """Write bias and scale as effects that the platform in that folder has from then on."""
+    html: Annotated[Path | None, _arg("OUT.html")] = None
+    """Write a page with the figure; an existing file is overwritten."""
+    json: bool = False
+    """Print one JSON document instead of sentences."""
+
+    def run(self) -> int:
+        """Fit, write, print."""
+        from twin import calibrate
+        from twin.cli.output import progress
+        from twin.errors import UsageError
+        from twin.files import check_writable
+
+        if not self.logs:
+            raise UsageError("no log is named; give a folder with a log.toml or an .rrd")
+        for path, ending in ((self.html, ".html"), (self.out, ".toml")):
+            if path is not None:
+                check_writable(path, ending, read=self.logs)
+        for name in ("gravity", "field"):
+            value = getattr(self, name)
+            if value is not None and value <= 0.0:
+                raise UsageError(f"--{name} is {value:g}; give a number above 0")
+        with progress() as say:
+            result = calibrate(
+                self.sensor,
+                self.logs,
+                gravity=self.gravity,
+                field=None if self.field is None else 1e-6 * self.field,
+                say=say,
+            )
+        _show(result, json=self.json, html=self.html)
+        if self.out is not None:
+            result.write(self.out)
+            print(f"wrote {self.out}", file=sys.stderr if self.json else sys.stdout)
+        return 0

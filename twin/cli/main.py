@@ -47,6 +47,11 @@ VERBS: dict[str, tuple[str, str, str]] = {
     ),
     "trim": ("twin.cli.experiments", "TrimVerb", "which weight where"),
     "history": ("twin.cli.experiments", "History", "the trend of a machine over its recordings"),
+    "calibrate": (
+        "twin.cli.experiments",
+        "Calibrate",
+        "bias, scale and noise of a sensor from logs",
+    ),
     "campaign": ("twin.cli.campaigns", "Campaign", "thousands of runs that differ as a file says"),
     "replay": (
         "twin.cli.campaigns",

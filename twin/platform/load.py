@@ -8,6 +8,7 @@ with its line. A variant ([variants.NAME]) replaces the keys it gives.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
@@ -38,6 +39,8 @@ from twin.recording.environment import read_earth_rate, read_field, read_gravity
 from twin.rotation import from_rotation_vector, rotate
 from twin.signals import stream_named
 
+CALIBRATION = "calibration.toml"
+"""Of a platform's folder: effects that `twin calibrate` measured, beside those of platform.toml."""
 _ARRAYS = ("wheels", "stages", "rotors", "gimbals", "magnetorquers", "thrusters")
 
 
@@ -510,6 +513,7 @@ def _platform(file: Table, folder: Path, variant: str) -> Platform:
             )
     estimators = table.texts("estimators", ())
     effects = (*earth, *_effects(table.table("effects", required=False)))
+    effects = (*effects, *_calibrated(folder, effects))
     table.raw("hardware")  # `twin.plant.hardware_setup` knows what it means
     if not variant:
         mass_properties.close()
@@ -568,6 +572,29 @@ def _effects(table: Table) -> tuple[StatedEffect, ...]:
             given = {key: aimed.raw(key) for key in aimed.keys}
             effects.append(StatedEffect(name, target, given, item.line(target)))
     return tuple(effects)
+
+
+def _calibrated(folder: Path, stated: Sequence[StatedEffect]) -> tuple[StatedEffect, ...]:
+    """Effects of the folder's calibration.toml, where it has one.
+
+    Raises:
+        PlatformError: platform.toml states one of them, too.
+    """
+    path = folder / CALIBRATION
+    if not path.is_file():
+        return ()
+    table = read_toml(path, PlatformError)
+    effects = _effects(table.table("effects"))
+    table.close()
+    known = {(effect.name, effect.target) for effect in stated}
+    for effect in effects:
+        if (effect.name, effect.target) in known:
+            raise table.fail(
+                "effects",
+                f"state {effect.name}, as platform.toml does",
+                "keep it in one of the two files",
+            )
+    return effects
 
 
 def _pitch_stop(table: Table) -> PitchStop:

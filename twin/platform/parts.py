@@ -401,7 +401,8 @@ class Platform:
 
 
 def files_of(platform: Platform) -> dict[str, Path]:
-    """platform.toml, the MJCF and the files that this names, by their way from the folder.
+    """platform.toml, calibration.toml, the MJCF and the files that it names, by their way from the
+    folder.
 
     Whatever else lies there (notes, pictures, logs, campaigns) has no say in what is flown. A file
     counts as named if an attribute of the MJCF, or of one that it includes, ends in its name:
@@ -410,6 +411,7 @@ def files_of(platform: Platform) -> dict[str, Path]:
     """
     below = [path for path in platform.folder.rglob("*") if path.is_file()]
     result = {platform.folder / "platform.toml", platform.model_path}
+    result |= {path for path in below if path == platform.folder / "calibration.toml"}
     unread = [platform.model_path]
     while unread:
         named = _names_in(unread.pop())

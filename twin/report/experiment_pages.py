@@ -9,9 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from twin.diagnosis.screen import TIED
+from twin.experiments.calibration import Calibration
 from twin.experiments.design import Design, SplineMotion
 from twin.experiments.isolation import Alternative, CauseIsolation, Isolation
 from twin.experiments.routine import FEWEST, UNITS, Trend, Trim
+from twin.interval import Interval
 from twin.report.style import (
     FIGURE,
     PALETTE,
@@ -31,6 +33,8 @@ MOST_PAIRS = 12
 """Tied pairs that the text lists."""
 ROUGH = 1.5
 """Misfit above which a free float shows more than what its fit has."""
+DRAWN_POINTS = 2000
+"""Of a long calibration."""
 CELL = 0.19
 """Of the matrix [in]."""
 
@@ -274,7 +278,10 @@ def design_sentences(result: Design) -> list[str]:
     lines += _checked(result)
     if result.file is not None:
         lines.append(f"wrote {result.file}")
-    lines.append(f"Fly it: {run.command}")
+    if run.motion is not None and result.file is None:
+        lines.append("Name a file, OUT.csv, and the motion is written for `twin run --reference`.")
+    else:
+        lines.append(f"Fly it: {run.command}")
     return lines
 
 
@@ -581,3 +588,76 @@ def trim_document(result: Trim) -> Mapping[str, Any]:
         "weights": [{"mass": i.mass, "position": i.position} for i in result.weights],
         "periods": result.periods,
     }
+
+
+def calibration_sentences(result: Calibration) -> list[str]:
+    """What `twin calibrate` prints."""
+    lines = [f"{result.kind} of {', '.join(result.sources)}: {'; '.join(result.remarks)}"]
+    for number in result.numbers:
+        interval, unit = number.interval, number.unit
+        if unit == "T":
+            values = (1e6 * x for x in (interval.value, interval.low, interval.high))
+            interval, unit = Interval(*values), "uT"
+        if np.isfinite(interval.low):
+            half = 0.5 * (interval.high - interval.low)
+            size = max(abs(interval.value), half)
+            said = f"{printed(interval.value, unit, size)} +- {printed(half, unit, size)}"
+        else:
+            said = printed(interval.value, unit)
+        lines.append(f"  {number.name:<22}  {said}")
+    if np.isfinite(result.after):
+        before, after = (
+            three_digits(100.0 * x / result.length) for x in (result.before, result.after)
+        )
+        lines.append(
+            f"The length that it shows is off by {before} % rms as it is, by {after} % calibrated."
+        )
+    return lines
+
+
+def calibration_document(result: Calibration) -> Mapping[str, Any]:
+    """For `--json`; SI."""
+    allan = result.allan
+    return {
+        "sensor": result.kind,
+        "sources": result.sources,
+        "numbers": {
+            number.name: {**number.interval.document(), "unit": number.unit}
+            for number in result.numbers
+        },
+        "length": result.length,
+        "length_error_before": result.before,
+        "length_error_after": result.after,
+        "allan": None if allan is None else {"tau": allan.tau, "deviation": allan.deviation},
+        "remarks": result.remarks,
+    }
+
+
+def calibration_figure(result: Calibration) -> Figure:
+    """The Allan deviation of a gyro; of others the length that they show, before and after."""
+    with mpl.rc_context(FIGURE):
+        figure = Figure(figsize=(9.6, 4.8))
+        panel = figure.subplots()
+        if result.kind == "gyro":
+            if result.allan is not None:
+                for k, axis in enumerate("xyz"):
+                    deviation = result.allan.deviation[:, k]
+                    panel.loglog(
+                        result.allan.tau, deviation, "o-", ms=3, color=PALETTE[k], label=axis
+                    )
+                panel.legend()
+            panel.set_xlabel("averaging time [s]")
+            panel.set_ylabel("Allan deviation [rad/s]")
+            return figure
+        stride = max(len(result.directions) // DRAWN_POINTS, 1)
+        for values, color, label in (
+            (result.directions, PALETTE[1], "as shown"),
+            (result.corrected, PALETTE[0], "calibrated"),
+        ):
+            ratio = np.linalg.norm(values, axis=1)[::stride] / result.length
+            panel.plot(np.arange(len(ratio)), ratio, ".", color=color, label=label)
+        panel.axhline(1.0, color=SOFT, lw=0.8)
+        panel.legend()
+        panel.set_xlabel("pose" if result.kind == "accelerometer" else "sample, in time")
+        panel.set_ylabel("length over that of the truth")
+        return figure

@@ -14,6 +14,7 @@ from twin.campaigns.replay import Replayed
 from twin.comparison import Comparison
 from twin.diagnosis import Diagnosis, Validation
 from twin.errors import UsageError
+from twin.experiments.calibration import Calibration
 from twin.experiments.design import Design
 from twin.experiments.isolation import Isolation
 from twin.experiments.routine import Trend, Trim
@@ -47,6 +48,9 @@ from twin.report.diagnosis_page import (
 )
 from twin.report.document import document
 from twin.report.experiment_pages import (
+    calibration_document,
+    calibration_figure,
+    calibration_sentences,
     design_document,
     design_figure,
     design_page,
@@ -87,6 +91,7 @@ from twin.stream.runfile import write_recording
 from twin.units import printed
 
 TITLES: dict[type, str] = {
+    Calibration: "A sensor calibrated",
     Trim: "Which weight where",
     GyroComparison: "The gyro held against the attitude",
     Replayed: "A run of a campaign, flown again",
@@ -247,6 +252,9 @@ document_of.register(Trend, trend_document)
 figure_of.register(Trend, trend_figure)
 page_of.register(Trend, trend_page)
 sentences_of.register(Trim, trim_sentences)
+sentences_of.register(Calibration, calibration_sentences)
+document_of.register(Calibration, calibration_document)
+figure_of.register(Calibration, calibration_figure)
 document_of.register(Trim, trim_document)
 document_of.register(Isolation, isolation_document)
 figure_of.register(Isolation, isolation_figure)
