@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from twin.experiments.routine import history as history
     from twin.experiments.routine import trim as trim
     from twin.experiments.routine import verify as verify
+    from twin.experiments.tuning import tune as tune
     from twin.platform import Platform as Platform
     from twin.recording import Recording as Recording
     from twin.recording import Series as Series
@@ -52,6 +53,7 @@ _FROM = {  # all other names are of `twin.api`
     "excite": "twin.experiments.design",
     "history": "twin.experiments.routine",
     "trim": "twin.experiments.routine",
+    "tune": "twin.experiments.tuning",
     "verify": "twin.experiments.routine",
     "isolate": "twin.experiments.isolation",
     "Platform": "twin.platform",
@@ -91,6 +93,7 @@ __all__ = [
     "show",
     "transfer",
     "trim",
+    "tune",
     "validate",
     "verify",
 ]

@@ -284,3 +284,63 @@ class Calibrate:
             result.write(self.out)
             print(f"wrote {self.out}", file=sys.stderr if self.json else sys.stdout)
         return 0
+
+
+@dataclass(frozen=True)
+class Tune:
+    """Gains of a control law over the dispersions of a campaign, with common random numbers.
+
+    All sets of gains fly the same runs; runs that took no part judge the best one against the gains
+    as they are, by the paired difference and its 95 % interval. Exit code 0 whatever it says.
+    """
+
+    law: Annotated[str, tyro.conf.Positional, _arg("LAW")]
+    """A shipped law (see `twin controllers`), or a file."""
+    on: Annotated[str, _arg("PLATFORM")]
+    """The machine."""
+    spec: Annotated[Path | None, _arg("SPEC.toml")] = None
+    """A campaign (docs/campaigns.md) whose dispersions, starts, reference and duration are flown;
+    by default starts and m r are spread about the machine as stated."""
+    gains: Annotated[tuple[str, ...], _arg("NAME ...")] = ()
+    """Which gains; by default all that are not 0."""
+    merit: Annotated[str, _arg("METRIC")] = "tracking_error_rms"
+    """The campaign's metric whose mean over the runs is minimised."""
+    runs: Annotated[int, _arg("N")] = 24
+    """Of the search."""
+    held_out: Annotated[int, _arg("N")] = 48
+    """Of the judgement."""
+    evaluations: Annotated[int, _arg("N")] = 60
+    """Sets of gains that are flown."""
+    duration: Annotated[float, _arg("SECONDS")] = 30.0
+    """Of a run, without a campaign."""
+    seed: int = 0
+    """Of the search, and of the dispersions without a campaign."""
+    html: Annotated[Path | None, _arg("OUT.html")] = None
+    """Write a page with merit against gain; an existing file is overwritten."""
+    json: bool = False
+    """Print one JSON document instead of sentences."""
+
+    def run(self) -> int:
+        """Search, judge, print."""
+        from twin import tune
+        from twin.cli.output import progress
+        from twin.files import check_writable
+
+        if self.html is not None:
+            check_writable(self.html, ".html")
+        with progress() as say:
+            result = tune(
+                self.law,
+                self.on,
+                spec=self.spec,
+                gains=self.gains,
+                merit=self.merit,
+                runs=self.runs,
+                held_out=self.held_out,
+                evaluations=self.evaluations,
+                duration=self.duration,
+                seed=self.seed,
+                say=say,
+            )
+        _show(result, json=self.json, html=self.html)
+        return 0

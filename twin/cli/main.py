@@ -52,6 +52,7 @@ VERBS: dict[str, tuple[str, str, str]] = {
         "Calibrate",
         "bias, scale and noise of a sensor from logs",
     ),
+    "tune": ("twin.cli.experiments", "Tune", "gains of a law over a campaign's dispersions"),
     "campaign": ("twin.cli.campaigns", "Campaign", "thousands of runs that differ as a file says"),
     "replay": (
         "twin.cli.campaigns",

@@ -13,6 +13,7 @@ from twin.experiments.calibration import Calibration
 from twin.experiments.design import Design, SplineMotion
 from twin.experiments.isolation import Alternative, CauseIsolation, Isolation
 from twin.experiments.routine import FEWEST, UNITS, Trend, Trim
+from twin.experiments.tuning import Tuning
 from twin.interval import Interval
 from twin.report.style import (
     FIGURE,
@@ -660,4 +661,70 @@ def calibration_figure(result: Calibration) -> Figure:
         panel.legend()
         panel.set_xlabel("pose" if result.kind == "accelerometer" else "sample, in time")
         panel.set_ylabel("length over that of the truth")
+        return figure
+
+
+def tuning_sentences(result: Tuning) -> list[str]:
+    """What `twin tune` prints."""
+    unit = result.unit
+    lines = [
+        f"{result.law} on {result.platform.name}: {result.merit} over {result.runs} dispersed runs "
+        f"of {result.duration:g} s, {len(result.trials)} sets of gains"
+    ]
+    for name, value in result.usual.items():
+        lines.append(f"  {name:<24}  {value:.4g} -> {result.tuned[name]:.4g}")
+    size = max(abs(result.before), abs(result.after))
+    before, after = (printed(value, unit, size) for value in (result.before, result.after))
+    low, high = (printed(x, unit, size) for x in (result.difference.low, result.difference.high))
+    lines.append(
+        f"On {result.held_out} runs that took no part: {before} as it was, {after} as tuned; paired "
+        f"difference {printed(result.difference.value, unit, size)} (95 %: {low} to {high})."
+    )
+    if any(result.lost):
+        lines.append(f"Of these {result.lost[0]} failed as it was, {result.lost[1]} as tuned.")
+    if result.better:
+        words = " ".join(f"{name}={value:.4g}" for name, value in result.tuned.items())
+        lines.append(
+            f"Better beyond chance: twin run ... --controller {result.law} --gains {words}"
+        )
+    else:
+        lines.append("Not better beyond chance: keep the gains as they are.")
+    return lines
+
+
+def tuning_document(result: Tuning) -> Mapping[str, Any]:
+    """For `--json`; SI."""
+    return {
+        "platform": result.platform.name,
+        "law": result.law,
+        "merit": result.merit,
+        "unit": result.unit,
+        "runs": result.runs,
+        "held_out": result.held_out,
+        "duration": result.duration,
+        "usual": dict(result.usual),
+        "tuned": dict(result.tuned),
+        "before": result.before,
+        "after": result.after,
+        "difference": result.difference.document(),
+        "failed": {"before": result.lost[0], "after": result.lost[1]},
+        "better": result.better,
+        "trials": [{"gains": dict(trial.gains), "merit": trial.merit} for trial in result.trials],
+    }
+
+
+def tuning_figure(result: Tuning) -> Figure:
+    """Merit against each gain, of all sets that were flown."""
+    names = list(result.usual)
+    with mpl.rc_context(FIGURE):
+        figure = Figure(figsize=(9.6, 3.4))
+        panels = figure.subplots(1, len(names), sharey=True, squeeze=False)[0]
+        merits = [trial.merit for trial in result.trials]
+        for panel, name in zip(panels, names, strict=True):
+            values = [abs(trial.gains[name]) for trial in result.trials]
+            panel.loglog(values, merits, "o", ms=4, color=PALETTE[0])
+            panel.axvline(abs(result.usual[name]), color=SOFT, lw=0.8)
+            panel.axvline(abs(result.tuned[name]), color=PALETTE[1])
+            panel.set_xlabel(name)
+        panels[0].set_ylabel(f"{result.merit} [{result.unit}]")
         return figure

@@ -18,6 +18,7 @@ from twin.experiments.calibration import Calibration
 from twin.experiments.design import Design
 from twin.experiments.isolation import Isolation
 from twin.experiments.routine import Trend, Trim
+from twin.experiments.tuning import Tuning
 from twin.files import whole, write_whole
 from twin.flight import Run
 from twin.identification import Identification
@@ -66,6 +67,9 @@ from twin.report.experiment_pages import (
     trend_sentences,
     trim_document,
     trim_sentences,
+    tuning_document,
+    tuning_figure,
+    tuning_sentences,
 )
 from twin.report.figures import motion_figure
 from twin.report.outcome_pages import (
@@ -91,6 +95,7 @@ from twin.stream.runfile import write_recording
 from twin.units import printed
 
 TITLES: dict[type, str] = {
+    Tuning: "Gains tuned over dispersions",
     Calibration: "A sensor calibrated",
     Trim: "Which weight where",
     GyroComparison: "The gyro held against the attitude",
@@ -255,6 +260,9 @@ sentences_of.register(Trim, trim_sentences)
 sentences_of.register(Calibration, calibration_sentences)
 document_of.register(Calibration, calibration_document)
 figure_of.register(Calibration, calibration_figure)
+sentences_of.register(Tuning, tuning_sentences)
+document_of.register(Tuning, tuning_document)
+figure_of.register(Tuning, tuning_figure)
 document_of.register(Trim, trim_document)
 document_of.register(Isolation, isolation_document)
 figure_of.register(Isolation, isolation_figure)
