@@ -228,7 +228,7 @@ def _transform(numbers: Array) -> tuple[Array, Array]:
 def corrected(shown: Array, numbers: Array) -> Array:
     """The truth (m, 3) of what a sensor with these errors shows (m, 3)."""
     matrix, bias = _transform(numbers)
-    return np.linalg.solve(matrix, (shown - bias).T).T
+    return (shown - bias) @ np.linalg.inv(matrix).T
 
 
 def _accelerometer(recordings: Sequence[Recording], gravity: float) -> Calibration:
@@ -534,8 +534,9 @@ def _whole_turns(recordings: Sequence[Recording], bias: Array) -> dict[str, list
         places = rests(series)
         for before, after in zip(places, places[1:], strict=False):
             part = slice(before.stop - 1, after.start + 1)
-            path = np.trapezoid(series.value[part] - bias, series.time[part], axis=0)
-            length = np.trapezoid(np.abs(series.value[part] - bias), series.time[part], axis=0)
+            rate, time = series.value[part] - bias, series.time[part]
+            path = np.asarray(np.trapezoid(rate, time, axis=0))
+            length = np.asarray(np.trapezoid(np.abs(rate), time, axis=0))
             axis = int(np.argmax(length))
             turns = round(abs(path[axis]) / (2.0 * np.pi))
             if not turns or length[axis] < TURN_SHARE * float(np.linalg.norm(length)):

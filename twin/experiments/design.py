@@ -121,7 +121,7 @@ def multisine(numbers: Array, duration: float) -> SplineMotion:
             frequencies [Hz], phases of their lowest tones [rad].
         duration: [s].
     """
-    time = np.arange(round(duration / SPACING) + 1) * SPACING
+    time = np.asarray(np.arange(round(duration / SPACING) + 1) * SPACING, dtype=np.float64)
     ramp = min(10.0, duration / 6.0)
     share = _smooth(time / ramp) * _smooth((duration - time) / ramp)
     amplitude, lowest, phase = numbers[:3], np.exp(numbers[3:6]), numbers[6:]

@@ -144,9 +144,8 @@ def verify(
         say("a simulated free float")
         roll, pitch = hanging(machine)
         stop = float(np.degrees(machine.stop_angle))
-        lean = float(
-            np.degrees(machine.lean(from_euler_zyx(0.0, np.radians(pitch), np.radians(roll))))
-        )
+        angles = (np.array(np.radians(angle)) for angle in (0.0, pitch, roll))
+        lean = float(np.degrees(machine.lean(from_euler_zyx(*angles))))
         if lean + TILT > stop:
             raise UsageError(
                 f"{machine.name} as stated hangs at {lean:.1f} deg, beyond its stop at {stop:.1f} "

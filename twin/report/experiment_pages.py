@@ -677,8 +677,8 @@ def tuning_sentences(result: Tuning) -> list[str]:
     before, after = (printed(value, unit, size) for value in (result.before, result.after))
     low, high = (printed(x, unit, size) for x in (result.difference.low, result.difference.high))
     lines.append(
-        f"On {result.held_out} runs that took no part: {before} as it was, {after} as tuned; paired "
-        f"difference {printed(result.difference.value, unit, size)} (95 %: {low} to {high})."
+        f"On {result.held_out} runs that took no part: {before} as it was, {after} as tuned; "
+        f"paired difference {printed(result.difference.value, unit, size)} (95 %: {low} to {high})."
     )
     if any(result.lost):
         lines.append(f"Of these {result.lost[0]} failed as it was, {result.lost[1]} as tuned.")
