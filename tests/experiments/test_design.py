@@ -25,7 +25,7 @@ NUMBERS = np.array([0.1, 0.2, 0.5, *np.log([0.02, 0.03, 0.04]), 0.1, 0.7, 2.0])
 @pytest.fixture(scope="module")
 def design(tmp_path_factory) -> Design:
     path = tmp_path_factory.mktemp("design") / "motion.csv"
-    return excite("sads", "inertia", duration=15.0, evaluations=10, flights=0, out=path)
+    return excite("sads", "inertia", duration=12.0, evaluations=10, flights=0, out=path)
 
 
 def test_rate_and_acceleration_are_the_derivatives_of_the_attitude():

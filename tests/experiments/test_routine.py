@@ -38,12 +38,14 @@ def floats() -> list[FreeFloat]:
     return [floating(CUBESAT, seed) for seed in range(3)]
 
 
+@pytest.mark.slow
 def test_intervals_of_free_floats_hold_the_truth(floats: list[FreeFloat]):
     names = ("mr_x", "mr_y", "mr_z", "vertical_offset")
     held = [item.numbers[name].holds(item.stated[name]) for item in floats for name in names]
     assert np.mean(held) >= 0.75
 
 
+@pytest.mark.slow
 def test_the_same_machine_is_in_control_and_a_screw_that_moved_is_not(floats: list[FreeFloat]):
     assert trend(CUBESAT, floats).departures == ()
     moved = with_mass(CUBESAT, AddedMass(1e-3, np.array([0.0, 0.0, 0.01])))
@@ -113,6 +115,7 @@ def test_verify_without_a_recording_shows_what_a_float_could(capsys):
     assert "One of these weights takes it away" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_folder_has_a_history_and_says_what_it_skips(tmp_path, capsys):
     words = ["run", "cubesat", "--duration", "12", "--attitude", "4", "3", "0", "--rrd"]
     for seed in range(3):

@@ -57,7 +57,7 @@ class FreeFloat:
 
     source: str
     when: datetime
-    """When it was recorded, or its file was written."""
+    """When it was recorded, or its file was written; of one in memory, now."""
     duration: float
     """[s]."""
     numbers: Mapping[str, Interval]
@@ -345,8 +345,7 @@ def _when(recording: Recording) -> datetime:
         return datetime.fromisoformat(started).replace(tzinfo=None)
     path = Path(recording.source)
     file = path / "log.toml" if path.is_dir() else path
-    stamp = file.stat().st_mtime if file.exists() else 0.0
-    return datetime.fromtimestamp(stamp)
+    return datetime.fromtimestamp(file.stat().st_mtime) if file.exists() else datetime.now()
 
 
 def hanging(platform: Platform) -> tuple[float, float]:

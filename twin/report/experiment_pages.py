@@ -1,6 +1,7 @@
 """Sentences, documents and pages of experiments: isolability, excitation, checks, calibration."""
 
 from collections.abc import Mapping, Sequence
+from html import escape
 from itertools import groupby
 from typing import Any
 
@@ -368,11 +369,14 @@ def design_page(result: Design) -> str:
     title = f"An experiment for {result.run.platform.name}"
     said = [line.strip() for line in rest if not line.startswith(" ")]
     said = [line for line in said if not any(line.startswith(n.name) for n in result.numbers)]
+    said = [line for line in said if not line.startswith("Fly it")]
     parts = [
         *opened(title, result.run.platform.title, f"{first}.", said),
         "<h2>The motion</h2>",
         Drawing("motion", design_figure(result), "The reference, from rest to rest."),
         PageTable("half_widths", ["number", "95 % half width", "usual experiment"], rows),
+        "<h2>To fly it</h2>",
+        f"<pre>{escape(result.run.command)}</pre>",
         foot([], [result.run.platform]),
     ]
     return page(title, rendered(parts))
@@ -495,6 +499,7 @@ def trend_figure(result: Trend) -> Figure:
             if limit is not None:
                 panel.axhspan(limit.low / factor, limit.high / factor, color="#e8edf1", zorder=0)
                 panel.axhline(limit.middle / factor, color=SOFT, lw=0.8)
+            panel.ticklabel_format(axis="y", useOffset=False)
             panel.set_ylabel(f"{name}\n[{unit}]", fontsize=7)
         panels[-1].set_xticks(places)
         panels[-1].set_xlabel("recording, by time")
