@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import LogError, UsageError
+from twin.files import write_whole
 from twin.recording.column_names import is_clock, stated_time_unit, stated_unit
 from twin.recording.formats import TEXTS, NumberFile, OpenFiles
 from twin.recording.formats.find import COLUMNS
@@ -358,6 +359,12 @@ class AttitudeTable:
         rate = table.values(rated, "rad/s")
         _check_rate(table, turned, rate, rated.columns)
         return cls(table.time, turned, rate)
+
+    def save(self, path: Path) -> None:
+        """Write attitudes as a table that `read` takes, `time,w,x,y,z`."""
+        rows = np.column_stack([self.time, self.attitude]) + 0.0  # no -0
+        lines = [",".join(f"{value:.9g}" for value in row) for row in rows.tolist()]
+        write_whole(path, "\n".join(["time,w,x,y,z", *lines]) + "\n")
 
     def at(self, time: float | Array) -> tuple[Array, Array, Array]:
         """Attitude (..., 4), rate and acceleration (..., 3) [rad/s, rad/s^2, body] at times."""

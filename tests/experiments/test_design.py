@@ -10,13 +10,13 @@ from twin import TwinError, excite
 from twin.experiments.design import (
     MARGIN,
     Design,
-    SplineMotion,
     limits_used,
     linearised,
     multisine,
 )
 from twin.identification.prediction_error import fit
 from twin.platform import load_platform
+from twin.reference import Tabulated, parse_reference
 from twin.rotation import conjugate, multiply, to_rotation_vector
 
 NUMBERS = np.array([0.1, 0.2, 0.5, *np.log([0.02, 0.03, 0.04]), 0.1, 0.7, 2.0])
@@ -57,11 +57,10 @@ def test_the_proposed_motion_is_narrower_than_the_usual_one_and_keeps_its_margin
 
 def test_the_file_holds_the_motion_that_was_simulated(design: Design):
     assert design.file is not None
-    rows = np.loadtxt(design.file, delimiter=",", skiprows=1)
     assert Path(design.file).read_text(encoding="utf-8").startswith("time,w,x,y,z\n")
     motion = design.run.motion
-    assert isinstance(motion, SplineMotion)
-    read = SplineMotion(rows[:, 0], rows[:, 1:])
+    assert isinstance(motion, Tabulated)
+    read = parse_reference(str(design.file))
     for time in (5.05, 11.7):
         np.testing.assert_allclose(read.at(time).rate_body, motion.at(time).rate_body, atol=1e-6)
 

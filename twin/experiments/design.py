@@ -17,12 +17,10 @@ The forecast is then held against flights with other noise, each fitted anew.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import differential_evolution
 
@@ -35,9 +33,10 @@ from twin.effects import Effect, able, effect_named, with_effects
 from twin.effects.effect import targets
 from twin.errors import TwinError, UsageError
 from twin.experiments.isolation import EVIDENCE, planned_run
-from twin.files import check_writable, write_whole
+from twin.files import check_writable
 from twin.identification.prediction_error import fit
 from twin.identification.start import base_of, first_biases
+from twin.manoeuvre import AttitudeTable
 from twin.platform import Platform, in_gravity_of, load_platform
 from twin.predict.body import body_of
 from twin.predict.columns import amplitudes
@@ -45,10 +44,9 @@ from twin.predict.forces import predicted_machine
 from twin.predict.innovations import Innovations, Problem
 from twin.predict.logs import motion_of, usable
 from twin.recording import Recording
-from twin.reference import Reference
-from twin.rotation import conjugate, from_euler_zyx, multiply
+from twin.reference import Tabulated
+from twin.rotation import from_euler_zyx
 from twin.shown import Shown
-from twin.signals import Target
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -77,43 +75,7 @@ REFUSED = 1e3
 """Criterion of a trial that meets a limit, before its excess is added."""
 
 
-@dataclass(frozen=True)
-class SplineMotion(Reference):
-    """An attitude over time, its quaternion a cubic spline that is scaled to length 1.
-
-    It is at rest before its first row and after its last.
-    """
-
-    time: Array
-    """(m,) [s]."""
-    attitude: Array
-    """(m, 4), of continuous sign."""
-
-    @cached_property
-    def _spline(self) -> CubicSpline:
-        return CubicSpline(self.time, self.attitude, bc_type="clamped")
-
-    def at(self, time: float | Array) -> Target:
-        """Attitude, and rate and acceleration in body axes from the spline's derivatives."""
-        inside = np.clip(np.asarray(time, dtype=np.float64), self.time[0], self.time[-1])
-        moving = (np.asarray(time) < self.time[-1])[..., None]
-        q, q_1, q_2 = (np.asarray(self._spline(inside, nu)) for nu in range(3))
-        size = np.linalg.norm(q, axis=-1, keepdims=True)
-        unit = q / size
-        # of q / |q| only the part across q turns the body: w = 2 q^* dq/dt / |q|^2
-        rate = 2.0 * multiply(conjugate(unit), q_1 / size)[..., 1:]
-        along = np.sum(q * q_1, axis=-1, keepdims=True) / size**2
-        acceleration = 2.0 * multiply(conjugate(unit), q_2 / size)[..., 1:] - 2.0 * along * rate
-        return Target(unit, rate * moving, acceleration * moving)
-
-    def save(self, path: Path) -> None:
-        """Write it as a table, `time,w,x,y,z`."""
-        rows = np.column_stack([self.time, self.attitude]) + 0.0  # no -0
-        lines = [",".join(f"{value:.9g}" for value in row) for row in rows.tolist()]
-        write_whole(path, "\n".join(["time,w,x,y,z", *lines]) + "\n")
-
-
-def multisine(numbers: Array, duration: float) -> SplineMotion:
+def multisine(numbers: Array, duration: float) -> Tabulated:
     """A motion from rest to rest.
 
     Args:
@@ -129,7 +91,7 @@ def multisine(numbers: Array, duration: float) -> SplineMotion:
     shifts = phase[:, None] + np.pi * np.arange(3.0) ** 2 / 3.0
     angles = share[:, None] * amplitude * (np.sin(2.0 * np.pi * turns + shifts) @ WEIGHTS)
     roll, pitch, yaw = angles.T
-    return SplineMotion(time, _continuous(from_euler_zyx(yaw, pitch, roll)))
+    return Tabulated(AttitudeTable(time, _continuous(from_euler_zyx(yaw, pitch, roll))))
 
 
 def _smooth(share: Array) -> Array:
@@ -249,8 +211,8 @@ def excite(
     say(f"{flights} flights with noise")
     scatter, observed = study.verified(best, after, flights, say)
     if path is not None:
-        assert isinstance(best.motion, SplineMotion)
-        best.motion.save(path)
+        assert isinstance(best.motion, Tabulated)
+        best.motion.table.save(path)
         best = replace(best, reference=str(path))
     return Design(
         best,
@@ -333,12 +295,12 @@ class _Tracked:
             motion = multisine(smaller, self.duration)
         return replace(self.usual, reference="", motion=motion)
 
-    def _torque(self, motion: SplineMotion) -> float:
+    def _torque(self, motion: Tabulated) -> float:
         """Share of the wheels' torque that a motion takes; 0 of wheels in gimbals."""
         platform = self.platform
         if not platform.wheels or platform.gimbals:
             return 0.0
-        target = motion.at(motion.time)
+        target = motion.at(motion.table.time)
         rate, inertia = target.rate_body, platform.inertia
         torque = target.acceleration_body @ inertia + np.cross(rate, rate @ inertia)
         axes = np.stack([wheel.axis for wheel in platform.wheels])

@@ -11,11 +11,12 @@ from matplotlib.figure import Figure
 
 from twin.diagnosis.screen import TIED
 from twin.experiments.calibration import Calibration
-from twin.experiments.design import Design, SplineMotion
+from twin.experiments.design import Design
 from twin.experiments.isolation import Alternative, CauseIsolation, Isolation
 from twin.experiments.routine import FEWEST, UNITS, Trend, Trim
 from twin.experiments.tuning import Tuning
 from twin.interval import Interval
+from twin.reference import Tabulated
 from twin.report.style import (
     FIGURE,
     PALETTE,
@@ -335,13 +336,14 @@ def design_figure(result: Design) -> Figure:
     motion = result.run.motion
     with mpl.rc_context(FIGURE):
         figure = Figure(figsize=(9.6, 4.8))
-        if isinstance(motion, SplineMotion):
+        if isinstance(motion, Tabulated):
+            time = motion.table.time
             panels = figure.subplots(2, 1, sharex=True)
-            angles = np.degrees(to_euler_zyx(motion.attitude))[:, ::-1]
-            rates = np.degrees(motion.at(motion.time).rate_body)
+            angles = np.degrees(to_euler_zyx(motion.table.attitude))[:, ::-1]
+            rates = np.degrees(motion.at(time).rate_body)
             for k, (name, axis) in enumerate(zip(("roll", "pitch", "yaw"), "xyz", strict=True)):
-                panels[0].plot(motion.time, angles[:, k], color=PALETTE[k], label=name)
-                panels[1].plot(motion.time, rates[:, k], color=PALETTE[k], label=axis)
+                panels[0].plot(time, angles[:, k], color=PALETTE[k], label=name)
+                panels[1].plot(time, rates[:, k], color=PALETTE[k], label=axis)
             panels[0].set_ylabel("angle [deg]")
             panels[1].set_ylabel("rate [deg/s]")
             panels[1].set_xlabel("time [s]")
