@@ -7,7 +7,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.processes import PATIENCE
@@ -238,3 +240,21 @@ def test_nothing_that_moves_the_cursor_reaches_the_terminal_from_a_file(tmp_path
     assert cli.main(["show", "\x1b[2J.rrd"]) != 0
     both = told.out + told.err + "".join(capsys.readouterr())
     assert not any(ord(c) < 32 and c not in "\n\t" or 127 <= ord(c) < 160 for c in both)
+
+
+def test_positional_words_may_follow_options_that_take_one_value():
+    hints: dict[str, object] = {"platform": str | None, "json": bool, "attitude": tuple[float, ...]}
+    words = ["a.csv", "--platform", "sads", "--json", "out", "--attitude", "1", "2", "3"]
+    moved = ["a.csv", "out", "--platform", "sads", "--json", "--attitude", "1", "2", "3"]
+    assert cli.positional_first(words, hints) == moved
+    # what follows an option of many values, or one that is not known, is theirs
+    for option in ("--attitude", "--other"):
+        assert cli.positional_first([option, "1", "b"], hints) == [option, "1", "b"]
+
+
+def test_the_folder_of_an_imported_log_may_stand_last(tmp_path: Path):
+    rows = "\n".join(f"{0.01 * i:.2f},{np.sin(0.1 * i):.6f}" for i in range(200))
+    (tmp_path / "swing.csv").write_text(f"t,angle\n{rows}\n")
+    words = [str(tmp_path / "swing.csv"), "--platform", "dfki_pendulum", str(tmp_path / "log")]
+    assert cli.main(["import", *words]) == 0
+    assert (tmp_path / "log" / "log.toml").is_file()

@@ -9,8 +9,11 @@ import importlib
 import math
 import os
 import sys
-from collections.abc import Sequence
-from typing import Any, Protocol
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import UnionType
+from typing import Any, Protocol, Union, get_args, get_origin, get_type_hints
 
 from twin import stop
 from twin.errors import TwinError, UnknownName, UsageError
@@ -180,6 +183,7 @@ def _run(name: str, words: list[str]) -> int:
     begin_output()
     module, class_name, _ = VERBS[name]
     arguments: type[Verb] = getattr(importlib.import_module(module), class_name)
+    words = positional_first(words, get_type_hints(arguments))
     try:
         verb = tyro.cli(
             arguments,
@@ -194,6 +198,37 @@ def _run(name: str, words: list[str]) -> int:
     stop.check()
     with plain_streams():
         return verb.run()
+
+
+def positional_first(words: Sequence[str], hints: Mapping[str, Any]) -> list[str]:
+    """The same command line with its positional words in front: `FILE --platform P OUT` too.
+
+    Only words behind options whose values are counted are moved: flags, which have none, and
+    texts, numbers and paths, which have one. From any other option on, all stays as it is.
+
+    Args:
+        words: behind the verb.
+        hints: types of the verb's arguments, by name.
+    """
+    first, options = list[str](), list[str]()
+    queue = deque(words)
+    while queue:
+        word = queue.popleft()
+        if not word.startswith("-") or word == "-":
+            first.append(word)
+            continue
+        name, stated, _ = word.partition("=")
+        hint = hints.get(name.lstrip("-").replace("-", "_"))
+        either = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+        kinds = [kind for kind in either if kind is not type(None)]
+        if stated or kinds == [bool]:
+            options.append(word)
+        elif len(kinds) == 1 and kinds[0] in (str, int, float, Path) and queue:
+            options += [word, queue.popleft()]
+        else:
+            options += [word, *queue]
+            break
+    return [*first, *options]
 
 
 def _nothing_kept() -> str:
