@@ -55,6 +55,8 @@ COMMON = 0.5
 TOGETHER = 0.8
 """Correlation, turned as they correlate best, below which gyro and attitude show two motions: of
 two that last a minute and are slow, chance makes more than half."""
+FEW = 12
+"""Rows of the shorter stretches, at least."""
 LEAST = 0.5
 """Share of a stream's power that is taken for motion at least, to be compared beneath the noise."""
 BIASED = 0.05
@@ -176,7 +178,8 @@ class Turning:
         axes, best = signed_permutations(3), None
         for block in BLOCKS:
             rates = [_summed(rate, block) for rate in turned]
-            if len(rates[0]) < FEWEST:
+            # of a log of seconds, whose streams differ in bandwidth, fewer rows show one motion
+            if len(rates[0]) < (FEW if block == BLOCKS[1] else FEWEST):
                 break
             still = MOVING * rates[0].size * block
             for lag in lags:
