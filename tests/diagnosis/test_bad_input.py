@@ -120,7 +120,7 @@ def test_a_second_of_motion_is_no_ground_for_naming_causes(log, said):
     code, text = said(log)
     assert code == 2
     assert "too short" in text
-    assert "record some ten seconds or more" in text
+    assert "record 1200 or more: 2 s at these rates" in text
 
 
 def test_a_sensor_that_was_off_is_no_machine_at_rest(log, said):

@@ -36,7 +36,11 @@ def test_a_coil_of_another_gain_turns_the_table_as_another_command(agrees):
 
 @pytest.mark.parametrize("name", ["whorl1", "astros:mode_c"])
 def test_an_askew_thruster_gives_the_torque_of_its_turned_force(name, agrees):
-    machine = replace(load_platform(name), center_of_mass_offset=np.zeros(3))
+    machine = load_platform(name)
+    assert machine.gas is not None
+    # gas that leaves a tank would move the CM meanwhile
+    weightless = replace(machine.gas, tanks=())
+    machine = replace(machine, center_of_mass_offset=np.zeros(3), gas=weightless)
     thruster = machine.thrusters[0]
     forces = np.diag([0.1 * one.force_limit for one in machine.thrusters])
     arms = np.array([np.cross(one.point, one.direction) for one in machine.thrusters])

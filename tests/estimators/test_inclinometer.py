@@ -75,7 +75,7 @@ def test_machine_without_an_inclinometer_is_told_what_would_do(machine):
         load_estimator("inclinometer").init(blind, 1)
 
 
-@pytest.mark.parametrize("name", ["filter", "offset", "vertical_offset"])
+@pytest.mark.parametrize("name", ["filter", "vertical_offset"])
 def test_machine_without_attitude_is_told_of_an_estimator_that_becomes_valid(machine, name):
     sensors = {stream: sensor for stream, sensor in machine.sensors.items() if stream != "attitude"}
     tilted = dataclasses.replace(machine, sensors=sensors)
