@@ -32,7 +32,7 @@ from twin.report.style import (
 from twin.rotation import to_euler_zyx
 from twin.units import fitting, listed, printed, three_digits
 
-MOST_PAIRS = 12
+MOST_PAIRS = 4
 """Tied pairs that the text lists."""
 ROUGH = 1.5
 """Misfit above which a free float shows more than what its fit has."""
@@ -216,7 +216,7 @@ def isolation_parts(result: Isolation) -> list[Part]:
     if hidden:
         rest.append(f"Not detectable at any size: {', '.join(_grouped(hidden))}.")
     return [
-        *opened(f"What this experiment could tell of {run.platform.name}", under, answer, rest),
+        *opened(f"What this experiment detects on {run.platform.name}", under, answer, rest),
         "<h2>Which causes it confuses</h2>",
         Drawing(
             "isolation",
@@ -247,7 +247,7 @@ def isolation_parts(result: Isolation) -> list[Part]:
 
 def isolation_page(result: Isolation) -> str:
     """The page as text."""
-    title = f"What an experiment could tell of {result.run.platform.name}"
+    title = f"What an experiment detects on {result.run.platform.name}"
     return page(title, rendered([*isolation_parts(result), foot([], [result.run.platform])]))
 
 
