@@ -27,7 +27,7 @@ def _show(result: "Shown", *, json: bool, html: Path | None) -> None:
 
 @dataclass(frozen=True)
 class Isolate:
-    """What a planned experiment could detect, and which causes it could not tell apart.
+    """Which causes a planned experiment detects, and which of them it confuses.
 
     The run is simulated with the machine's sensors as stated; J, m r, the sensors' constant errors
     and the initial states stay free, as in `twin diagnose`. Sizes are those of the linearised model
@@ -97,7 +97,7 @@ class Excite:
         "inertia"
     )
     """What the experiment is for: J; the size of an effect (`twin effects`), as in
-    `wheel_friction:w1`; or to tell two effects apart."""
+    `wheel_friction:w1`; or to distinguish two effects."""
     duration: Annotated[float, _arg("SECONDS")] = 60.0
     """Of the experiment."""
     evaluations: Annotated[int, _arg("N")] = 90

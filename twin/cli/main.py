@@ -36,7 +36,7 @@ VERBS: dict[str, tuple[str, str, str]] = {
     "isolate": (
         "twin.cli.experiments",
         "Isolate",
-        "what a planned experiment could detect and tell apart",
+        "which causes a planned run detects and distinguishes",
     ),
     "excite": (
         "twin.cli.experiments",

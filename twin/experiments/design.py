@@ -173,7 +173,7 @@ def excite(
     Args:
         platform: the machine.
         wanted: `inertia`, an effect of the catalogue (`NAME[:TARGET]`), or two of them with a comma
-            between, which the experiment is to tell apart.
+            between, which the experiment is to distinguish.
         duration: [s].
         evaluations: simulated trials.
         flights: with other noise, which the forecast is held against; 0: none.

@@ -121,7 +121,7 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Isolation(Shown):
-    """What a planned experiment could detect, and tell apart."""
+    """Which causes a planned experiment detects and distinguishes."""
 
     run: SimulatedRun
     streams: tuple[str, ...]
@@ -158,7 +158,7 @@ def isolate(
     seed: int = 0,
     say: Say = lambda _: None,
 ) -> Isolation:
-    """What a planned experiment could detect, and which causes it could not tell apart.
+    """Which causes a planned experiment detects, and which of them it confuses.
 
     Args:
         platform: the machine.

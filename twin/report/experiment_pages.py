@@ -222,7 +222,7 @@ def isolation_parts(result: Isolation) -> list[Part]:
             "isolation",
             isolation_figure(result),
             "Evidence by which a cause (column) in place of the true one (row) is behind. Dark: "
-            "the experiment cannot tell them apart.",
+            "the experiment does not distinguish them.",
         ),
         "<h2>Detectable sizes</h2>",
         PageTable(
