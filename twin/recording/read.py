@@ -138,7 +138,9 @@ def _read_mended(path: Path, note: str) -> Recording | Refusal:
                 "copy it again from where it was written",
             )
         # Rerun raises for a file without a single recording, or without a column, in it
-        return _read_apart(copy, path.name, "", note) or NOTHING
+        mended = _read_apart(copy, path.name, "", note)
+        # a recording that was cut before its first rows is empty, and one all the same
+        return NOTHING if mended is None else mended
 
 
 def _read_apart(path: Path, name: str, chosen: str, note: str = "") -> Recording | Refusal | None:
