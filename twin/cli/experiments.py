@@ -1,9 +1,10 @@
 """The verbs of experiments and routine procedures: `twin isolate` and others."""
 
 import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import tyro
 
@@ -15,14 +16,36 @@ def _arg(metavar: str) -> object:
     return tyro.conf.arg(metavar=metavar)
 
 
-def _show(result: "Shown", *, json: bool, html: Path | None) -> None:
-    """Print a result, and write its page."""
-    from twin.cli.output import print_json
+R = TypeVar("R", bound="Shown")
 
+
+def _shown(
+    make: "Callable[[Callable[[str], None]], R]",
+    *,
+    json: bool,
+    html: Path | None = None,
+    read: Sequence[Path] = (),
+) -> R:
+    """Make a result under a line of progress, print it, and write its page.
+
+    Args:
+        make: what makes it, given what receives the name of each step.
+        json: print its document instead of its text.
+        html: the page; None for none.
+        read: files that the page may not be written over.
+    """
+    from twin.cli.output import print_json, progress
+    from twin.files import check_writable
+
+    if html is not None:
+        check_writable(html, ".html", read=read)
+    with progress() as say:
+        result = make(say)
     print_json(result.document()) if json else print(result)
     if html is not None:
         result.save(html)
         print(f"wrote {html}", file=sys.stderr if json else sys.stdout)
+    return result
 
 
 @dataclass(frozen=True)
@@ -58,13 +81,9 @@ class Isolate:
     def run(self) -> int:
         """Simulate, weigh, print."""
         from twin import isolate
-        from twin.cli.output import progress
-        from twin.files import check_writable
 
-        if self.html is not None:
-            check_writable(self.html, ".html")
-        with progress() as say:
-            result = isolate(
+        _shown(
+            lambda say: isolate(
                 self.platform,
                 reference=self.reference,
                 controller=self.controller,
@@ -74,8 +93,10 @@ class Isolate:
                 advise=not self.brief,
                 seed=self.seed,
                 say=say,
-            )
-        _show(result, json=self.json, html=self.html)
+            ),
+            json=self.json,
+            html=self.html,
+        )
         return 0
 
 
@@ -114,13 +135,9 @@ class Excite:
     def run(self) -> int:
         """Search, check, write, print."""
         from twin import excite
-        from twin.cli.output import progress
-        from twin.files import check_writable
 
-        if self.html is not None:
-            check_writable(self.html, ".html")
-        with progress() as say:
-            result = excite(
+        _shown(
+            lambda say: excite(
                 self.platform,
                 self.wanted,
                 duration=self.duration,
@@ -129,8 +146,10 @@ class Excite:
                 out=self.out,
                 seed=self.seed,
                 say=say,
-            )
-        _show(result, json=self.json, html=self.html)
+            ),
+            json=self.json,
+            html=self.html,
+        )
         return 0
 
 
@@ -157,14 +176,13 @@ class Verify:
     def run(self) -> int:
         """Fit, compare, print."""
         from twin import verify
-        from twin.cli.output import progress
-        from twin.files import check_writable
 
-        if self.html is not None:
-            check_writable(self.html, ".html", read=self.recordings)
-        with progress() as say:
-            result = verify(self.platform, self.recordings, seed=self.seed, say=say)
-        _show(result, json=self.json, html=self.html)
+        result = _shown(
+            lambda say: verify(self.platform, self.recordings, seed=self.seed, say=say),
+            json=self.json,
+            html=self.html,
+            read=self.recordings,
+        )
         return 1 if result.departures else 0
 
 
@@ -188,14 +206,10 @@ class History:
     def run(self) -> int:
         """Fit, print."""
         from twin import history
-        from twin.cli.output import progress
-        from twin.files import check_writable
 
-        if self.html is not None:
-            check_writable(self.html, ".html")
-        with progress() as say:
-            result = history(self.folder, self.platform, say=say)
-        _show(result, json=self.json, html=self.html)
+        _shown(
+            lambda say: history(self.folder, self.platform, say=say), json=self.json, html=self.html
+        )
         return 0
 
 
@@ -217,17 +231,17 @@ class TrimVerb:
     def run(self) -> int:
         """Solve, print."""
         from twin import trim
-        from twin.cli.output import progress
 
-        with progress() as say:
-            result = trim(
+        _shown(
+            lambda say: trim(
                 self.platform,
                 recording=self.recording,
                 add=self.add,
                 below=1e-6 * self.below,
                 say=say,
-            )
-        _show(result, json=self.json, html=None)
+            ),
+            json=self.json,
+        )
         return 0
 
 
@@ -258,7 +272,6 @@ class Calibrate:
     def run(self) -> int:
         """Fit, write, print."""
         from twin import calibrate
-        from twin.cli.output import progress
         from twin.errors import UsageError
         from twin.files import check_writable
 
@@ -271,15 +284,17 @@ class Calibrate:
             value = getattr(self, name)
             if value is not None and value <= 0.0:
                 raise UsageError(f"--{name} is {value:g}; give a number above 0")
-        with progress() as say:
-            result = calibrate(
+        result = _shown(
+            lambda say: calibrate(
                 self.sensor,
                 self.logs,
                 gravity=self.gravity,
                 field=None if self.field is None else 1e-6 * self.field,
                 say=say,
-            )
-        _show(result, json=self.json, html=self.html)
+            ),
+            json=self.json,
+            html=self.html,
+        )
         if self.out is not None:
             result.write(self.out)
             print(f"wrote {self.out}", file=sys.stderr if self.json else sys.stdout)
@@ -323,13 +338,9 @@ class Tune:
     def run(self) -> int:
         """Search, judge, print."""
         from twin import tune
-        from twin.cli.output import progress
-        from twin.files import check_writable
 
-        if self.html is not None:
-            check_writable(self.html, ".html")
-        with progress() as say:
-            result = tune(
+        _shown(
+            lambda say: tune(
                 self.law,
                 self.on,
                 spec=self.spec,
@@ -341,6 +352,8 @@ class Tune:
                 duration=self.duration,
                 seed=self.seed,
                 say=say,
-            )
-        _show(result, json=self.json, html=self.html)
+            ),
+            json=self.json,
+            html=self.html,
+        )
         return 0

@@ -34,7 +34,7 @@ from twin.effects.effect import targets
 from twin.errors import TwinError, UsageError
 from twin.experiments.isolation import EVIDENCE, planned_run
 from twin.files import check_writable
-from twin.identification.prediction_error import fit
+from twin.identification.prediction_error import NORMAL, fit
 from twin.identification.start import base_of, first_biases
 from twin.manoeuvre import AttitudeTable
 from twin.platform import Platform, in_gravity_of, load_platform
@@ -68,7 +68,6 @@ SMOOTHED = 1.0
 """Over which commands are averaged before they are held against their limits [s]."""
 STARTS = np.radians(5.0)
 """Largest rate that a machine is let go with [rad/s]."""
-NORMAL = 1.96
 SMALLER = 4
 """Times that a trial is made smaller, at most."""
 REFUSED = 1e3

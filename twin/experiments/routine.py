@@ -23,6 +23,7 @@ from twin.diagnosis.experiment import SimulatedRun
 from twin.diagnosis.explanation import explain
 from twin.effects import effect_named
 from twin.errors import TwinError, UsageError
+from twin.identification.prediction_error import NORMAL
 from twin.identification.start import base_of
 from twin.interval import Interval
 from twin.platform import Platform, in_gravity_of, load_platform, platform_of
@@ -39,7 +40,6 @@ LIMIT = 3.0
 """Standard deviations of a new recording beyond which a number is out of control."""
 FEWEST = 2
 """Earlier recordings that a control limit needs."""
-NORMAL = 1.96
 FLOAT = 90.0
 """Of a simulated free float [s]."""
 TILT, TURN = 1.0, 0.3

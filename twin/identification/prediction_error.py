@@ -208,13 +208,19 @@ def _iterate(
 
 
 def _log(number: int, seconds: float, first: float, size: float) -> None:
-    """How far a fit is: the next step is so many standard deviations long. What is left is foretold
-    as if steps shrank on as they did so far; those near the optimum shrink faster."""
-    left = ""
+    """Log a step's number and the time that remains, extrapolated from how steps have shrunk.
+
+    Args:
+        number: of steps that were taken.
+        seconds: that they took.
+        first: size of the first step, in standard deviations.
+        size: of the next one; near the optimum steps shrink faster than extrapolated.
+    """
+    remaining = ""
     if number > 1 and CONVERGED < size < first:
         steps = number * np.log(size / CONVERGED) / np.log(first / size)
-        left = f", about {span(seconds / number * min(steps, ITERATIONS - number))} of it left"
-    _LOGGER.info("step %d%s", number + 1, left)
+        remaining = f", about {span(seconds / number * min(steps, ITERATIONS - number))} of it left"
+    _LOGGER.info("step %d%s", number + 1, remaining)
 
 
 def _size(innovations: Innovations) -> float:
