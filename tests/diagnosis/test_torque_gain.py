@@ -70,3 +70,15 @@ def test_time_that_took_no_part_need_not_speak_for_a_torque_gain(pendulum, log, 
 def test_a_healthy_pendulum_stays_healthy_with_a_base_that_is_known(pendulum):
     found = diagnose([moved(pendulum, (), LENGTH, seed=4)], pendulum)
     assert found.verdict == "healthy"
+
+
+def test_a_late_torque_is_named_and_sized(drawn_seed):
+    stated = load_platform("dfki_pendulum")
+    rng = np.random.default_rng(drawn_seed)
+    late = replace(effect_named("joint_torque_delay").typical(), delay=rng.uniform(0.005, 0.04))
+    print(late.words())
+    found = diagnose([moved(stated, (late,), LENGTH, seed=drawn_seed)], stated)
+    (cause,) = found.causes
+    assert cause.effect.label == late.label
+    assert found.verdict == "explained"
+    assert abs(cause.effect.values[0] - late.delay) < 2.0 * float(cause.half_widths[0]) < 0.004

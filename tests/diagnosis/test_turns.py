@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.diagnosis.explanation import TURNED, starts
+from twin.diagnosis.starts import TURNED, starts
 from twin.effects import effect_named, parse_effects
 from twin.platform import load_platform
 

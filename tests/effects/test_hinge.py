@@ -33,6 +33,24 @@ def test_energy_of_a_pendulum_grows_by_the_part_of_the_work_that_arrives(agrees)
     agrees("joint_torque_gain: energy of a pendulum beside the motor's work", error, 7e-10)
 
 
+def test_a_late_torque_turns_a_weightless_pendulum_as_much_later(agrees):
+    stated = undisturbed(load_platform("dfki_pendulum"))
+    platform = replace(stated, gravity=0.0)
+    delay, torque = 0.0237, 0.4
+    machine = with_effects(platform, parse_effects(f"joint_torque_delay={delay}"))
+    plant = SimulatedPlant(machine)
+    ticks = round(2.0 / platform.tick)
+    for k in range(ticks):
+        plant.read(k * platform.tick)
+        # an impulse of half a second
+        plant.write({"command_joint_torque": np.array([[torque * (k < ticks // 4)]])})
+    plant.read(2.0)
+    spin = 0.5 * torque / platform.inertia[1, 1]
+    angle = plant.truth()["truth_joint_angle"].value[0, 0, 0]
+    off = angle / (spin * (1.75 - delay)) - 1.0
+    agrees("joint_torque_delay: angle after an impulse, without weight", abs(off), 1e-9)
+
+
 def test_an_encoder_shows_waves_around_the_turn_and_its_rate_is_that_of_what_it_shows(agrees):
     platform = undisturbed(load_platform("dfki_pendulum"))
     sensors = {name: replace(sensor, rate=400.0) for name, sensor in platform.sensors.items()}

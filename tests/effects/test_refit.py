@@ -41,6 +41,7 @@ HIDDEN = {
     "gimbal_center_of_mass_offset:g1": "tas2",
     "magnetorquer_gain": "cubesat",
     "joint_torque_gain": "dfki_pendulum",
+    "joint_torque_delay": "dfki_pendulum",
     "encoder_error": "dfki_pendulum",
     "thruster_misalignment": "whorl1",
     "gas_consumption": "astros",

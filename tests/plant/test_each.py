@@ -12,7 +12,8 @@ from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
 
 STREAMS = {"sensor_lag": "gyro", "clock_lag": "gyro", "clock_drift": "gyro"}
-ALIKE = {"sensor_lag", "clock_lag", "clock_drift", "thruster_delay", "thruster_misalignment"}
+LATE = {"sensor_lag", "clock_lag", "clock_drift", "thruster_delay", "joint_torque_delay"}
+ALIKE = {*LATE, "thruster_misalignment"}
 """Effects whose values are those of all runs."""
 MACHINES = ("sads", "cubesat", "tas2", "astros", "dfki_pendulum", "kentucky_planar")
 

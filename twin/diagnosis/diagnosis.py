@@ -290,15 +290,20 @@ def _reasoned(
         segments = baseline_of(logs, machine, follows=False, base=baseline.base)
         by_segments = engine.explained(segments)
         whole = engine.onward(baseline, by_segments)
-        if whole is not None and whole.residual_test.chance > UNEXPLAINED:
+        in_part = _in_part(segments, by_segments.explanation)
+        if (
+            whole is not None
+            and whole.residual_test.chance > UNEXPLAINED
+            and ordinary(whole.explanation.noise)
+        ):
             state = whole
-        elif by_segments.explanation.effects and not by_segments.residual_test.doubtful:
+        elif (by_segments.explanation.effects and not by_segments.residual_test.doubtful) or (
+            state is None and in_part
+        ):
             baseline, state = segments, by_segments
         else:
             state = state or engine.explained(baseline)
-            lasting = not ordinary(state.explanation.noise) and _in_part(
-                segments, by_segments.explanation
-            )
+            lasting = not ordinary(state.explanation.noise) and in_part
             if state.residual_test.chi2 > ROUGH or lasting:
                 baseline, state = segments, by_segments
     return _Reasoned(baseline, candidates, state, held_out(state.explanation))

@@ -26,8 +26,6 @@ from twin.diagnosis.explanation import (
     astray,
     distance,
     explain,
-    fitted,
-    followed,
 )
 from twin.diagnosis.laws import Law, laws_of, unlikely
 from twin.diagnosis.residual_test import (
@@ -37,6 +35,7 @@ from twin.diagnosis.residual_test import (
     slow_line_of,
 )
 from twin.diagnosis.screen import TIED, LinearScreen, Search, without
+from twin.diagnosis.starts import fitted, followed
 from twin.effects import Effect, VibrationEffect, able, with_effects
 from twin.errors import TwinError
 from twin.identification.prediction_error import NORMAL, WORTHWHILE
@@ -238,8 +237,8 @@ class Engine:
         return self._finished(self._verified(beam[0]))
 
     def onward(self, baseline: Explanation, segments: SearchState) -> SearchState | None:
-        """Search on from the causes of independent segments, along one continuous motion; None
-        where that fit does not converge."""
+        """Search on from the causes of independent segments, along one continuous motion, with
+        noise processes where that leaves more than noise; None where no such fit converges."""
         if not segments.explanation.effects:
             return None
         try:
@@ -254,8 +253,11 @@ class Engine:
         if not explanation.converged:
             return None
         self._begin(baseline)
-        state = self._state_of(explanation, segments.candidates)
-        return self._finished(self._verified(self._grown([state])[0]))
+        states = self._grown([self._state_of(explanation, segments.candidates)])
+        if not states[0].settled:
+            noisy = states[0].explanation.wandering()
+            states = self._best([*states, *self._grown([self._state_of(noisy)])])
+        return self._finished(self._verified(states[0]))
 
     def _begin(self, baseline: Explanation) -> None:
         self._seen.clear()

@@ -5,8 +5,7 @@ longer move. Before that it finds which numbers of each effect the logs determin
 at their starting values.
 """
 
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate, compress, pairwise
@@ -19,10 +18,8 @@ from twin.diagnosis.candidates import Candidate, decades, looked_for, usual
 from twin.diagnosis.laws import Law, laws_of, unlikely
 from twin.diagnosis.screen import KNOWN, SLIGHT, LinearScreen, Trace
 from twin.effects import Effect
-from twin.errors import TwinError
 from twin.identification.noise_processes import likely_noise
 from twin.identification.prediction_error import Fit, fit, fit_disturbed
-from twin.platform import Platform
 from twin.predict.added import Formed, formed, with_formed
 from twin.predict.base import BaseParameters
 from twin.predict.body import Body, Exact
@@ -62,12 +59,8 @@ at which they end."""
 NEAR = 0.1
 """Change of the cost a sample up to which columns of other candidates are kept: the path moves by
 a third of the noise at most."""
-TURNED = 0.5
-"""Turn [rad] above which a linear column is no start for a fit, and all axes are tried."""
 ASTRAY = 0.1
 """A fit diverges if it is less likely by more than this a sample than the one it starts from."""
-ELSEWHERE = 1.0
-"""Difference of -2 log L above which a fit from another start is another minimum."""
 CROWD = 3
 """Kinds of causes in one diagnosis, at most. A cause that the catalogue lacks is reproduced by
 more: six explained an inclinometer's misalignment that was removed from it."""
@@ -352,12 +345,15 @@ class Explanation:
         strengths = self.covariance[-layout.count :, -layout.count :]
         return tuple(strengths[own, own] for own in layout.of_free)
 
-    def instead(self, effects: Sequence[Effect], laws: Sequence[Law] = ()) -> "Explanation":
-        """Fit other effects and laws, starting here."""
+    def instead(
+        self, effects: Sequence[Effect], laws: Sequence[Law] = (), *, stated: bool = False
+    ) -> "Explanation":
+        """Fit other effects and laws, starting here, or here with the base as stated."""
         # a white torque only serves to start a fit
         noise = EXACT if self.noise.white > 0.0 else self.noise
+        start = self._stated if stated else self.at
         explanation = explain(
-            self.following, self.base, effects, self.at, laws, follows=self.follows, noise=noise
+            self.following, self.base, effects, start, laws, follows=self.follows, noise=noise
         )
         if noise.any:
             explanation = explanation.wandering()
@@ -367,6 +363,15 @@ class Explanation:
         if follow and abs(self.cost - explanation.cost) < NEAR * self.samples:
             explanation._formed.update(self._formed)
         return explanation
+
+    def as_stated(self, effects: Sequence[Effect], laws: Sequence[Law] = ()) -> Innovations:
+        """The prediction from which a fit with the base as stated starts."""
+        posed = _posed(self.following, self.base, effects, laws, self._stated)
+        return posed.problem.innovations(posed.start)
+
+    @property
+    def _stated(self) -> Unknowns:
+        return replace(self.at, theta=self.base.as_stated)
 
     @property
     def noise(self) -> NoiseProcess:
@@ -678,9 +683,48 @@ def _fitted(
     before: Explanation | None = None,
 ) -> Explanation:
     """A fit with columns of effects at their current values; `before` is the fit that led there."""
+    posed = _posed(bodies, base, effects, laws, start, before)
+    if follows:
+        result = fit(posed.problem, posed.start, noise)
+        now, converged = result.innovations, result.converged
+    else:
+        now, converged = fit_independent_segments(posed.problem, posed.start), True
+    sizes = [strengths_of(effect) for effect in effects]
+    masks = [*unseen(effects, posed.free, posed.most), *posed.free]
+    parts = [*posed.layout.of_hidden, *posed.layout.of_free]
+    for size, places, part in zip([*sizes, *sizes], masks, parts, strict=True):
+        size[places] = now.at.strengths[part]
+    moved = tuple(map(with_strengths, effects, sizes))
+    return Explanation(
+        tuple(bodies), base, moved, posed.free, laws, posed.problem, now, converged, posed.most
+    )
+
+
+@dataclass(frozen=True)
+class _Posed:
+    """A problem with columns of effects at their current values, and where its fit begins."""
+
+    problem: Problem
+    start: Unknowns
+    layout: StrengthLayout
+    free: tuple[NDArray[np.bool_], ...]
+    """(p,) of each effect, which components are fitted."""
+    most: tuple[float, ...]
+    """Of each effect, 1 sigma about 0 of its undetermined amplitudes."""
+
+
+def _posed(
+    bodies: Sequence[Body],
+    base: BaseParameters,
+    effects: Sequence[Effect],
+    laws: Sequence[Law],
+    start: Unknowns,
+    before: Explanation | None = None,
+) -> _Posed:
+    """The problem of a fit; `before` is the fit that led there."""
     platform = bodies[0].machine.platform
     every = [slopes_of(effect, platform) for effect in effects]
-    free = before.free if before else determined(bodies, base, effects, every, start)
+    free = before.free if before else determined(bodies, base, tuple(effects), every, start)
     every = [held(effect, parts) for effect, parts in zip(effects, every, strict=True)]
     # undetermined amplitudes have a prior of the size of the largest determined one
     most = before.most if before else tuple(map(largest, effects, free))
@@ -694,87 +738,16 @@ def _fitted(
     own = [part for parts, ones in zip(every, free, strict=True) for part in compress(parts, ones)]
     problem = Problem(bodies, base, [*rests, *blurred, *own, *(law.perturbation for law in laws)])
     sizes = [strengths_of(effect) for effect in effects]
-    masks = [*hidden, *free]
-    first = [size[places] for size, places in zip([*sizes, *sizes], masks, strict=True)]
+    first = [size[places] for size, places in zip([*sizes, *sizes], [*hidden, *free], strict=True)]
     # where columns are only formed again, other strengths are kept
     stays = before.at.strengths if before else np.zeros(len(problem.perturbations))
     layout = StrengthLayout(len(rests), _counts(hidden), _counts(free), len(laws))
     strengths = np.concatenate([stays[: layout.rests], *first, stays[layout.of_laws]])
-    at = replace(start, strengths=strengths)
-    if follows:
-        result = fit(problem, at, noise)
-        now, converged = result.innovations, result.converged
-    else:
-        now, converged = fit_independent_segments(problem, at), True
-    parts = [*layout.of_hidden, *layout.of_free]
-    for size, places, part in zip([*sizes, *sizes], masks, parts, strict=True):
-        size[places] = now.at.strengths[part]
-    moved = tuple(map(with_strengths, effects, sizes))
-    return Explanation(tuple(bodies), base, moved, free, laws, problem, now, converged, most)
+    return _Posed(problem, replace(start, strengths=strengths), layout, free, most)
 
 
 def _counts(masks: Sequence[NDArray[np.bool_]]) -> tuple[int, ...]:
     return tuple(int(mask.sum()) for mask in masks)
-
-
-def starts(
-    effects: Sequence[Effect], fitted: Collection[Effect], platform: Platform
-) -> Iterator[tuple[Effect, ...]]:
-    """Starts of a fit: the effects as given, then with each large turn about each axis in turn.
-
-    Args:
-        effects: at their starting values.
-        fitted: those of them that are fitted already.
-        platform: the machine.
-    """
-    yield tuple(effects)
-    for index, guess in enumerate(effects):
-        turn = _turn_of(guess)
-        size = float(np.linalg.norm(guess.values[turn]))
-        if size < TURNED or guess in fitted:
-            continue
-        low, high = guess.bounds()
-        for axis in np.concatenate([np.eye(3), -np.eye(3)]):
-            values = guess.values.copy()
-            values[turn] = np.clip(size * axis, low[turn], high[turn])
-            # a turn about the part's own axis does nothing
-            other = guess.with_values(values).least(platform)
-            if np.linalg.norm(other.values[turn]) > 0.5 * size:
-                yield (*effects[:index], other, *effects[index + 1 :])
-
-
-def _turn_of(effect: Effect) -> NDArray[np.bool_]:
-    """(p,) which components are a vector of angles."""
-    known = effect.parameters()
-    return np.concatenate(
-        [
-            np.full(item.size, item.unit == "rad" and item.size == 3 and item.amplitude)
-            for item in known
-        ]
-    )
-
-
-def fitted(
-    explanation: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
-) -> Explanation | None:
-    """Fit other effects and laws from several starts; None where the machine cannot have them."""
-    best: Explanation | None = None
-    for start in starts(effects, explanation.effects, explanation.bodies[0].machine.platform):
-        with suppress(TwinError):
-            result = explanation.instead(start, laws)
-            best = result if best is None or result.cost < best.cost - ELSEWHERE else best
-        # of a large set, one start is enough
-        if best is not None and len(effects) > CROWD:
-            break
-    return best
-
-
-def followed(
-    explanation: Explanation, effects: Sequence[Effect], laws: Sequence[Law] = ()
-) -> Explanation | None:
-    """The same; None also where the fit diverges."""
-    result = fitted(explanation, effects, laws)
-    return None if result is None or astray(explanation, result) else result
 
 
 def astray(explanation: Explanation, tried: Explanation) -> bool:

@@ -117,6 +117,38 @@ class JointTorqueGain(ScaleEffect):
 
 
 @dataclass(frozen=True)
+class JointTorqueDelay(SeriesEffect):
+    """A hinge's torque commanded, or read, at t acts at t + tau.
+
+    A drive answers a cycle or two of its bus after the command, and its current, from which a
+    torque is read, leads the torque behind a gear that has play. Angle and rate are late together
+    against such a torque, which no clock of a sensor explains.
+    """
+
+    name = "joint_torque_delay"
+    domain = Domain.actuator
+    observable = "angle and rate follow the torque later than the model says"
+    streams = ("joint_angle", "command_joint_torque")
+    order = Order.delay
+    acts_on = "command_joint_torque"
+
+    delay: float = parameter(
+        "from the command to the torque",
+        "s",
+        0.02,
+        source="ASSUMED: two cycles of a loop at 100 Hz",
+        low=-0.5,
+        high=0.5,
+    )
+
+    def apply(self, samples: Samples, platform: Platform) -> Samples:
+        return with_time(samples, samples.time + self.delay)
+
+    def undo(self, samples: Samples, platform: Platform) -> Samples:
+        return with_time(samples, samples.time - self.delay)
+
+
+@dataclass(frozen=True)
 class GimbalBacklash(SeriesEffect):
     """The gimbal follows its gear within a play of the given full width, from its middle.
 

@@ -243,24 +243,25 @@ def _edited_thrusters(machine: Machine) -> list[Thruster]:
     return edited
 
 
-class Valves:
-    """Forces of thrusters in n runs, each a delay after its command."""
+class LateCommands:
+    """Forces of k actuators in n runs, each a delay after its command."""
 
-    def __init__(self, n: int, delay: Array) -> None:
-        """All shut.
+    def __init__(self, n: int, delay: Array, acts: str) -> None:
+        """All zero.
 
         Args:
             n: runs.
-            delay: (thrusters,) of the valves [s].
+            delay: (k,) of the actuators [s].
+            acts: the subject and verb of a message, as "thrusters would push".
         """
-        self._delay = delay
+        self._delay, self._acts = delay, acts
         self._commands = [(-np.inf, np.zeros((n, len(delay))), delay)]
         self.late = bool(delay.any())
         """Whether a force may come after its command."""
 
     @property
     def force(self) -> Array:
-        """(n, thrusters) as last commanded [N]."""
+        """(n, k) as last commanded."""
         return self._commands[-1][1]
 
     def command(self, time: float, force: Array, late: float = 0.0) -> None:
@@ -268,8 +269,8 @@ class Valves:
 
         Args:
             time: of the command, not before that of the last one [s].
-            force: (n, thrusters) [N].
-            late: delay beyond the valves' own [s].
+            force: (n, k).
+            late: delay beyond the actuators' own [s].
 
         Raises:
             EffectError: a force would come before its command.
@@ -277,8 +278,8 @@ class Valves:
         delay = self._delay + late
         if np.any(delay < 0.0):
             raise EffectError(
-                f"thrusters would push {-delay.min():g} s before their commands; give an effect "
-                "whose delay with that of platform.toml is 0 or more"
+                f"{self._acts} {-delay.min():g} s before their commands; give an effect whose "
+                "delay with that of platform.toml is 0 or more"
             )
         self._commands.append((time, force, delay))
         # the one before last still acts until the delay of the last one has passed
@@ -287,7 +288,7 @@ class Valves:
         self.late = any(bool(item.any()) for _, _, item in self._commands)
 
     def mean(self, start: float, step: float, steps: int) -> Array:
-        """Mean force in each of some steps from a time on, (n, steps, thrusters) [N]."""
+        """Mean force in each of some steps from a time on, (n, steps, k)."""
         edges = start + step * np.arange(steps + 1)
         ends = [at + delay for at, _, delay in self._commands]
         total = np.zeros((len(self.force), steps, len(self._delay)))

@@ -18,7 +18,7 @@ from twin.effects.actuators import GasConsumption
 from twin.errors import UsageError
 from twin.model import compile_model, untouched
 from twin.plant.each import give_each, set_offsets
-from twin.plant.forces import Forces, LighterBus, Tanks, Valves, thruster_arms
+from twin.plant.forces import Forces, LateCommands, LighterBus, Tanks, thruster_arms
 from twin.plant.initial import InitialState, check_velocity, check_within_stop
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
@@ -117,7 +117,9 @@ class SimulatedPlant(Plant):
         if gas is not None and gas.tanks:
             self._lighter = LighterBus(self._batch, self.machine, gas)
         self._thrust = self._thrust_wish = np.zeros((self.n, len(platform.thrusters)))
-        self._valves = Valves(self.n, np.array([item.delay for item in platform.thrusters]))
+        valves = np.array([item.delay for item in platform.thrusters])
+        self._valves = LateCommands(self.n, valves, "thrusters would push")
+        self._motor = LateCommands(self.n, np.zeros(1), "the motor would act")
         self._thrust_torque = np.zeros((self.n, 3))
         self._thrust_arms = thruster_arms(self.machine)
         self._wheel_wish = np.zeros((self.n, len(platform.wheels)))
@@ -243,9 +245,13 @@ class SimulatedPlant(Plant):
 
     def _joint_torque(self, wish: Array) -> Array:
         applied = self._limits.joint_torque(wish)
-        done = self._done_with("command_joint_torque", applied)
-        self._ctrl[:, self.machine.joint_actuator] = done[:, 0]
+        self._motor.command(self.time, *self._acted("command_joint_torque", applied))
+        self._turn_with(self._motor.force)
         return applied
+
+    def _turn_with(self, torque: Array) -> None:
+        """Let the hinge's motor turn with (n, 1) [N m]."""
+        self._ctrl[:, self.machine.joint_actuator] = torque[:, 0]
 
     def _gimbal_drive(self, wish: Array) -> Array:
         applied = self._limits.gimbal_rate(wish)
@@ -309,13 +315,22 @@ class SimulatedPlant(Plant):
 
     def _advance(self, steps: int) -> Array:
         """Advance every living run; the states after each step, (n, steps, nq + nv)."""
-        if not self._valves.late:
+        late = [
+            (commands.mean(self.time, self.platform.step, steps), act)
+            for commands, act in (
+                (self._valves, self._push_with),
+                (self._motor, self._turn_with),
+            )
+            if commands.late
+        ]
+        if not late:
             return self._advance_held(steps)
-        force = self._valves.mean(self.time, self.platform.step, steps)
-        changes = np.flatnonzero(np.any(np.diff(force, axis=1), axis=(0, 2))) + 1
+        every = np.concatenate([force for force, _ in late], axis=2)
+        changes = np.flatnonzero(np.any(np.diff(every, axis=1), axis=(0, 2))) + 1
         states: list[Array] = []
         for first, last in pairwise([0, *changes.tolist(), steps]):
-            self._push_with(force[:, first])
+            for force, act in late:
+                act(force[:, first])
             states.append(self._advance_held(last - first))
         return np.concatenate(states, axis=1)
 

@@ -60,6 +60,8 @@ SMALL = 1e-2
 """Step of a difference, of a component's scale."""
 Change = tuple[tuple[Effect, float], ...]
 """Effects and factors; their sum is the change at strength 1."""
+BENT = ("command_stage_position", "command_thruster", "command_joint_torque")
+"""Commands whose effects do not act in proportion to their size."""
 OF_DRIVES = ("command_stage_position", "command_gimbal_rate")
 """Commands whose faults the drives' profiles have."""
 Stated = tuple[tuple[Perturbation, ...], Array]
@@ -132,10 +134,10 @@ def slopes_of(effect: Effect, platform: Platform) -> tuple[Perturbation, ...]:
 
     Where stages were is known from their counters to a digit, whatever play their screws have, so
     in proportion to the play little changes; but it says on which side of the digit they stood. Nor
-    is what a late thruster does in proportion to its delay.
+    is what a late thruster or motor does in proportion to its delay.
     """
     parts, size = perturbations_of(effect, platform), amplitudes(effect)
-    bent = of_drive(effect) and effect.stream in ("command_stage_position", "command_thruster")
+    bent = of_drive(effect) and effect.stream in BENT
     if not parts or not bent or np.count_nonzero(size) != 1 or not effect.values[size].any():
         return parts
     (index,) = np.flatnonzero(size).tolist()
