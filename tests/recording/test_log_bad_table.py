@@ -156,7 +156,7 @@ GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
         (
             "t,x,y,z\n" + "".join(f"{i},{i},0,0\n" for i in range(50)) + "0,0,0,1\n1,0,0,1\n",
             "gyro.csv:52: time goes back from 49 s to 0 s; "
-            "split the file where its clock starts anew",
+            "split the file there, or take a part on one side of it with `start` and `stop`",
         ),
     ],
 )

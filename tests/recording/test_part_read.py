@@ -5,9 +5,13 @@ import secrets
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from mcap.writer import Writer
+from scipy.io import savemat
 
+from twin.errors import LogError
 from twin.recording import open_log, read_log, restricted
 from twin.recording.formats import text_file
 
@@ -110,3 +114,45 @@ def test_of_a_file_no_numbers_are_kept_but_those_of_the_part(tmp_path: Path, mon
     turned = len(read_log(tmp_path)["joint_angle"])
     wanted = sum(series.value.size for name, series in log.items() if name != "joint_angle")
     assert sum(kept[: len(STREAMS)]) < wanted + turned + 1000
+
+
+def write_restarted(folder: Path, time: np.ndarray, ending: str) -> np.ndarray:
+    """A gyro whose clock is `time` (m,) [s]; its values (m, 3)."""
+    value = np.random.default_rng(0).normal(size=(len(time), 3))
+    table = dict(zip(("t", "x", "y", "z"), np.column_stack([time, value]).T, strict=True))
+    if ending == "csv":
+        rows = np.column_stack(list(table.values())).tolist()
+        lines = "\n".join(",".join(map(repr, row)) for row in rows)
+        (folder / "gyro.csv").write_text(f"t,x,y,z\n{lines}\n")
+    elif ending == "parquet":
+        pq.write_table(pa.table(table), folder / "gyro.parquet")
+    else:
+        savemat(folder / "gyro.mat", table)
+    keys = 'time = "t"\ncolumns = ["x", "y", "z"]\n'
+    (folder / "log.toml").write_text(f'[streams.gyro]\nfile = "gyro.{ending}"\n{keys}')
+    return value
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "mat"])
+def test_a_part_is_judged_by_the_rows_of_one_run_of_the_clock(tmp_path: Path, ending: str):
+    first = np.arange(0.0, 100.0, 0.1)
+    value = write_restarted(tmp_path, np.r_[first, first + 70.0], ending)
+    with pytest.raises(LogError, match="goes back from 99.9 s to 70 s.*part on one side"):
+        read_log(tmp_path)
+    before = read_log(tmp_path, stop=50.0)
+    assert np.array_equal(before["gyro"].value, value[:501])
+    after = read_log(tmp_path, start=120.0)
+    assert np.array_equal(after["gyro"].value, value[1500:])
+    with pytest.raises(LogError, match="goes back from 99.9 s to 70 s.*`stop`"):
+        read_log(tmp_path, start=60.0, stop=120.0)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "mat"])
+def test_a_part_that_ends_before_the_clock_is_set_back_leaves_out_the_same_times_after_it(
+    tmp_path: Path, ending: str
+):
+    first = np.arange(0.0, 100.0, 0.1)
+    value = write_restarted(tmp_path, np.r_[first, first], ending)
+    log = read_log(tmp_path, start=20.0, stop=60.0)
+    assert np.array_equal(log["gyro"].value, value[200:601])
+    assert any("401 rows after that" in repair for repair in log.repairs), log.repairs

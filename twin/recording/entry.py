@@ -1,7 +1,7 @@
 """One [streams.NAME] of a log.toml, checked key by key, and the series in the file it names."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.config import Table
-from twin.errors import LogError, UnknownName
+from twin.errors import UnknownName
 from twin.recording.column_names import (
     in_order,
     is_clock,
@@ -32,81 +32,18 @@ from twin.recording.rows import (
     started,
     unwrapped,
 )
+from twin.recording.timeline import (
+    Timeline,
+    clocks_among,
+    counted,
+    counts_samples,
+    is_count,
+    lost_by_counter,
+)
 from twin.signals import LOGGED, Stream, stream_named
 from twin.units import Unit, known_unit, unit_named
 
 Array = NDArray[np.float64]
-
-
-WRAPS = (2.0**8, 2.0**16, 2.0**32)
-"""Where counters of one, two and four bytes begin anew."""
-ROUNDING = 1e-6
-"""Of times since 1970, of which something was taken off and added again [s]."""
-USUALLY = 0.5
-"""Share of the rows at least that follow one another by such a counter."""
-EVEN = 0.2
-"""Share of the usual step by which most steps of a clock differ at most."""
-MOST_LISTED = 3
-"""Clocks that an error proposes."""
-
-
-def is_count(time: Array) -> bool:
-    """Whether a column counts rows: whole numbers in steps of one."""
-    return len(time) > 2 and bool((np.diff(time) == 1.0).all() and time[0] == np.round(time[0]))
-
-
-def counted(count: Array) -> tuple[Array | None, str]:
-    """A counter of samples from 0, without its wraps; else None, and why it is none."""
-    whole = count == np.round(count)
-    if not whole.all():
-        return None, f"holds {count[~whole][0]:g}, which is no count of samples"
-    steps = np.diff(count)
-    if (steps < 0.0).any():
-        modulus = next((wrap for wrap in WRAPS if wrap > count.max()), None)
-        back = -steps[steps < 0.0]
-        if modulus is None or (back < 0.5 * modulus).any():
-            return None, "goes back, so it is no count of samples"
-        steps = np.where(steps < 0.0, steps + modulus, steps)
-    return np.concatenate([[0.0], np.cumsum(steps)]), ""
-
-
-def counts_samples(count: Array) -> bool:
-    """Whether a counter, which nobody named, goes up by one as a rule, and never stays."""
-    steps = np.diff(count)
-    return len(steps) > 0 and bool((steps >= 1.0).all()) and float((steps == 1.0).mean()) > USUALLY
-
-
-def lost_by_counter(count: Array, name: str, where: str) -> tuple[str, ...]:
-    """A sentence where a counter says that samples were lost."""
-    lost = int(count[-1]) + 1 - len(np.unique(count))
-    if not lost:
-        return ()
-    rows = "1 row" if lost == 1 else f"{lost} rows"
-    return (f"{where}: {rows} of {int(count[-1]) + 1} lost, by the counter {name!r}",)
-
-
-def clocks_among(file: NumberFile, names: Sequence[str]) -> list[str]:
-    """Columns that could be the times: called so and never going back; else any that rises evenly.
-
-    Args:
-        file: of the columns.
-        names: those to look at.
-    """
-    called: list[str] = []
-    even: list[str] = []
-    for name in names:
-        try:
-            steps = np.diff(file.numbers((name,))[:, 0])
-        except LogError:  # text
-            continue
-        if not len(steps) or not (steps >= 0.0).all() or (steps > 0.0).mean() < 0.5:
-            continue
-        usual = float(np.median(steps))
-        if names_a_clock(name):
-            called.append(name)
-        elif np.mean(np.abs(steps - usual) < EVEN * usual) > 0.5:
-            even.append(name)
-    return (called or even)[:MOST_LISTED]
 
 
 TWICE = 3e-3
@@ -230,49 +167,6 @@ class Selection:
         clocks = () if self.clock is None else (self.clock,)
         first = () if self.kind_of_row is None else (self.kind_of_row,)
         return clocks, self.columns, self.kinds, first
-
-
-@dataclass(frozen=True)
-class Timeline:
-    """When the rows of a stream were, as its file says."""
-
-    time: Array
-    """(m,) [s], in the order of the file."""
-    rows: NDArray[np.intp] | None
-    """(m,) of the file; None where these are all."""
-    lost: tuple[str, ...]
-    """What a counter says."""
-    has: NDArray[np.bool_]
-    """(m,) whether the stream has a number there."""
-    late: float
-    """[s] by which the times are late."""
-
-    def series(self) -> Series:
-        """When the stream has numbers, in order; without these."""
-        time = self.time if self.has.all() else self.time[self.has]
-        if (np.diff(time) < 0.0).any():
-            time = np.sort(time)
-        if self.late:
-            time = time - self.late
-        return Series(time, np.empty((len(time), 0)), (), "1")
-
-    def rows_between(self, start: float, stop: float) -> tuple[int, int]:
-        """The first and the last row of the file in a time [s], which has some."""
-        within = self.time >= start + self.late - ROUNDING
-        within &= self.time <= stop + self.late + ROUNDING
-        (among,) = np.nonzero(within & self.has)
-        first, last = int(among[0]), int(among[-1])
-        return (first, last) if self.rows is None else (int(self.rows[first]), int(self.rows[last]))
-
-    def part(self, first: int, count: int) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
-        """Times [s] of the rows among `count` of the file from `first` on, which of these they are,
-        and which of the file."""
-        if self.rows is None:
-            here = np.arange(min(count, len(self.time) - first))
-            return self.time[first : first + count], here, here + first
-        given = (self.rows >= first) & (self.rows < first + count)
-        rows = self.rows[given]
-        return self.time[given], rows - first, rows
 
 
 @dataclass(frozen=True)
@@ -621,7 +515,7 @@ class Entry:
             time, rows, lost = self._timed(selection, len(value))
             return time, value[rows] if self.kinds else value, rows, lost
         time, here, rows = timeline.part(file.offset, len(value))
-        return time, value[here] if self.kinds else value, rows, timeline.lost
+        return time, value if len(here) == len(value) else value[here], rows, timeline.lost
 
     def _timed(
         self, selection: "Selection", count: int

@@ -16,12 +16,13 @@ import numpy as np
 from twin.config import Table, read_toml
 from twin.errors import LogError, RecordingError, UnknownName
 from twin.library import find_model
-from twin.recording.entry import Entry, Selection, Timeline
+from twin.recording.entry import Entry, Selection
 from twin.recording.environment import read_field, read_gravity
 from twin.recording.formats import ENDINGS, NumberFile, OpenFiles, Say, silent
 from twin.recording.pauses import FOLLOWED, restricted, without_long_pauses
 from twin.recording.read import read_recording, which
 from twin.recording.recording import Recording, Series
+from twin.recording.timeline import Timeline
 from twin.stop import check
 
 SOON = 60.0
@@ -87,8 +88,7 @@ def read_log(
     if not part.whole:
         read = [entry.timeline(one) for entry, one in zip(entries, selections, strict=True)]
         whole = {entry.name: one.series() for entry, one in zip(entries, read, strict=True)}
-        _keep_only(part, whole, entries, selections, read)
-        timelines = [*read]
+        timelines = [*_keep_only(part, whole, entries, selections, read)]
     for entry, selection, timeline in zip(entries, selections, timelines, strict=True):
         streams[entry.name], mended = entry.series(selection, timeline)
         facts[entry.name] = entry.facts(selection)
@@ -159,26 +159,38 @@ def _keep_only(
     entries: Sequence[Entry],
     selections: Sequence[Selection],
     timelines: Sequence[Timeline],
-) -> None:
-    """Say to each file which of its rows will do for a part of the log."""
+) -> list[Timeline]:
+    """The rows of each stream that will do for a part of the log; each file leaves out the others.
+
+    Raises:
+        LogError: a clock was set back within the part.
+    """
     origin = _origin(whole)
     shifted, _ = without_long_pauses({n: _shifted(s, origin) for n, s in whole.items()})
     begins, ends = _reach(shifted)
     start, stop = max(part.start, begins), min(part.stop, ends)
     kept: dict[int, tuple[NumberFile, int, int]] = {}
+    result = list[Timeline]()
     for entry, selection, timeline in zip(entries, selections, timelines, strict=True):
         time, shown = whole[entry.name].time, shifted[entry.name].time
+        within = time[(shown >= start) & (shown <= stop)]
+        if len(within):
+            where = f"{entry.name} ({entry.path.name})"
+            begins_at, ends_at = float(within[0]), float(within[-1])
+            timeline = timeline.one_run(begins_at, ends_at, selection.file, where)
         first = max(int(np.searchsorted(shown, start - FOLLOWED)) - 1, 0)
         last = int(np.searchsorted(shown, stop, side="right"))
         if entry.is_of_whole:
             first, last = 0, len(time)
         last = min(max(last, first), len(time) - 1)
-        low, high = timeline.rows_between(float(time[first]), float(time[last]))
+        low, high = timeline.rows_between(float(time[first]), float(time[last]), NEIGHBOURS)
+        result.append(replace(timeline, span=(low, high)))
         file, lowest, highest = kept.get(id(selection.file), (selection.file, low, high))
         kept[id(file)] = file, min(low, lowest), max(high, highest)
         file.expect(selection.columns)
     for file, low, high in kept.values():
-        file.only(max(low - NEIGHBOURS, 0), high + 1 + NEIGHBOURS)
+        file.only(low, high + 1)
+    return result
 
 
 def _origin(streams: Mapping[str, Series]) -> float:

@@ -105,6 +105,14 @@ def _filled(
     return rows.only(~blank, f"{where}: {_rows(blank)} without a number left out")
 
 
+def steps_back(time: Array) -> NDArray[np.bool_]:
+    """(m - 1,) where a clock (m,) [s] was set back: by more than rows are late."""
+    gaps = np.diff(time)
+    if not (gaps < 0.0).any():
+        return np.zeros(len(gaps), dtype=bool)
+    return gaps < -LATE_ROWS * float(np.median(np.abs(gaps)))
+
+
 def _in_order(rows: TimedRows, file: NumberFile, where: str) -> TimedRows:
     gaps = np.diff(rows.time)
     if not (gaps < 0.0).any():
@@ -116,7 +124,7 @@ def _in_order(rows: TimedRows, file: NumberFile, where: str) -> TimedRows:
         worst = int(np.argmax(back))
         raise file.fault(
             f"time goes back from {rows.time[worst - 1]:.6g} s to {rows.time[worst]:.6g} s",
-            "split the file where its clock starts anew",
+            "split the file there, or take a part on one side of it with `start` and `stop`",
             int(rows.origin[worst]),
         )
     late = behind > 0.0
