@@ -162,21 +162,20 @@ def imported(
 ) -> Imported:
     """As `import_log`; returns what was proposed for each stream, and what is unsure of it."""
     from twin.intake import import_files
+    from twin.library import findable
 
     paths = [files] if isinstance(files, str | Path) else list(files)
     machine = None if platform is None else load(platform)
-    name = None
-    if machine is not None:
-        name = str(platform) if isinstance(platform, str | Path) else str(machine.folder)
-        name = str(Path(name).resolve()) if Path(name).exists() else name
+    name = None if machine is None else findable(machine.folder, machine.name)
     return import_files([Path(path) for path in paths], Path(folder), machine, name, rate)
 
 
-def show(log: Log) -> Contents:
-    """What is in a log: streams with rates, gaps, ranges and noise, what looks misread, repairs."""
+def show(log: Log, platform: Machine | None = None) -> Contents:
+    """What is in a log: streams with rates, gaps, ranges and noise, what looks misread, repairs.
+    It is held against a machine, by default the one that it names."""
     from twin.report.results import contents
 
-    return contents(read(log))
+    return contents(read(log), None if platform is None else load(platform))
 
 
 def check_log(log: Log, platform: Machine | None = None) -> None:

@@ -1,6 +1,7 @@
 """`twin show` names what looks misread, with the lines that put it right."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,10 @@ import pytest
 
 from twin import rotation
 from twin.cli.main import main
-from twin.recording import Recording, Series, write_folder
+from twin.errors import UsageError
+from twin.library import library
+from twin.platform import load_platform, other_machine, platform_of
+from twin.recording import Recording, Series, read_log, write_folder
 
 
 @pytest.fixture
@@ -87,3 +91,39 @@ def test_what_the_fits_will_refuse_is_said_before(tmp_path: Path, capsys):
     write_folder(Recording(streams, {"platform": "sads"}), tmp_path / "log")
     assert main(["show", str(tmp_path / "log")]) == 1
     assert "identify and diagnose will refuse this log: " in capsys.readouterr().out
+
+
+def rocking_beside_a_folder_of_a_shipped_name(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A log that names `cubesat`, in a place where a folder has that name, too."""
+    path = folder / "log.toml"
+    path.write_text(path.read_text().replace("nowhere", "cubesat"))
+    mine = folder.parent / "cubesat"
+    shutil.copytree(library("models") / "sads", mine, ignore=shutil.ignore_patterns("logs"))
+    monkeypatch.chdir(folder.parent)
+    return f"./{mine.name}"
+
+
+def test_a_machine_that_the_command_names_stands_in_for_that_of_the_log(folder: Path, capsys):
+    assert main(["show", str(folder), "--platform", "sads"]) == 1
+    text = capsys.readouterr().out
+    assert "Nothing was held against the machine" not in text
+    assert "wheels" in text, "sads has some, and the log has no stream of them"
+
+
+def test_of_two_machines_of_one_name_the_command_decides(folder: Path, capsys, monkeypatch):
+    named = rocking_beside_a_folder_of_a_shipped_name(folder, monkeypatch)
+    main(["show", "log"])
+    assert "'cubesat' is a shipped machine, and a folder here" in capsys.readouterr().out
+    main(["show", "log", "--platform", named])
+    text = capsys.readouterr().out
+    assert "is a shipped machine" not in text
+    assert "Nothing was held against the machine" not in text
+
+
+def test_a_log_of_two_machines_of_one_name_is_of_either(folder: Path, monkeypatch):
+    named = rocking_beside_a_folder_of_a_shipped_name(folder, monkeypatch)
+    log = read_log("log")
+    with pytest.raises(UsageError, match="log: 'cubesat' is a shipped machine"):
+        platform_of(log)
+    assert not other_machine(log, load_platform(named))
+    assert other_machine(log, load_platform("sads")) == "cubesat"

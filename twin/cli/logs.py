@@ -83,6 +83,8 @@ class Show:
 
     log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
     """A recording (.rrd) or a folder with a log.toml."""
+    platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """The machine, by name or folder; default: the one that the log names."""
     picture: Annotated[Path | None, tyro.conf.arg(metavar="OUT.png|html")] = None
     """Also draw it, one panel for each stream, as a picture or a page."""
     part: Restricted = LogPart()
@@ -93,14 +95,17 @@ class Show:
         """Look into it; the exit code."""
         recording = self.part.open(self.log)
 
-        from twin.api import check_log, show
+        from twin.api import check_log, load, show
         from twin.cli.output import print_json
         from twin.errors import TwinError
         from twin.platform import platform_or_reason
         from twin.stop import check
 
-        platform, problem = platform_or_reason(recording)
-        contents = show(recording)
+        if self.platform is None:
+            platform, problem = platform_or_reason(recording)
+        else:
+            platform, problem = load(self.platform), ""
+        contents = show(recording, platform)
         check()
         print_json(contents.document()) if self.json else print(contents)
         refused = False
@@ -166,6 +171,8 @@ class View:
 
     log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
     """A recording (.rrd) or a folder with a log.toml."""
+    platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """The machine that is drawn, by name or folder; default: the one that the log names."""
 
     def kept(self) -> str:
         """Of a viewer that was closed with this program."""
@@ -173,17 +180,19 @@ class View:
 
     def run(self) -> int:
         """Show it; the exit code."""
+        from twin.api import load
         from twin.cli.output import LogPart
         from twin.stream.runfile import write_recording
 
+        machine = None if self.platform is None else load(self.platform)
         recording = LogPart().open(self.log)
         for repair in recording.repairs:
             print(f"repaired: {repair}", file=sys.stderr)
-        if self.log.suffix == ".rrd" and not recording.repairs:
+        if self.log.suffix == ".rrd" and not recording.repairs and machine is None:
             return _show(self.log)
         with TemporaryDirectory() as folder:
             copy = Path(folder) / f"{self.log.resolve().stem}.rrd"
-            write_recording(recording, copy, _platform(recording))
+            write_recording(recording, copy, machine or _platform(recording))
             return _show(copy)
 
 

@@ -47,6 +47,8 @@ def platform_of(recording: Recording) -> Platform:
         )
     try:
         find_model(name)
+    except UsageError as ambiguous:
+        raise UsageError(f"{source}: {ambiguous}, in `platform` or --platform") from None
     except UnknownName as unknown:
         looked = f"in {Path.cwd()} and among the shipped ones"
         if recording.provenance.get("kind") == "log":
@@ -183,6 +185,8 @@ def other_machine(recording: Recording, platform: Platform) -> str:
         folder, variant = find_model(name)
     except UnknownName:
         return name
+    except UsageError:  # of two machines of that name this is one, or it is neither
+        return "" if name.partition(":")[0] == platform.folder.name else name
     same = folder.resolve() == platform.folder.resolve()
     return "" if same and variant == platform.name.partition(":")[2] else name
 

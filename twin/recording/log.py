@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from twin.config import Table, read_toml
-from twin.errors import LogError, RecordingError, UnknownName
+from twin.errors import LogError, RecordingError, UnknownName, UsageError
 from twin.library import find_model
 from twin.recording.entry import Entry, Selection
 from twin.recording.environment import read_field, read_gravity
@@ -217,6 +217,8 @@ def _platform(table: Table, folder: Path) -> str | None:
         find_model(name)
     except UnknownName:
         return _found_at(folder.resolve().parent / name) or name
+    except UsageError:  # of two machines, --platform may yet name one
+        return name
     return name
 
 

@@ -218,9 +218,10 @@ def _recording_of(result: object) -> tuple[Recording, Platform | None] | None:
     return result, platform_or_reason(result)[0]
 
 
-def contents(recording: Recording) -> Contents:
-    """What is in a recording, held against the machine that it names, where it names one."""
-    return contents_of(recording.source, recording, *platform_or_reason(recording))
+def contents(recording: Recording, platform: Platform | None = None) -> Contents:
+    """What is in a recording, held against a machine, by default the one that it names."""
+    machine, problem = platform_or_reason(recording) if platform is None else (platform, "")
+    return contents_of(recording.source, recording, machine, problem)
 
 
 sentences_of.register(Diagnosis, diagnosed)
