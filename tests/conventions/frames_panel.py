@@ -488,7 +488,8 @@ def _visible(kind: str, log: Recording, read: Recording, words: str) -> bool:
     A frame turns all of them together, so that only gravity, which points down, tells it, and only
     beside an attitude. A mirrored triad is seen by a motion that it mirrors, and that of gravity by
     the vertical of an attitude too; all axes of a field turned round are the field of a room turned
-    round, and so is gravity where no attitude has the vertical.
+    round, and so is gravity where no attitude has the vertical. Beside an accelerometer alone,
+    wrong angles are seen by the vertical that they move: a yaw that turns first moves none.
     """
     if kind in STRANGE or kind == "right":
         return True
@@ -516,11 +517,15 @@ def _moves_apart(right: Series, read: Series, *, upright: bool) -> bool:
 
 
 def _swings_apart(log: Recording, read: Recording) -> bool:
-    """Whether wrong angles move otherwise than the right ones do, by more than noise."""
+    """Whether what others see of wrong angles moves otherwise than of the right ones, by more than
+    noise."""
     right = log["attitude"]
+    noise = float(np.sqrt(np.mean(np.square(noise_of(right)))))
+    if "gyro" not in log and "magnetometer" not in log:
+        up, seen = (rotation.vertical_body(one["attitude"].value) for one in (log, read))
+        return float(np.std(seen - up, axis=0).max()) > SWINGS * noise
     off = rotation.multiply(rotation.conjugate(right.value), read["attitude"].value)
     wander = rotation.to_rotation_vector(rotation.continuous(off))
-    noise = float(np.sqrt(np.mean(np.square(noise_of(right)))))
     return float(np.std(wander, axis=0).max()) > SWINGS * noise
 
 

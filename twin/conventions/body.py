@@ -16,7 +16,7 @@ from twin.conventions.correction import (
     axes_changes,
     lag_change,
 )
-from twin.conventions.evidence import evidence, inflation
+from twin.conventions.evidence import PLAIN, chance, evidence, inflation
 from twin.conventions.gravity import upright_of
 from twin.conventions.grid import dated
 from twin.conventions.hypothesis import Hypothesis
@@ -37,10 +37,6 @@ Array = NDArray[np.float64]
 
 BODIES = 12
 """So many of the best hypotheses about the body's motion are held against the wheels."""
-PLAIN = 12
-"""So many of those that fit as well but for noise are weighed too, where there are no wheels."""
-CHANCE = 2.0
-"""Misfits of two readings of mere noise differ by so many times the root of its samples [nats]."""
 LIKELY = 3
 """So many readings of the wheels are kept for each."""
 RIVALS = 12
@@ -82,10 +78,9 @@ class BodyStreams:
     def _plain(self) -> list[Hypothesis]:
         """Those that fit as well as the best but for noise, the plainest first: where the body
         turns about one axis there are many, and chance ranks them."""
-        residual = self._turn(self._every[0])
-        chance = CHANCE * np.sqrt(residual.size) * self._inflation
+        near = chance(self._turn(self._every[0]).size) * self._inflation
         known = {id(h) for h in self._ranked}
-        alike = [h for h in self._every if h.misfit < self._every[0].misfit + chance]
+        alike = [h for h in self._every if h.misfit < self._every[0].misfit + near]
         plainest = sorted((h for h in alike if id(h) not in known), key=lambda h: h.cost)[:PLAIN]
         return [replace(h, misfit=h.misfit / self._inflation) for h in plainest]
 

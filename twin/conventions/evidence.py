@@ -31,6 +31,16 @@ def evidence(residual: Array, other: Array, inflated: float) -> float:
     return ratio * min(1.0, 2.0 * abs(ratio) / apart) / inflated if apart > 0.0 else 0.0
 
 
+PLAIN = 12
+"""So many of those that fit as well as the best but for noise are weighed too, the plainest ones:
+where the body moves little there are many, and chance ranks them."""
+
+
+def chance(count: int) -> float:
+    """By how much misfits of two readings may differ that leave so many numbers of noise [nats]."""
+    return 2.0 * float(np.sqrt(count))
+
+
 def inflation(residual: Array) -> float:
     """By how much the best residual, (n, k), falls short of white with unit variance; at least 1.
 

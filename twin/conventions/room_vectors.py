@@ -9,8 +9,13 @@ vector with the wrong sign throughout is right in another room.
 
 The gyro's bias and an offset of the vector (a bias, iron near the sensor) enter linearly and are
 projected out, so that all 48 relative axes cost one Gram matrix a lag and unit.
+
+Beside an attitude R no rate is needed: u = M R^T b + o, with the room's vector b and the offset o.
+Rates of a noisy attitude would be noisy regressors, whose fitted offset makes a reading look better
+the less it lets them say.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -32,7 +37,9 @@ from twin.conventions.correction import (
     unit_changes,
 )
 from twin.conventions.evidence import (
+    PLAIN,
     ConventionFinding,
+    chance,
     choose,
     drift,
     evidence,
@@ -45,6 +52,7 @@ from twin.conventions.evidence import (
     words_of,
 )
 from twin.conventions.grid import (
+    FEWEST,
     CellGrid,
     Means,
     attitude_rates,
@@ -100,6 +108,8 @@ POLISHED = 36
 apart rank them by chance."""
 STRAIGHT = 0.05
 """Half an arc below which it is as long as its chord, to a thousandth [rad]."""
+NINE = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
+"""Columns of a rotation matrix, row by row."""
 FINER = (0.03, 0.01, 0.003)
 """Between the lags tried for that [s]."""
 CROSS = np.array([np.cross(np.eye(3), item) for item in np.eye(3)]).transpose(1, 0, 2)
@@ -111,24 +121,14 @@ class Rates:
 
     def __init__(self, series: Series, grid: CellGrid) -> None:
         self.grid = grid
-        self.means, self._world = Means(series), False
+        self.means = Means(series)
         self._of_attitude = series.columns == ("w", "x", "y", "z")
-        noise = self.means.cell_noise(grid.cell)
-        self.angle_noise = noise if self._of_attitude else 0.0
-        """1 sigma of a cell's mean attitude [rad]."""
-
-    def with_attitude(self, series: Series, *, world: bool) -> "Rates":
-        """Another reading of the same attitude, as noisy as that."""
-        other = copy(self)
-        other.means, other._world = Means(series), world
-        return other
 
     def at(self, lag: float) -> Array:
         """If the stream is late by `lag` [s]."""
         if self._of_attitude:
             means = self.means.over(self.grid.around_edges + lag)
-            body, world = attitude_rates(rotation.normalized(means + 1e-9), self.grid.cell)
-            return world if self._world else body
+            return attitude_rates(rotation.normalized(means + 1e-9), self.grid.cell)[0]
         edges = self.grid.edges + lag
         return np.mean([self.means.over(edges + s * self.grid.cell) for s in SHIFTS], axis=0)
 
@@ -141,31 +141,12 @@ class Rates:
         return float(np.sqrt(np.mean(np.sum(np.square(turning), axis=1))))
 
 
-class RoomVector:
-    """A vector that the body sees, in units of its length, beside the body's rates."""
+class RoomVector(ABC):
+    """A vector that the body sees, in units of its length, beside what shows how the body turns."""
 
-    def __init__(self, stream: str, series: Series, rates: Rates) -> None:
-        self.stream, self.grid, self._rates = stream, rates.grid, rates
-        cell, means = rates.grid.cell, Means(series)
-        seen = means.over(rates.grid.around_edges)
-        length = max(float(np.median(np.linalg.norm(seen, axis=1))), 1e-300)
-        self._length = length
-        self._gained = np.diff(seen / length, axis=0) / cell
-        self._middle = 0.5 * (seen[1:] + seen[:-1]) / length
-        noise = np.hypot(means.cell_noise(cell) / length, DISTURBED)
-        self._angle_noise = float(np.hypot(noise, rates.angle_noise)) / cell
-        self._kept = between_centres(rates.grid, means, rates.means)
-        prior = np.repeat([BIAS, OFFSET[stream]], 3)
-        self._precision = np.diag(prior**-2.0)
-        self._grams: dict[tuple[float, float], Array] = {}
-        self._found: dict[tuple[bytes, float], tuple[float, float]] = {}
-
-    def with_attitude(self, series: Series, *, world: bool) -> "RoomVector":
-        """The same vector beside another reading of the attitude."""
-        other = copy(self)
-        other._rates = self._rates.with_attitude(series, world=world)
-        other._grams, other._found = {}, {}
-        return other
+    stream: str
+    grid: CellGrid
+    _polished_at: dict[tuple[bytes, float], tuple[float, float]]
 
     def match(self, lags: Array, factors: Sequence[float] = (1.0,)) -> Array:
         """(lags, factors, 48) [nats] left over with rates in other axes, units and times."""
@@ -180,9 +161,9 @@ class RoomVector:
         """[nats] left over with rates in the axes and unit (3, 3), and by how much they are late
         [s], sought about a lag."""
         key = rates.tobytes(), lag
-        if key not in self._found:
-            self._found[key] = self._polished(rates, lag)
-        return self._found[key]
+        if key not in self._polished_at:
+            self._polished_at[key] = self._polished(rates, lag)
+        return self._polished_at[key]
 
     def _polished(self, rates: Array, lag: float) -> tuple[float, float]:
         value, farthest = np.inf, SMALL_LAG if abs(lag) <= SMALL_LAG else np.inf
@@ -196,8 +177,49 @@ class RoomVector:
                 value, lag = float(left.min()), float(tried[int(np.argmin(left))])
         return value, lag
 
+    @abstractmethod
     def _left(self, rates: Array, lag: float) -> Array:
         """(m,) [nats] left over with rates in axes (m, 3, 3), all of one unit."""
+
+    @abstractmethod
+    def residual(self, rates: Array, lag: float) -> Array:
+        """(n + 2, 3) white with unit variance, for rates that (3, 3) times those read are: what is
+        left, and two rows of what was fitted, in units of their 1 sigma."""
+
+    @property
+    @abstractmethod
+    def movement(self) -> Array:
+        """(n, 3) all that moves the vector, in units of its noise."""
+
+    @abstractmethod
+    def is_rocked(self, factor: float) -> bool:
+        """Whether gravity hides behind accelerations of the sensor, for rates in a unit of this
+        factor."""
+
+    @abstractmethod
+    def rates_move(self) -> bool:
+        """Whether the rates show more than noise, in whatever unit they are."""
+
+
+class VectorBesideGyro(RoomVector):
+    """du/dt = -w x u, with the rates w of a gyro."""
+
+    def __init__(self, stream: str, series: Series, rates: Rates) -> None:
+        self.stream, self.grid, self._rates = stream, rates.grid, rates
+        cell, means = rates.grid.cell, Means(series)
+        seen = means.over(rates.grid.around_edges)
+        length = max(float(np.median(np.linalg.norm(seen, axis=1))), 1e-300)
+        self._length = length
+        self._gained = np.diff(seen / length, axis=0) / cell
+        self._middle = 0.5 * (seen[1:] + seen[:-1]) / length
+        self._angle_noise = float(np.hypot(means.cell_noise(cell) / length, DISTURBED)) / cell
+        self._kept = between_centres(rates.grid, means, rates.means)
+        prior = np.repeat([BIAS, OFFSET[stream]], 3)
+        self._precision = np.diag(prior**-2.0)
+        self._grams: dict[tuple[float, float], Array] = {}
+        self._polished_at = {}
+
+    def _left(self, rates: Array, lag: float) -> Array:
         key = lag, self._bending(rates)
         if key not in self._grams:
             columns = self._columns(*key)
@@ -209,8 +231,6 @@ class RoomVector:
         return 0.5 * (moments[:, 0, 0] - np.sum(moments[:, 0, 1:] * fitted[:, :, 0], 1))
 
     def residual(self, rates: Array, lag: float) -> Array:
-        """(n + 2, 3) white with unit variance, for rates that (3, 3) times those read are: what is
-        left, and what was fitted of bias and offset, in units of their 1 sigma."""
         columns = _parts(rates[None])[0].T @ self._columns(lag, self._bending(rates))
         gram = columns[1:] @ columns[1:].T + self._precision
         fitted = np.linalg.solve(gram, columns[1:] @ columns[0])
@@ -219,19 +239,15 @@ class RoomVector:
 
     @property
     def movement(self) -> Array:
-        """(n, 3) all that moves the vector, in units of its noise."""
         return self._white(self._gained)
 
     def is_rocked(self, factor: float) -> bool:
-        """Whether gravity hides behind accelerations of the sensor, for rates in a unit of this
-        factor."""
         if self.stream != "accelerometer":
             return False
         moved = np.sqrt(np.sum(np.var(self._middle, axis=0))) * self._length
         return ARM * factor * self._rates.acceleration > ROCKED * float(moved)
 
     def rates_move(self) -> bool:
-        """Whether the rates show more than noise, in whatever unit they are."""
         rate = self._white(self._rates.at(0.0))
         return float(np.mean(np.square(rate))) > MOVING * noise_power(self._angle_noise, UNSTEADY)
 
@@ -261,6 +277,83 @@ class RoomVector:
         alone = np.einsum("nj,lc->nljc", white[:, 39:], np.eye(3)).reshape(count, 9, 3)
         every = np.concatenate([white[:, :39].reshape(count, 13, 3), alone], axis=1)
         return every.swapaxes(0, 1).reshape(22, 3 * count)
+
+
+class VectorBesideAttitude(RoomVector):
+    """u = M R^T b + o, with the attitude R; of one that is the inverse, u = M R b + o.
+
+    M are the axes of the attitude's body rates (or, of the inverse, world rates) relative to the
+    vector; b, whose sign and length are the room's, is free. Attitudes enter as matrices averaged
+    over the cells, which is exact however fast the body turns.
+    """
+
+    def __init__(self, stream: str, series: Series, attitude: Series, grid: CellGrid) -> None:
+        self.stream, self.grid = stream, grid
+        means, orientation = Means(series), Means(attitude)
+        seen = means.over(grid.edges)
+        length = max(float(np.median(np.linalg.norm(seen, axis=1))), 1e-300)
+        noises = means.cell_noise(grid.cell) / length, orientation.cell_noise(grid.cell)
+        self._angle_noise = noises[1]
+        self._noise = float(np.linalg.norm([*noises, DISTURBED]))
+        kept = means.covers(grid.edges) & orientation.covers(grid.edges, grid.longest_lag)
+        self._kept = kept if np.count_nonzero(kept) >= FEWEST else np.ones_like(kept)
+        self._seen = seen[self._kept] / length
+        self._precision = (self._noise / OFFSET[stream]) ** 2
+        self._turn_into(attitude, world=False)
+
+    def _turn_into(self, attitude: Series, *, world: bool) -> None:
+        turned = rotation.matrix(attitude.value)
+        turned = turned if world else turned.swapaxes(1, 2)
+        self._axes = Means(replace(attitude, value=turned.reshape(-1, 9), columns=NINE))
+        self._polished_at = {}
+
+    def with_attitude(self, series: Series, *, world: bool) -> "VectorBesideAttitude":
+        """The same vector beside another reading of the attitude, or the inverse of that."""
+        other = copy(self)
+        other._turn_into(series, world=world)
+        return other
+
+    def _at(self, lag: float) -> Array:
+        """(n, 3, 3) the room's axes in the body's, for an attitude that is late by `lag` [s]."""
+        return self._axes.over(self.grid.edges + lag)[self._kept].reshape(-1, 3, 3)
+
+    def _fit(self, rates: Array, turned: Array) -> tuple[Array, Array]:
+        """What the vector gives for b and o (m, 6), in the axes of the attitude, with relative axes
+        (m, 3, 3); and these."""
+        count, total = len(turned), turned.sum(axis=0)
+        normal = np.block(
+            [
+                [np.einsum("nki,nkj->ij", turned, turned), total.T],
+                [total, (count + self._precision) * np.eye(3)],
+            ]
+        )
+        shared = np.einsum("nji,nl->jil", turned, self._seen)
+        right = np.hstack([np.einsum("mlj,jil->mi", rates, shared), self._seen.sum(axis=0) @ rates])
+        return right, np.asarray(np.linalg.solve(normal, right.T).T, dtype=np.float64)
+
+    def _left(self, rates: Array, lag: float) -> Array:
+        right, fitted = self._fit(rates, self._at(lag))
+        power = float(np.sum(np.square(self._seen)))
+        return 0.5 * (power - np.sum(right * fitted, axis=1)) / self._noise**2
+
+    def residual(self, rates: Array, lag: float) -> Array:
+        turned = self._at(lag)
+        vector, offset = self._fit(rates[None], turned)[1].reshape(2, 3)
+        left = self._seen @ rates - turned @ vector - offset
+        priors = np.sqrt(self._precision) * offset, np.zeros(3)
+        return np.vstack([left @ rates.T, *priors]) / self._noise
+
+    @property
+    def movement(self) -> Array:
+        return (self._seen - self._seen.mean(axis=0)) / self._noise
+
+    def is_rocked(self, factor: float) -> bool:
+        return False  # a field is the same however the sensor is accelerated
+
+    def rates_move(self) -> bool:
+        turned = self._at(0.0)
+        moved = np.square(turned - turned.mean(axis=0)).sum(axis=(1, 2)).mean()
+        return float(moved) > MOVING * self._angle_noise**2
 
 
 def _chords(rates: Array, cell: float, factor: float) -> Array:
@@ -309,7 +402,9 @@ def room_vector(recording: Recording, stream: str, source: str) -> RoomVector | 
     grid = grid_of(recording, source, stream, narrowest=cell)
     if grid is None:
         return None
-    return RoomVector(stream, recording[stream], Rates(recording[source], grid))
+    if source == "attitude":
+        return VectorBesideAttitude(stream, recording[stream], recording[source], grid)
+    return VectorBesideGyro(stream, recording[stream], Rates(recording[source], grid))
 
 
 def _duration(series: Series) -> float:
@@ -328,7 +423,16 @@ class Rough(Protocol):
     def corrections(self) -> tuple[Correction, ...]: ...
 
     @property
+    def cost(self) -> float: ...
+
+    @property
+    def misfit(self) -> float: ...
+
+    @property
     def score(self) -> float: ...
+
+    @property
+    def residuals(self) -> list[Array]: ...
 
     @property
     def polished(self) -> Self:
@@ -434,20 +538,29 @@ def _findings(
 
 
 def best_of(every: Sequence[R], seen: Callable[[R], Sequence[Seen]]) -> list[R]:
-    """The likeliest and the log as read, of readings whose rough misfits rank them, by finer ones.
+    """The likeliest, the plainest that fit as well but for noise, and the log as read, of readings
+    whose rough misfits rank them, by finer ones.
 
     Args:
         every: all readings, the likeliest first.
         seen: what a reading makes of the vectors.
     """
-    motions, pool = set[tuple[object, ...]](), list[R]()
-    for item in every:
+    motions, pool = set[tuple[object, ...]](), list[tuple[R, bool]]()
+    near = every[0].misfit + chance(sum(residual.size for residual in every[0].residuals))
+    alike = (place for place, item in enumerate(every) if item.misfit < near)
+    plainest = set(sorted(alike, key=lambda place: every[place].cost)[:PLAIN])
+    for place, item in enumerate(every):
         motion = tuple((id(vector), axes.tobytes(), lag) for vector, axes, lag in seen(item))
-        if motion in motions or len(motions) < POLISHED or not item.corrections:
+        sought = motion in motions or len(motions) < POLISHED
+        if sought or place in plainest or not item.corrections:
             motions.add(motion)
-            pool.append(item.polished)
-    pool.sort(key=lambda item: item.score)
-    return pool[:RIVALS] + [item for item in pool[RIVALS:] if not item.corrections]
+            pool.append((item.polished, place in plainest))
+    pool.sort(key=lambda pair: pair[0].score)
+    return [
+        item
+        for place, (item, plain) in enumerate(pool)
+        if place < RIVALS or plain or not item.corrections
+    ]
 
 
 def _factor(axes: Array) -> float:

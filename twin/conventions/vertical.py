@@ -38,8 +38,8 @@ from twin.conventions.hypothesis import AttitudeReading, Hypothesis
 from twin.conventions.room_vectors import (
     CLOSE,
     COARSE,
-    RoomVector,
     Seen,
+    VectorBesideAttitude,
     affordable,
     best_of,
     least_of,
@@ -169,7 +169,7 @@ UPSIDE_DOWN = SIMPLE
 class Field:
     """One reading of an attitude's angles beside the magnetometer."""
 
-    def __init__(self, seen: RoomVector, attitude: Series, *, far: bool) -> None:
+    def __init__(self, seen: VectorBesideAttitude, attitude: Series, *, far: bool) -> None:
         self.vectors = [seen.with_attitude(attitude, world=world) for world in (False, True)]
         lags = far_lags(self.vectors[0].grid.longest_lag, COARSE) if far else np.zeros(0)
         self._lags = {False: CLOSE, True: lags}
@@ -264,7 +264,8 @@ def vertical_findings(recording: Recording, gravity: float) -> list[ConventionFi
         gravity: [m/s^2].
     """
     grid = _grid(recording)
-    field = room_vector(recording, "magnetometer", "attitude")
+    seen = room_vector(recording, "magnetometer", "attitude")
+    field = seen if isinstance(seen, VectorBesideAttitude) else None
     if grid is None and field is None:
         return []
     every = sorted(_leanings(recording, grid, gravity, field), key=lambda leaning: leaning.score)
@@ -291,7 +292,7 @@ def vertical_findings(recording: Recording, gravity: float) -> list[ConventionFi
 
 
 def _leanings(
-    recording: Recording, grid: CellGrid | None, gravity: float, field: RoomVector | None
+    recording: Recording, grid: CellGrid | None, gravity: float, field: VectorBesideAttitude | None
 ) -> Iterator[_Leaning]:
     turns = list(orientations(recording))
     names = ["accelerometer"] * (grid is not None) + ["magnetometer"] * (field is not None)
