@@ -301,6 +301,48 @@ def _ulog2csv(path: Path, m: Motion) -> None:
         (path / f"07_31_02_{name}_0.csv").write_text(text)
 
 
+def _px4_alone(path: Path, m: Motion) -> None:
+    """One file of ulog2csv that somebody renamed."""
+    ticks = np.round(1e6 * (m.time + 12.0))
+    names = ["timestamp", "timestamp_sample", *(f"q[{i}]" for i in range(4))]
+    path.write_text(_text([names, *_numbers(ticks, ticks, m.attitude * [1.0, 1.0, -1.0, -1.0])]))
+
+
+def _mavlogdump(path: Path, m: Motion) -> None:
+    names = ["timestamp", "TimeUS", "DesRoll", "Roll", "DesPitch", "Pitch", "DesYaw", "Yaw", "AEKF"]
+    yaw, pitch, roll = m.euler.T / DEG
+    zeros = np.zeros(len(m.time))
+    clocks = m.time + 1.7e9, np.round(1e6 * (m.time + 50.0))
+    angles = roll, zeros, -pitch, zeros, np.mod(-yaw, 360.0), zeros + 3.0
+    path.write_text(_text([names, *_numbers(*clocks, zeros, *angles)]))
+
+
+def _scaled_imu(path: Path, m: Motion) -> None:
+    """MAVLink's SCALED_IMU: whole mg, and mrad/s that look like counts."""
+    names = ["time_boot_ms", *(f"{a}acc" for a in "xyz"), *(f"{a}gyro" for a in "xyz")]
+    ticks = np.round(1e3 * (m.time + 5.0))
+    columns = np.round(1e3 * m.accelerometer / G), np.round(1e3 * m.gyro)
+    path.write_text(_text([names, *_numbers(ticks, *columns, digits=0)]))
+
+
+def _over_midnight(path: Path, m: Motion) -> None:
+    """Times of day, and units behind the names."""
+    stamps = [_time_of_day(t + 86390.0) for t in m.time.tolist()]
+    names = ["clock", *(f"gyro_{a}_deg_s" for a in "xyz"), *(f"{a}_rad" for a in _TURNS)]
+    body = _numbers(m.gyro / DEG, m.euler)
+    path.write_text(_text([names, *([t, *row] for t, row in zip(stamps, body, strict=True))]))
+
+
+_TURNS = ("yaw", "pitch", "roll")
+
+
+def _time_of_day(seconds: float) -> str:
+    ticks = round(1e6 * seconds) % 86400000000
+    hours, rest = divmod(ticks, 3600000000)
+    minutes, rest = divmod(rest, 60000000)
+    return f"{hours:02d}:{minutes:02d}:{rest / 1e6:09.6f}"
+
+
 def _crazyflie(path: Path, m: Motion) -> None:
     names = ["Timestamp", *(f"gyro.{a}" for a in "xyz"), *(f"acc.{a}" for a in "xyz")]
     names += [f"stateEstimate.q{a}" for a in "xyzw"]
@@ -754,6 +796,10 @@ DEVICES = (
     Maker("ArduPilot DataFlash, text", "a.log", _dataflash_text, ("attitude", *INERTIAL)),
     Maker("ArduPilot DataFlash", "a.bin", _dataflash_binary, ("attitude", *INERTIAL), 1e-5),
     Maker("PX4, ulog2csv", "log", _ulog2csv, ("attitude", *INERTIAL)),
+    Maker("PX4, one renamed file of ulog2csv", "a.csv", _px4_alone, ("attitude",)),
+    Maker("ArduPilot, mavlogdump's CSV", "a.csv", _mavlogdump, ("attitude",)),
+    Maker("MAVLink SCALED_IMU", "a.csv", _scaled_imu, ("accelerometer",), 6e-3),
+    Maker("times of day over midnight", "a.csv", _over_midnight, BOTH),
     Maker("Crazyflie client", "a.csv", _crazyflie, ("attitude", *INERTIAL)),
     Maker("Betaflight blackbox_decode", "a.csv", _blackbox, INERTIAL),
     Maker("rostopic echo -p", "a.csv", _rostopic, ("attitude", *INERTIAL)),

@@ -3,8 +3,10 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from twin.recording.log import read_log
+from twin.recording.timeline import over_midnight
 
 GYRO = '[streams.gyro]\nfile = "gyro.csv"\n'
 
@@ -74,3 +76,13 @@ def test_a_hinge_that_is_wrapped_at_a_turn_turns_on_and_one_that_jumps_otherwise
     log = read(spiked)
     np.testing.assert_allclose(log["joint_angle"].value[:, 0], spiked, atol=1e-12)
     assert log.repairs == ()
+
+
+@pytest.mark.parametrize(
+    ("clock", "goes_on"),
+    [([86399.0, 86399.5, 0.0, 0.5], True), ([100.0, 100.5, 3.0, 3.5], False)],
+)
+def test_times_of_day_go_on_after_midnight_and_a_clock_that_is_set_back_does_not(clock, goes_on):
+    time, said = over_midnight(np.array(clock), "gyro")
+    assert (np.diff(time) > 0.0).all() == goes_on
+    assert bool(said) == goes_on, "what is mended is said"

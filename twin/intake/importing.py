@@ -41,9 +41,9 @@ def known_frame(proposal: Proposal) -> None:
     path = table.file.path
     autopilot = "north, east, down and forward, right, down"
     of_px4 = path.suffix.lower() == ".ulg" or table.type.startswith("px4_msgs/")
-    if of_px4 or _PX4.search(path.stem):
+    if of_px4 or _PX4.search(path.stem) or "timestamp_sample" in table.names:
         _turn(proposal, "down", f"PX4 has {autopilot}")
-    elif table.type == "DataFlash":
+    elif table.type == "DataFlash" or "TimeUS" in table.names:  # its messages as CSV
         _turn(proposal, "down", f"ArduPilot has {autopilot}")
     elif proposal.stream == "accelerometer" and _CORE_MOTION.search(proposal.columns[0]):
         proposal.columns = tuple(f"-{name}" for name in proposal.columns)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from twin.conventions.grid import counts_in
 from twin.intake.tables import DataTable
 from twin.platform import Platform
-from twin.recording.column_names import stated_unit
+from twin.recording.column_names import stated_unit, without_unit
 from twin.signals import STREAMS
 from twin.units import STANDARD_GRAVITY, known_unit, unit_named
 
@@ -105,7 +105,10 @@ def streams_among(
 
 
 def _plain(name: str) -> str:
-    """A name without the unit in brackets at its end; `q[0]` is `q.0`."""
+    """A name without the unit at its end; `q[0]` is `q.0`, MAVLink's `xgyro` is `gyro_x`."""
+    if not name.endswith(("]", ")")):
+        name = without_unit(name)
+    name = re.sub(r"^([xyz])(gyro|acc|mag)$", r"\2_\1", name)
     without = re.sub(r"\s*[\[(](?!\d+[\])])[^\[\]()]*[\])]\s*$", "", name).strip()
     return re.sub(r"\[(\d+)\]$", r".\1", without)
 
@@ -321,7 +324,10 @@ def _of_accelerometer(proposal: Proposal, values: Array, length: float) -> None:
     """The unit in which gravity has its size, or the counts of one g; without gravity, no unit."""
     counts = [(text, full) for text, full in _COUNTS if abs(length / full - 1.0) < 0.1]
     stated = _texts(proposal)
-    if not stated and counts and _are_counts(values):
+    thousand = abs(length / 1000.0 - 1.0) < abs(length / 1024.0 - 1.0)
+    if not stated and counts and counts[0][1] == 1024.0:
+        proposal.unsure.append("whether 1000 or 1024 of it are one g, which are 2 % apart")
+    if not stated and counts and _are_counts(values) and not (thousand and counts[0][1] == 1024.0):
         proposal.keys["unit"] = '"g"'
         proposal.keys["scale"] = f"{1.0 / counts[0][1]!r}"
         proposal.reasons.append(f"{length:.0f} long, in whole numbers: {counts[0][1]:.0f} a g")

@@ -20,7 +20,15 @@ _OF_TIME = re.compile(
     re.I,
 )
 _SHORT = {"millis": "ms", "micros": "us", "nanos": "ns"}
-_OF_VALUE = re.compile(r"_(deg|degrees?|dps|degps|rpm|mm|cm|um|mrad|arcsec|uT|nT|mG)$")
+_POWERS = {
+    **dict.fromkeys(("degps", "deg_s", "degs"), "deg/s"),
+    **dict.fromkeys(("radps", "rad_s", "rads"), "rad/s"),
+    **dict.fromkeys(("mps2", "m_s2", "ms2"), "m/s^2"),
+}
+"""Units of names that have no room for a slash."""
+_OF_VALUE = re.compile(
+    rf"_(deg|degrees?|dps|rad|rpm|mm|cm|um|mrad|arcsec|uT|nT|mG|{'|'.join(_POWERS)})$"
+)
 _PART = re.compile(r"(|\d+|[xyzwijkq]|roll|pitch|yaw|0?x[0-9a-f]{2,8})$", re.I)
 """What stands in brackets and is a part of the name or the code of a field, not a unit."""
 
@@ -31,7 +39,7 @@ def in_order(names: Sequence[str], expected: Sequence[str]) -> tuple[str, ...] |
     Capitals, a unit in brackets, and what all have before or behind do not count: `gyro_x [deg/s]`
     is x beside `gyro_y [deg/s]`.
     """
-    plain = [_without_unit(name).lower() for name in names]
+    plain = [without_unit(name).lower() for name in names]
     before = len(commonprefix(plain))
     behind = len(commonprefix([name[::-1] for name in plain]))
     for start, end in ((0, 0), (before, 0), (0, behind), (before, behind)):
@@ -48,7 +56,7 @@ def is_clock(name: str) -> bool:
 
 def is_counter(name: str) -> bool:
     """Whether a column is called as the numbers of rows are."""
-    return _COUNTER.match(_without_unit(name).strip()) is not None
+    return _COUNTER.match(without_unit(name).strip()) is not None
 
 
 def names_a_clock(name: str) -> bool:
@@ -64,7 +72,7 @@ def stated_unit(name: str) -> str:
         text = result[1].strip()
         return "" if _PART.match(text) else text
     behind = _OF_VALUE.search(name)
-    return {"degps": "deg/s"}.get(behind[1], behind[1]) if behind else ""
+    return _POWERS.get(behind[1], behind[1]) if behind else ""
 
 
 def stated_time_unit(name: str) -> str:
@@ -76,5 +84,6 @@ def stated_time_unit(name: str) -> str:
     return "" if result is None or _PART.match(result[1].strip()) else result[1].strip()
 
 
-def _without_unit(name: str) -> str:
-    return _IN_BRACKETS.sub("", name)
+def without_unit(name: str) -> str:
+    """A name without the unit behind it that `stated_unit` gives."""
+    return (_IN_BRACKETS if _IN_BRACKETS.search(name) else _OF_VALUE).sub("", name)

@@ -39,6 +39,7 @@ from twin.recording.timeline import (
     counts_samples,
     is_count,
     lost_by_counter,
+    over_midnight,
 )
 from twin.signals import LOGGED, Stream, stream_named
 from twin.units import Unit, known_unit, unit_named
@@ -563,7 +564,8 @@ class Entry:
                 if key in self.table:
                     problem = f"is given, but {clock} is in seconds by its type"
                     raise self.table.fail(key, problem, "remove it")
-            return time, rows, ()
+            time, said = over_midnight(time, f"{self.name} ({self.path.name})")
+            return time, rows, said
         self._check_clock(file, clock, time)
         if self.time_factor != 1.0:
             time = time * self.time_factor

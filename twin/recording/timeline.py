@@ -18,6 +18,8 @@ WRAPS = (2.0**8, 2.0**16, 2.0**32)
 """Where counters of one, two and four bytes begin anew."""
 ROUNDING = 1e-6
 """Of times since 1970, of which something was taken off and added again [s]."""
+DAY = 86400.0
+"""[s]."""
 USUALLY = 0.5
 """Share of the rows at least that follow one another by such a counter."""
 EVEN = 0.2
@@ -59,6 +61,17 @@ def lost_by_counter(count: Array, name: str, where: str) -> tuple[str, ...]:
         return ()
     rows = "1 row" if lost == 1 else f"{lost} rows"
     return (f"{where}: {rows} of {int(count[-1]) + 1} lost, by the counter {name!r}",)
+
+
+def over_midnight(time: Array, where: str) -> tuple[Array, tuple[str, ...]]:
+    """Times of day (m,) [s] that go on after midnight, and a sentence where they pass it: they step
+    back by more than half a day, which no clock is set back by within one."""
+    steps = np.diff(time, prepend=time[:1])
+    passed = np.cumsum(steps < -0.5 * DAY) - np.cumsum(steps > 0.5 * DAY)
+    within_day = len(time) > 0 and float(np.nanmin(time)) >= 0.0 and float(np.nanmax(time)) <= DAY
+    if not within_day or not passed.any() or passed.min() < 0:
+        return time, ()
+    return time + DAY * passed, (f"{where}: times of day pass midnight, and go on from there",)
 
 
 def clocks_among(file: NumberFile, names: Sequence[str]) -> list[str]:
