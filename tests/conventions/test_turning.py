@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, filtfilt
 
 from twin import rotation
 from twin.conventions import check_conventions
@@ -105,3 +106,28 @@ def test_a_small_residual_hides_nothing_however_slow_it_is():
     slow = np.sin(np.linspace(0.0, 3.0, 200))[:, None]
     assert inflation(0.01 * slow) == 1.0
     assert inflation(slow) > 10.0
+
+
+@pytest.mark.parametrize("cutoff", [0.5, 0.7])
+def test_eight_seconds_of_a_smoothed_attitude_are_one_motion_with_the_gyro(cutoff: float):
+    """The two go together at a third of a hertz alone: 15 sums over four cells are all that shows
+    it, fewer than what else is asked for."""
+    draw = np.random.default_rng(2)
+    time = np.arange(0.0, 8.0, 0.01)
+    tones = np.array([[0.21, 0.47, 1.1], [0.27, 0.53, 1.2], [0.19, 0.43, 1.0]])
+    phase = draw.uniform(0.0, 2.0 * np.pi, (3, 3))
+    waves = np.sin(2.0 * np.pi * tones * time[:, None, None] + phase)
+    angle = (np.array([0.12, 0.08, 0.12]) * waves).sum(axis=2)
+    attitude = rotation.from_rotation_vector(angle)
+    turn = rotation.multiply(rotation.conjugate(attitude[:-1]), attitude[1:])
+    rate = rotation.to_rotation_vector(turn) / 0.01
+    gyro = np.vstack([rate, rate[-1:]]) + draw.normal(0.0, 1e-3, angle.shape)
+    smooth = rotation.from_rotation_vector(filtfilt(*butter(2, cutoff, fs=100.0), angle, axis=0))
+    shaken = rotation.from_rotation_vector(draw.normal(0.0, 1e-3, angle.shape))
+    streams = {
+        "gyro": Series(time, gyro, ("x", "y", "z"), "rad/s"),
+        "attitude": Series(
+            time + 0.005, rotation.multiply(smooth, shaken), ("w", "x", "y", "z"), "1"
+        ),
+    }
+    assert check_conventions(Recording(streams, {"kind": "log"})) == []
