@@ -4,6 +4,7 @@ Each kind has three drawn variants. What a lab sees decides: the sentence of `tw
 moments of inertia of `twin identify` against those of the machine that flew.
 """
 
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -257,3 +258,46 @@ def test_rows_out_of_order_and_twice_are_mended_or_refused_by_line(files: Files,
     said = shown(folder)
     assert "gyro.csv" in said
     assert "order" in said or "back" in said, said[:400]
+
+
+def test_a_column_of_steps_before_the_clock_is_no_time(files: Files, draw):
+    step, clock = str(draw.choice(["Step", "row", "k"])), str(draw.choice(["Control_Time", "time"]))
+    for name, table in files.tables.items():
+        count = np.arange(float(len(table))) + draw.integers(0, 2)
+        files.tables[name] = np.column_stack([count, table])
+        columns = files.headers[name].split(",")[1:]
+        files.headers[name] = ",".join([step, clock, *columns])
+        files.facts[name].append(f"columns = {json.dumps(columns)}")
+    folder = files.write()
+    said = shown(folder)
+    assert f"'{step}', its first column" in said
+    assert f"`time = {json.dumps(clock)}`" in said
+    for name in files.tables:
+        files.facts[name].append(f'time = "{clock}"')
+    check_moments(files.write())
+
+
+def test_rows_of_several_kinds_are_parted_by_their_key(files: Files, draw):
+    kinds = dict(zip(("gyro", "attitude"), draw.permutation(2).tolist(), strict=True))
+    rows = [
+        [t, kinds[name], *values, *[0.0] * (4 - len(values))]
+        for name in kinds
+        for t, *values in files.tables.pop(name)
+    ]
+    text = "\n".join(
+        f"{kind} {t:.9g} " + " ".join(f"{x:.12g}" for x in values)
+        for t, kind, *values in sorted(rows, key=lambda row: row[0])
+    )
+    folder = files.write()
+    (folder / "both.txt").write_text(text + "\n")
+    entries = {
+        name: f'[streams.{name}]\nfile = "both.txt"\ntime = "2"\n'
+        f"columns = {json.dumps([str(3 + k) for k in range(3 + (name == 'attitude'))])}\n"
+        for name in kinds
+    }
+    written = (folder / "log.toml").read_text()
+    (folder / "log.toml").write_text(written + "".join(entries.values()))
+    assert 'rows = { "1" = 0 }' in shown(folder)
+    picked = [f'{entry}rows = {{ "1" = {kinds[name]} }}\n' for name, entry in entries.items()]
+    (folder / "log.toml").write_text(written + "".join(picked))
+    check_moments(folder)
