@@ -10,10 +10,11 @@ from twin.clock import SimulatedClock
 from twin.controller import Controller, load_controller
 from twin.errors import UsageError
 from twin.estimators import load_estimator
-from twin.loop import Ended, fly
+from twin.loop import Ended, Member, common_period, fly, fly_together
 from twin.plant.replayed import ReplayedPlant
 from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, load_platform
+from twin.radio import Airwaves, Radio, Station
 from twin.recording import Recording, Series
 from twin.reference import Hold, Multisine
 from twin.stream.recorder import FlightRecorder, MemoryRecorder
@@ -137,3 +138,77 @@ def test_a_log_whose_streams_have_no_rows_cannot_be_replayed(sads):
     nothing = Recording({"gyro": empty}, {})
     with pytest.raises(UsageError, match="no sample of what sads measures"):
         ReplayedPlant(sads, nothing)
+
+
+def test_the_loop_is_its_parts_called_in_turn(sads):
+    """To the last bit: read, estimate, control, write, and what they are told of one another."""
+    memory, reference = MemoryRecorder(sads), Hold(roll=0.02)
+    law, estimator = load_controller("quaternion_pd"), load_estimator("filter")
+    flown(SimulatedPlant(sads), law, reference=reference, observers=[memory])
+    plant, applied = SimulatedPlant(sads), []
+    estimate, state = estimator.init(sads, 1), law.init(sads, 1)
+    for now in SimulatedClock().ticks(sads.tick, 5.0):
+        estimate = estimator.update(estimate, plant.read(now))
+        command, state = law.update(state, estimate, reference.at(now), now)
+        applied.append(plant.write(command))
+        estimate = estimator.told(estimate, applied[-1])
+    recording = memory.recording()
+    for name in applied[0]:
+        rows = np.concatenate([command[name] for command in applied])
+        assert np.array_equal(recording[name].value, rows)
+
+
+def several(platforms, observers, laws=None):
+    reference, laws = Hold(roll=0.01), laws or ["quaternion_pd"] * len(platforms)
+    return [
+        Member(
+            SimulatedPlant(platform),
+            load_estimator("filter"),
+            load_controller(law) if isinstance(law, str) else law,
+            reference,
+            [observer],
+            Station(platform.name),
+        )
+        for platform, observer, law in zip(platforms, observers, laws, strict=True)
+    ]
+
+
+def test_machines_of_different_rates_have_their_ticks_where_they_have_them_alone(sads):
+    whorl = load_platform("whorl1")
+    assert (sads.control_rate, whorl.control_rate) == (20.0, 50.0)
+    together = MemoryRecorder(sads), MemoryRecorder(whorl)
+    members = several([sads, whorl], together)
+    air = Airwaves(Radio(rate=5.0), [member.station for member in members], (0,), 0)
+    fly_together(members, SimulatedClock(), duration=3.0, air=air)
+    for platform, memory, other in zip((sads, whorl), together, ("whorl1", "sads"), strict=True):
+        alone = MemoryRecorder(platform)
+        (member,) = several([platform], [alone])
+        fly_together([member], SimulatedClock(), duration=3.0)
+        recording = memory.recording()
+        for name, series in alone.recording().items():
+            assert np.array_equal(series.time, recording[name].time), name
+            assert np.array_equal(series.value, recording[name].value), name
+        # both have a tick each 0.1 s, and a message is 0.2 s old at most
+        assert np.allclose(recording[f"truth_relative_rate_to_{other}"].time, np.arange(31) * 0.1)
+        assert recording[f"relative_age_to_{other}"].value.max() < 0.25
+
+
+def test_a_run_of_several_ends_with_the_first_that_cannot_go_on(sads):
+    whorl = load_platform("whorl1")
+    members = several(
+        [sads, whorl],
+        [MemoryRecorder(sads), MemoryRecorder(whorl)],
+        [Spoiled([0], when=1.0), "quaternion_pd"],
+    )
+    failed, halted = fly_together(members, SimulatedClock(), duration=5.0)
+    assert failed.ended is Ended.failed
+    assert halted.ended is Ended.safe_stop
+    assert halted.reason == f"the run ended with sads: {failed.reason}"
+    assert halted.duration == pytest.approx(1.0)
+
+
+def test_rates_without_a_common_clock_are_refused():
+    assert common_period([50.0, 50.0]) == (0.02, [1, 1])
+    assert common_period([50.0, 20.0]) == (0.01, [2, 5])
+    with pytest.raises(UsageError, match="41.123, 50 Hz have no common clock"):
+        common_period([41.123, 50.0])

@@ -1,15 +1,18 @@
 """The one loop: read, estimate, control, write, record.
 
 It cannot tell whether the plant is simulated, replayed, emulated or real, nor how many runs the
-batch holds.
+batch holds. Several machines go round it together, on one clock, with a radio between them.
 """
 
 import logging
+import math
 import signal
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
+from fractions import Fraction
+from functools import reduce
 from typing import Protocol
 
 import numpy as np
@@ -18,12 +21,13 @@ from twin import stop
 from twin.clock import Clock, Timing
 from twin.controller import AnyController
 from twin.controller.load import tell_mistake, tell_refused
-from twin.errors import CommandError, TwinError, UnknownName
+from twin.errors import CommandError, TwinError, UnknownName, UsageError
 from twin.estimators.estimator import Estimator
 from twin.estimators.place import PlaceFilter
 from twin.plant.plant import Plant
+from twin.radio import Airwaves, Station, as_estimated, as_true
 from twin.reference import Reference
-from twin.signals import Command, Estimate, Quantity, Target, Tick
+from twin.signals import Command, Estimate, Quantity, Samples, Target, Tick
 from twin.units import span
 
 _LOGGER = logging.getLogger(__name__)
@@ -103,6 +107,19 @@ class Outcome:
     """What the estimator states in the end with its sigma, by name; empty if it never was valid."""
 
 
+@dataclass(frozen=True)
+class Member:
+    """A machine in the loop, and what flies it."""
+
+    plant: Plant
+    estimator: Estimator
+    controller: AnyController
+    reference: Reference
+    observers: Sequence[Observer] = ()
+    station: Station = field(default_factory=lambda: Station("machine"))
+    """As the other machines of the run know it."""
+
+
 def fly(
     plant: Plant,
     estimator: Estimator,
@@ -122,91 +139,270 @@ def fly(
             refuses its command.
         TwinError: a device, or a recorder, failed. Each has the outcome until then with it.
     """
+    member = Member(plant, estimator, controller, reference, observers)
+    return fly_together([member], clock, duration=duration)[0]
+
+
+def fly_together(
+    members: Sequence[Member],
+    clock: Clock,
+    *,
+    duration: float,
+    air: Airwaves | None = None,
+) -> list[Outcome]:
+    """Run the loop for several machines on one clock, `duration` [s]; raises as `fly`.
+
+    Each machine has its ticks where it has them alone. At a tick all that have one are read first,
+    then each sends what it knows and receives what has come, then all are commanded: without a
+    delay each law sees what the others know at the same instant. The run ends for all as soon as it
+    ends for one that has not merely finished.
+
+    Args:
+        members: the machines, with as many runs each.
+        clock: of all of them.
+        duration: [s].
+        air: the radio between them; None: they know nothing of each other.
+
+    Returns:
+        The outcome of each machine.
+    """
+    period, every = common_period([member.plant.platform.control_rate for member in members])
     try:
-        return _fly(plant, estimator, controller, reference, clock, duration, observers)
+        return _fly(members, clock, duration, air, period, every)
     except TwinError as problem:
         timing = clock.timing
-        now = max(timing.ticks - 1 + timing.overruns, 0) * plant.platform.tick
-        problem.outcome = Outcome(Ended.failed, str(problem), now, dict(plant.stopped), timing)
+        now = max(timing.ticks - 1 + timing.overruns, 0) * period
+        stopped = dict(members[0].plant.stopped) if len(members) == 1 else {}
+        problem.outcome = Outcome(Ended.failed, str(problem), now, stopped, timing)
         raise
 
 
+FASTEST = 1e4
+"""Of the clock that has the ticks of all machines of a run among its own [Hz]."""
+
+
+def common_period(rates: Sequence[float]) -> tuple[float, list[int]]:
+    """Period of the slowest clock that ticks with every machine [s], and its ticks in each of
+    theirs, of control rates [Hz].
+
+    Raises:
+        UsageError: the rates have no common multiple below `FASTEST`.
+    """
+    if len(set(rates)) == 1:
+        return 1.0 / rates[0], [1] * len(rates)
+    shares = [Fraction(rate).limit_denominator(1000) for rate in rates]
+    common = reduce(
+        lambda a, b: Fraction(
+            math.lcm(a.numerator, b.numerator), math.gcd(a.denominator, b.denominator)
+        ),
+        shares,
+    )
+    if common > FASTEST:
+        listed = ", ".join(f"{rate:g}" for rate in rates)
+        raise UsageError(
+            f"control rates of {listed} Hz have no common clock below {FASTEST:g} Hz; state rates "
+            "in whole ratios ([simulation] control_rate)"
+        )
+    return 1.0 / float(common), [int(common / share) for share in shares]
+
+
 def _fly(
-    plant: Plant,
-    estimator: Estimator,
-    controller: AnyController,
-    reference: Reference,
+    members: Sequence[Member],
     clock: Clock,
     duration: float,
-    observers: Sequence[Observer],
-) -> Outcome:
-    platform, n = plant.platform, plant.n
-    runs = range(n)
-    estimate = estimator.init(platform, n)
-    place = PlaceFilter.of(platform, n) if estimate.position is None else None
-    state = controller.init(platform, n)
-    targets = _Ahead(reference, platform.tick)
-    now, reason, ended, asked = 0.0, "", Ended.done, 0
+    air: Airwaves | None,
+    period: float,
+    every: Sequence[int],
+) -> list[Outcome]:
+    cycles = [_Cycle(member, clock, ticks) for member, ticks in zip(members, every, strict=True)]
+    now, asked = 0.0, 0
     with stop.listening():
-        for now in clock.ticks(platform.tick, duration):
-            reading = plant.read(now)
-            clock.lap("read")
-            estimate = estimator.update(estimate, reading)
-            if place is not None:
-                estimate = place.located(estimate, reading)
-            clock.lap("estimate")
-            target = targets.at(now)
+        for now in clock.ticks(period, duration):
+            due = cycles if len(cycles) == 1 else [c for c in cycles if c.due(round(now / period))]
             try:
-                wanted, state = controller.update(state, estimate, target, now)
+                for cycle in due:
+                    cycle.sense(now)
+                if air is not None:
+                    _exchange(air, due)
+                for cycle in due:
+                    cycle.act()
             except stop.Stopped as request:  # a procedure waited for a fit
                 asked = request.number
                 break
-            except (Exception, SystemExit) as problem:
-                tell_mistake(controller, platform, problem)
-                raise
-            if estimate.awaited:
-                wanted = _where_seen(wanted, estimate, plant)
-            clock.lap("control")
-            try:
-                applied = plant.write(wanted)
-            except (CommandError, UnknownName) as problem:
-                tell_refused(controller, platform, problem)
-                raise
-            estimate = estimator.told(estimate, applied)
-            if place is not None:
-                place.command(estimate.attitude, applied)
-            clock.lap("write")
-            if observers:
-                truth, cycle = plant.truth(), clock.cycle()
-                tick = Tick(reading, estimate, target, wanted, applied, truth, cycle)
-                for observer in observers:
-                    observer.collect(tick)
-                clock.lap("record")
-            if plant.safe_reason:
-                ended, reason = Ended.safe_stop, plant.safe_reason
-                break
-            if len(plant.stopped) == n:
-                ended = Ended.failed
-                reason = next(iter(plant.stopped.values()))
-                break
-            reason = controller.lost(state)
-            if reason:
-                ended = Ended.safe_stop
-                break
-            finished = controller.finished(state)
-            if finished is not None and all(finished[run] or run in plant.stopped for run in runs):
+            if len(due) > 1:
+                _relate(due)
+            for cycle in due:
+                cycle.record()
+            if any([cycle.ends() for cycle in due]) or all(cycle.finished() for cycle in cycles):
                 break
             asked = stop.requested() or 0
             if asked:
                 break
-    if asked:
-        ended, reason = Ended.safe_stop, f"{_by(asked)} at {now:.2f} s"
-    if ended is Ended.done and plant.stopped:
-        ended = Ended.degraded
-        reason = f"{len(plant.stopped)} of {n} runs were stopped"
-    remarks = tuple(estimator.remarks(estimate))
-    stated = estimate.quantities() if estimate.valid.any() else {}
-    return Outcome(ended, reason, now, dict(plant.stopped), clock.timing, asked, remarks, stated)
+    halted = f"{_by(asked)} at {now:.2f} s" if asked else ""
+    culprits = [cycle for cycle in cycles if cycle.ended is not Ended.done]
+    if culprits and not halted and len(cycles) > 1:
+        halted = f"the run ended with {culprits[0].member.station.name}: {culprits[0].reason}"
+    return [cycle.outcome(asked, halted) for cycle in cycles]
+
+
+def _exchange(air: Airwaves, due: "Sequence[_Cycle]") -> None:
+    """Each machine sends what it knows, then each receives what has come by now."""
+    for cycle in due:
+        cycle.send(air)
+    for cycle in due:
+        cycle.receive(air)
+
+
+def _relate(due: "Sequence[_Cycle]") -> None:
+    """True states relative to each other, where they are recorded."""
+    truths = {cycle.member.station: cycle.true() for cycle in due if cycle.member.observers}
+    for cycle in due:
+        own = cycle.member.station
+        others = {other: truth for other, truth in truths.items() if other != own}
+        cycle.relative = as_true(own, truths[own], others) if own in truths else {}
+
+
+class _Cycle:
+    """One machine from tick to tick: read, estimate, control, write, record."""
+
+    def __init__(self, member: Member, clock: Clock, every: int) -> None:
+        """Before its first tick; it has one at each `every`th of the clock's."""
+        self.member = member
+        plant = member.plant
+        platform, n = plant.platform, plant.n
+        self.ended, self.reason = Ended.done, ""
+        self.relative: Mapping[str, Samples] = {}
+        self._clock = clock
+        self._every, self._last = every, -1
+        self._estimate = member.estimator.init(platform, n)
+        travels = self._estimate.position is None
+        self._place = PlaceFilter.of(platform, n) if travels else None
+        self._state = member.controller.init(platform, n)
+        self._targets = _Ahead(member.reference, platform.tick)
+        self._now = 0.0
+        self._truth: Mapping[str, Samples] | None = None
+
+    def due(self, number: int) -> bool:
+        """Whether it has a tick at this one of the clock, or had one that the clock skipped."""
+        count, before = number // self._every, self._last
+        self._last = count
+        return count > before
+
+    def sense(self, now: float) -> None:
+        """Read and estimate; of several machines the tick is where it would be alone."""
+        member = self.member
+        self.relative = {}
+        self._now = now if self._last < 0 else self._last * member.plant.platform.tick
+        self._reading = member.plant.read(self._now)
+        self._clock.lap("read")
+        self._estimate = member.estimator.update(self._estimate, self._reading)
+        if self._place is not None:
+            self._estimate = self._place.located(self._estimate, self._reading)
+        self._clock.lap("estimate")
+
+    def send(self, air: Airwaves) -> None:
+        """Say what it knows, if it is time."""
+        name = self.member.station.name
+        if air.due(name, self._now):
+            extra = self.member.controller.message(self._state, self._estimate, self._now)
+            air.send(name, self._now, self._estimate, extra)
+
+    def receive(self, air: Airwaves) -> None:
+        """Hear what has come by now."""
+        received = air.received(self.member.station.name, self._now)
+        self._estimate = replace(self._estimate, received=received)
+        self._clock.lap("estimate")
+
+    def act(self) -> None:
+        """Control and write."""
+        member, now = self.member, self._now
+        plant, platform, estimate = member.plant, member.plant.platform, self._estimate
+        self._target = self._targets.at(now)
+        try:
+            wanted, self._state = member.controller.update(self._state, estimate, self._target, now)
+        except stop.Stopped:
+            raise
+        except (Exception, SystemExit) as problem:
+            tell_mistake(member.controller, platform, problem)
+            raise
+        if estimate.awaited:
+            wanted = _where_seen(wanted, estimate, plant)
+        self._clock.lap("control")
+        try:
+            applied = plant.write(wanted)
+        except (CommandError, UnknownName) as problem:
+            tell_refused(member.controller, platform, problem)
+            raise
+        self._estimate = member.estimator.told(estimate, applied)
+        if self._place is not None:
+            self._place.command(self._estimate.attitude, applied)
+        self._wanted, self._applied, self._truth = wanted, applied, None
+        self._clock.lap("write")
+
+    def true(self) -> Mapping[str, Samples]:
+        """The plant's true states at this tick."""
+        if self._truth is None:
+            self._truth = self.member.plant.truth()
+        return self._truth
+
+    def record(self) -> None:
+        """Let the observers see the tick."""
+        if not self.member.observers:
+            return
+        relative = self.relative
+        if self._estimate.received:
+            relative = {**as_estimated(self._estimate), **relative}
+        tick = Tick(
+            self._reading,
+            self._estimate,
+            self._target,
+            self._wanted,
+            self._applied,
+            self.true(),
+            self._clock.cycle(),
+            relative,
+        )
+        for observer in self.member.observers:
+            observer.collect(tick)
+        self._clock.lap("record")
+
+    def ends(self) -> bool:
+        """Whether the run cannot go on, which `ended` and `reason` then say."""
+        plant = self.member.plant
+        if plant.safe_reason:
+            self.ended, self.reason = Ended.safe_stop, plant.safe_reason
+        elif len(plant.stopped) == plant.n:
+            self.ended, self.reason = Ended.failed, next(iter(plant.stopped.values()))
+        elif reason := self.member.controller.lost(self._state):
+            self.ended, self.reason = Ended.safe_stop, reason
+        return self.ended is not Ended.done
+
+    def finished(self) -> bool:
+        """Whether its law needs no more ticks in any run."""
+        done, plant = self.member.controller.finished(self._state), self.member.plant
+        return done is not None and all(done[run] or run in plant.stopped for run in range(plant.n))
+
+    def outcome(self, asked: int, halted: str) -> Outcome:
+        """How it ended; `halted` says why, where nothing of its own ended it."""
+        plant, estimate, estimator = self.member.plant, self._estimate, self.member.estimator
+        ended, reason = self.ended, self.reason
+        if asked or (halted and ended is Ended.done):
+            ended, reason = Ended.safe_stop, halted
+        if ended is Ended.done and plant.stopped:
+            ended = Ended.degraded
+            reason = f"{len(plant.stopped)} of {plant.n} runs were stopped"
+        remarks = tuple(estimator.remarks(estimate))
+        stated = estimate.quantities() if estimate.valid.any() else {}
+        return Outcome(
+            ended,
+            reason,
+            self._now,
+            dict(plant.stopped),
+            self._clock.timing,
+            asked,
+            remarks,
+            stated,
+        )
 
 
 def _by(number: int) -> str:

@@ -91,8 +91,18 @@ STREAMS: dict[str, Stream] = {
     "reference_position": Stream("m", _XYZ, "world"),
     "reference_velocity": Stream("m/s", _XYZ, "world"),
     "loop_time": Stream("s", ("late", "read", "estimate", "control", "write", "record")),
+    "relative_attitude": Stream("1", _WXYZ, "the other's body from body"),
+    "relative_rate": Stream("rad/s", _XYZ, "body"),
+    "relative_position": Stream("m", _XYZ, "world"),
+    "relative_velocity": Stream("m/s", _XYZ, "world"),
+    "relative_age": Stream("s", ("value",)),
+    "truth_relative_attitude": Stream("1", _WXYZ, "the other's body from body"),
+    "truth_relative_rate": Stream("rad/s", _XYZ, "body"),
+    "truth_relative_position": Stream("m", _XYZ, "world"),
+    "truth_relative_velocity": Stream("m/s", _XYZ, "world"),
 }
-"""The canonical streams (docs/design.md 4.2). `wanted_*` has the unit of its `command_*`."""
+"""The canonical streams (docs/design.md 4.2). `wanted_*` has the unit of its `command_*`, and
+`relative_*_to_NAME` is the stream before `_to_`, towards the machine of that name."""
 
 OF_MOTION = ("attitude", "inclinometer", "gyro", "joint_angle", "joint_rate")
 """Streams that show how the base moves."""
@@ -101,10 +111,12 @@ POSITIONS = ("stage_position", "gimbal_angle")
 """Measured parts from where laws begin: none begins before they were seen. Wheel speeds may come
 once a second, and nobody waits for the first: nothing would hold a floating body meanwhile."""
 
+TOWARDS = "_to_"
+"""Between the name of a relative stream and that of the other machine."""
 PREDICTED, RESIDUAL = "predicted_", "residual_"
 """Before the name of a stream: what a model makes of it, and what that leaves."""
 DERIVED = (
-    *("command_", "wanted_", "truth_", "estimate_", "reference_", "loop_"),
+    *("command_", "wanted_", "truth_", "estimate_", "reference_", "loop_", "relative_"),
     *(PREDICTED, RESIDUAL),
 )
 """Streams that no sensor measured begin so: their scatter is no noise."""
@@ -123,6 +135,8 @@ def stream_named(name: str) -> Stream:
         UnknownName: no such stream.
     """
     key = "command_" + name.removeprefix("wanted_") if name.startswith("wanted_") else name
+    if key.removeprefix("truth_").startswith("relative_"):
+        key = key.partition(TOWARDS)[0]
     if key not in STREAMS:
         raise UnknownName("stream", name, STREAMS)
     return STREAMS[key]
@@ -177,6 +191,30 @@ class Quantity(NamedTuple):
     """Names of the k columns."""
 
 
+@dataclass(frozen=True, slots=True)
+class Received:
+    """The newest message of another machine that has come over the radio."""
+
+    time: Array
+    """(n,) when its content was true [s]; NaN in a run that has received none yet."""
+    attitude: Array
+    """(n, 4), world from body, as that machine estimates it."""
+    rate_body: Array
+    """(n, 3) [rad/s], in that machine's body axes."""
+    position: Array | None = None
+    """(n, 3) of its CR in the room of the machine that has received it [m]; None where either of
+    them stays in its place."""
+    velocity: Array | None = None
+    """(n, 3) [m/s], world; with the position."""
+    extra: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    """What its law adds (`Controller.message`), (n, k) each."""
+
+    @property
+    def valid(self) -> Mask:
+        """(n,) whether a message has come."""
+        return np.isfinite(self.time)
+
+
 @dataclass(slots=True)
 class Estimate:
     """What is believed about the machine at a tick.
@@ -217,6 +255,8 @@ class Estimate:
     """(n, 3) likewise [m/s]."""
     disturbance: Array | None = None
     """(n, 3) acceleration of the CR that no command explains, likewise [m/s^2]."""
+    received: Mapping[str, Received] = field(default_factory=dict[str, Received])
+    """By the name of each other machine of the run that this one has heard; the loop sets it."""
 
     def at(self, time: float) -> "Estimate":
         """The same estimate, stamped `time`."""
@@ -265,3 +305,6 @@ class Tick(NamedTuple):
     """A simulation's true states, one sample each; empty on hardware."""
     cycle: Array | None = None
     """(6,) what it cost, as `loop_time` has it; None where time is simulated."""
+    relative: Mapping[str, Samples] = {}
+    """Attitude, rate and place relative to each other machine of the run, as `relative_*_to_NAME`
+    by the estimates and `truth_relative_*_to_NAME` in a simulation, one sample each."""

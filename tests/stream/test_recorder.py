@@ -39,7 +39,7 @@ class Keeper:
         self.ticks: list[Tick] = []
 
     def collect(self, tick: Tick) -> None:
-        reading, estimate, target, wanted, applied, truth, _ = tick
+        reading, estimate, target, wanted, applied, truth, *_ = tick
         self.ticks.append(
             Tick(
                 Reading(reading.time, {k: copied(s) for k, s in reading.streams.items()}),

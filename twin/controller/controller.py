@@ -1,6 +1,7 @@
 """What a control law is: a frozen dataclass of gains with `init` and `update`."""
 
 import abc
+from collections.abc import Mapping
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
@@ -36,6 +37,13 @@ class Controller(abc.ABC, Generic[State]):
         self, state: State, estimate: Estimate, target: Target, time: float
     ) -> tuple[Command, State]:
         """Command to hold until the next tick, and the state after it."""
+
+    def message(
+        self, state: State, estimate: Estimate, time: float
+    ) -> Mapping[str, NDArray[np.float64]]:
+        """What it sends to the other machines of a run beside the estimate, (n, k) each, by name;
+        asked before `update`, at each tick at which the radio sends."""
+        return {}
 
     def first_command(self, platform: Platform, estimate: Estimate, target: Target) -> Command:
         """What it says at time 0: asked before anything moves, for which actuators it uses."""

@@ -52,7 +52,11 @@ class StreamRows:
         """The rows of some ticks, by stream; commands are stamped with the tick they apply from."""
         run = self._run
         blocks: dict[str, Block] = {}
-        for streams in ([t.reading.streams for t in ticks], [t.truth for t in ticks]):
+        for streams in (
+            [t.reading.streams for t in ticks],
+            [t.truth for t in ticks],
+            [t.relative for t in ticks],
+        ):
             for name, (_, samples) in _by_name(streams).items():
                 blocks[name] = self._samples(samples)
         stamps = [_stamp(t.reading.time) for t in ticks]
