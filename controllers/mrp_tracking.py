@@ -3,34 +3,15 @@
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from twin.controller import Controller
-from twin.controller.exchange import Wheels
-from twin.controller.pointing import pointing_error
+from twin.controller.exchange import WheeledBody
+from twin.controller.pointing import mrp_of, pointing_error
 from twin.platform import Platform
-from twin.rotation import conjugate, cross, rotate, vertical_body
 from twin.signals import Command, Estimate, Target
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
-class Gyrostat:
-    """The machine as the law knows it."""
-
-    wheels: Wheels
-    moment: Array
-    """(3,) m r at stage position 0 [kg m, body]."""
-    slides: Array
-    """(stages, 3) what a stage adds to it per position [kg]."""
-    gravity: float
-    """[m/s^2]."""
-
-
-@dataclass(frozen=True)
-class MrpTracking(Controller[Gyrostat]):
+class MrpTracking(Controller[WheeledBody]):
     """Nonlinear tracking by wheels, for any reference motion.
 
     A g_a = h_b x w + g_g - J w x w_e - J R w_r' + k_1 w_e + k_2 s_e      torque on the rotors [N m]
@@ -62,29 +43,15 @@ class MrpTracking(Controller[Gyrostat]):
     attitude_gain: float = field(default=10.0, metadata={"unit": "N m"})
     """k_2, per MRP of the error, which is a quarter of a small angle."""
 
-    def init(self, platform: Platform, n: int) -> Gyrostat:
+    def init(self, platform: Platform, n: int) -> WheeledBody:
         """What the platform states of the body."""
-        slides = np.array([stage.mass * stage.axis for stage in platform.stages]).reshape(-1, 3)
-        return Gyrostat(
-            wheels=Wheels.of(platform, "mrp_tracking"),
-            moment=platform.center_of_mass_offset,
-            slides=slides,
-            gravity=platform.gravity,
-        )
+        return WheeledBody.of(platform, "mrp_tracking")
 
     def update(
-        self, state: Gyrostat, estimate: Estimate, target: Target, time: float
-    ) -> tuple[Command, Gyrostat]:
+        self, state: WheeledBody, estimate: Estimate, target: Target, time: float
+    ) -> tuple[Command, WheeledBody]:
         """Torque on each rotor; none in a run that has not been seen yet."""
         error, rate_error = pointing_error(estimate, target)
-        mrp = error[:, 1:] / (1.0 + error[:, :1])
-        acceleration = rotate(conjugate(error), target.acceleration_body)
-        rate, inertia = estimate.rate_body, state.wheels.inertia
-
-        moment = state.moment + np.einsum("nj,ji->ni", estimate.stage_position, state.slides)
-        gravity = cross(moment, -state.gravity * vertical_body(estimate.attitude))
-        whole = np.einsum("ij,nj->ni", inertia, rate) + state.wheels.momentum(estimate)
-        wanted = np.einsum("ij,nj->ni", inertia, cross(rate, rate_error) + acceleration)
-        change = cross(whole, rate) + gravity - wanted
-        change = change + self.rate_gain * rate_error + self.attitude_gain * mrp
+        change = state.tracking_torque(estimate, error, rate_error, target)
+        change = change + self.rate_gain * rate_error + self.attitude_gain * mrp_of(error)
         return state.wheels.command(change, estimate, time), state

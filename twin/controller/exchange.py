@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from twin.errors import ControllerError
 from twin.platform import Platform
-from twin.rotation import cross
-from twin.signals import Command, Estimate
+from twin.rotation import conjugate, cross, rotate, vertical_body
+from twin.signals import Command, Estimate, Target
 
 Array = NDArray[np.float64]
 
@@ -292,6 +292,50 @@ class Wheels:
         """Motor torques for a change of h (n, 3) [N m, body]; none in a run not yet seen."""
         torque = np.einsum("wi,ni->nw", self.share, change)
         return {"command_wheel_torque": np.where(estimate.valid[:, None], torque, 0.0)}
+
+
+@dataclass(frozen=True)
+class WheeledBody:
+    """A body with wheels, weight and sliding masses, as a law knows it."""
+
+    wheels: Wheels
+    moment: Array
+    """(3,) m r at stage position 0 [kg m, body]."""
+    slides: Array
+    """(stages, 3) what a stage adds to it per position [kg]."""
+    gravity: float
+    """[m/s^2]."""
+
+    @classmethod
+    def of(cls, platform: Platform, law: str) -> "WheeledBody":
+        """What the platform states of the body.
+
+        Raises:
+            ControllerError: as `Wheels.of`.
+        """
+        slides = np.array([stage.mass * stage.axis for stage in platform.stages]).reshape(-1, 3)
+        wheels = Wheels.of(platform, law)
+        return cls(wheels, platform.center_of_mass_offset, slides, platform.gravity)
+
+    def tracking_torque(self, estimate: Estimate, error: Array, rate: Array, goal: Target) -> Array:
+        """Change of the wheels' momentum that leaves J dw_e/dt = 0, (n, 3) [N m, body].
+
+        h_b x w + g_g - J w x w_e - J R w_r', with h_b the whole momentum, g_g = m r x g, and R
+        from the target's body frame to the body's.
+
+        Args:
+            estimate: of the body.
+            error: q_e, (n, 4), of `twin.controller.pointing.pointing_error`.
+            rate: w_e, (n, 3) [rad/s, body], likewise.
+            goal: the target.
+        """
+        turning, inertia = estimate.rate_body, self.wheels.inertia
+        acceleration = rotate(conjugate(error), goal.acceleration_body)
+        moment = self.moment + np.einsum("nj,ji->ni", estimate.stage_position, self.slides)
+        gravity = cross(moment, -self.gravity * vertical_body(estimate.attitude))
+        whole = np.einsum("ij,nj->ni", inertia, turning) + self.wheels.momentum(estimate)
+        wanted = np.einsum("ij,nj->ni", inertia, cross(turning, rate) + acceleration)
+        return cross(whole, turning) + gravity - wanted
 
 
 def fixed_axes(platform: Platform, law: str) -> Array:

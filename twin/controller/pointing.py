@@ -20,3 +20,9 @@ def pointing_error(estimate: Estimate, target: Target) -> tuple[Array, Array]:
     error = multiply(conjugate(target.attitude), estimate.attitude)
     shortest = np.copysign(1.0, error[:, :1]) * error
     return shortest, estimate.rate_body - rotate(conjugate(shortest), target.rate_body)
+
+
+def mrp_of(error: Array) -> Array:
+    """Modified Rodrigues parameters of an error (n, 4) with q_e0 >= 0: tan(angle / 4) about its
+    axis, (n, 3), at most 1 in length."""
+    return error[:, 1:] / (1.0 + error[:, :1])
