@@ -75,6 +75,9 @@ class CampaignError(FileError):
 class RecordingError(FileError):
     """A recording that cannot be written or read."""
 
+    machines: tuple[str, ...] = ()
+    """Of a recording of several, none of which was chosen, their names."""
+
 
 class ControllerError(TwinError, ValueError):
     """A control law that does not keep the contract of `twin.controller`."""

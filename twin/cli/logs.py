@@ -170,7 +170,8 @@ class View:
     """Open a log in the Rerun viewer; returns when the viewer is closed."""
 
     log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
-    """A recording (.rrd) or a folder with a log.toml."""
+    """A recording (.rrd) or a folder with a log.toml; of a run of several machines all of them, or
+    one, as in two.rrd#whorl1."""
     platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """The machine that is drawn, by name or folder; default: the one that the log names."""
 
@@ -182,10 +183,16 @@ class View:
         """Show it; the exit code."""
         from twin.api import load
         from twin.cli.output import LogPart
+        from twin.errors import RecordingError
         from twin.stream.runfile import write_recording
 
         machine = None if self.platform is None else load(self.platform)
-        recording = LogPart().open(self.log)
+        try:
+            recording = LogPart().open(self.log)
+        except RecordingError as problem:
+            if not problem.machines or machine is not None:
+                raise
+            return _show(self.log)  # all of them, in one scene
         for repair in recording.repairs:
             print(f"repaired: {repair}", file=sys.stderr)
         if self.log.suffix == ".rrd" and not recording.repairs and machine is None:

@@ -83,7 +83,7 @@ _GOING_ON = "is still being written"
 
 def read_recording(path: str | Path) -> Recording:
     """Read a recording; of a file that holds several, the one that begins as what follows a #:
-    `two.rrd#4180`.
+    `two.rrd#4180`; of one with several machines, the machine of that name: `two.rrd#whorl1`.
 
     Rows come in the order of their times, those of one time as they were written.
     A file that was never closed, or was cut anywhere, is read as far as it is whole, and `repairs`
@@ -92,7 +92,7 @@ def read_recording(path: str | Path) -> Recording:
 
     Raises:
         RecordingError: no such file, not a recording of ours, of a newer schema, nothing in it, or
-            several recordings, of which none is chosen.
+            several recordings or machines, of which none is chosen.
     """
     path, chosen = which(Path(path))
     if not path.is_file():
@@ -105,10 +105,12 @@ def read_recording(path: str | Path) -> Recording:
     if found is None:
         how = "is damaged; what could be decoded" if _CLOSED in tail else ""
         how = how or f"{_UNFINISHED if ended else _GOING_ON}; what is whole"
-        found = _read_mended(path, f"{path.name} {how} is here")
+        found = _read_mended(path, chosen, f"{path.name} {how} is here")
     if isinstance(found, Recording):
         return found
-    raise RecordingError(path, *found)
+    refused = RecordingError(path, found.problem, found.remedy)
+    refused.machines = found.machines
+    raise refused
 
 
 def which(path: Path) -> tuple[Path, str]:
@@ -125,7 +127,7 @@ def _ends(path: Path) -> tuple[bytes, bytes]:
         return head, file.read()
 
 
-def _read_mended(path: Path, note: str) -> Recording | Refusal:
+def _read_mended(path: Path, chosen: str, note: str) -> Recording | Refusal:
     """Read what Rerun's own repair makes of a copy."""
     with TemporaryDirectory() as folder:
         copy = Path(folder) / "mended.rrd"
@@ -133,12 +135,12 @@ def _read_mended(path: Path, note: str) -> Recording | Refusal:
         command += [str(path), "-o", str(copy)]
         quiet = subprocess.DEVNULL
         if run(command, stdout=quiet, stderr=quiet) != 0 or not copy.exists():
-            return (
+            return Refusal(
                 "is damaged beyond what `rerun rrd merge` can mend",
                 "copy it again from where it was written",
             )
         # Rerun raises for a file without a single recording, or without a column, in it
-        mended = _read_apart(copy, path.name, "", note)
+        mended = _read_apart(copy, path.name, chosen, note)
         # a recording that was cut before its first rows is empty, and one all the same
         return NOTHING if mended is None else mended
 

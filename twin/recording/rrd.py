@@ -126,10 +126,10 @@ class RrdFile:
         """Where the recording comes from; JSON-able."""
         self._note(PROVENANCE, facts)
 
-    def declare(self, stream: str, columns: Iterable[str], unit: str) -> None:
-        """Say what a stream's columns are, before its first rows."""
+    def declare(self, stream: str, columns: Iterable[str], unit: str, tree: str = "") -> None:
+        """Say what a stream's columns are, before its first rows; `tree` is its machine's."""
         names = list(columns)
-        path = entity(stream)
+        path = tree + entity(stream)
         header: dict[str, Any] = {STREAM: stream, COLUMNS: names, UNIT: unit}
         self.rerun.log(path, rr.AnyValues(**header), static=True, strict=True)
         colors = [PALETTE[i % len(PALETTE)] for i in range(len(names))]
@@ -137,12 +137,12 @@ class RrdFile:
         self.rerun.log(path, style, static=True, strict=True)
         self.rerun.flush()  # what is logged is batched; chunks would overtake it
 
-    def write(self, rows: Mapping[str, tuple[Array, Array]]) -> None:
-        """Append rows, by stream: times (m,) [s] and values (m, k)."""
+    def write(self, rows: Mapping[str, tuple[Array, Array]], tree: str = "") -> None:
+        """Append rows, by stream: times (m,) [s] and values (m, k); of a machine's `tree`."""
         self.send(
             chunk
             for stream, (time, value) in rows.items()
-            for chunk in scalars(entity(stream), time, value, exact=True)
+            for chunk in scalars(tree + entity(stream), time, value, exact=True)
         )
 
     def send(self, chunks: Iterable[Chunk]) -> None:
@@ -170,6 +170,11 @@ class RrdFile:
         text = json.dumps(facts, indent=2, ensure_ascii=False)
         self.rerun.log(path, rr.TextDocument(text), static=True, strict=True)
         self.rerun.flush()
+
+
+def tree_of(machine: str) -> str:
+    """Path above the entities of a machine in a recording of several; empty of a single one."""
+    return f"{rr.escape_entity_path_part(machine)}/" if machine else ""
 
 
 def entity(stream: str) -> str:

@@ -5,9 +5,9 @@ another one read.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-SCHEMA = 1
-"""Version; a reader refuses a newer one. It counts up when an old reader would misread."""
+SCHEMA = 2
+"""Newest version; a reader refuses a newer one. It counts up when an old reader would misread."""
+OF_ONE_MACHINE = 1
+"""Version of a recording of one machine. One of several has a tree of entities for each, with a
+provenance that says of each what that of a single machine says; before, streams had one tree."""
 
 APPLICATION = "airbearing-twin"
 TIMELINE = "time"
@@ -42,13 +45,26 @@ VALUE = "Scalars:scalars"
 TEXT = "TextDocument:text"
 """Rerun's own component of a text."""
 
-Refusal = tuple[str, str]
-"""What is wrong with a file, and what would do."""
-NOTHING: Refusal = (
+
+class Refusal(NamedTuple):
+    """Why a file is not read."""
+
+    problem: str
+    """What is wrong with it."""
+    remedy: str
+    """What would do."""
+    machines: tuple[str, ...] = ()
+    """Those in it, where none of several was chosen."""
+
+
+NOTHING = Refusal(
     "holds nothing of a recording that could be used",
     "if it was cut this early, the run has to be repeated; if another program wrote it, export it "
     "as a folder log",
 )
+
+MACHINES = "machines"
+"""In the facts of a recording of several machines: name -> facts of that machine."""
 
 SHOWN = 8
 """Letters of a recording's name that an error shows."""
@@ -56,7 +72,7 @@ _ROW = "rerun.controls.RowId"
 
 
 class _Refused(Exception):
-    """With what is wrong, and what would do."""
+    """With the fields of a `Refusal`."""
 
 
 def read_parts(path: Path, name: str, chosen: str, note: str) -> Recording | Refusal | None:
@@ -65,43 +81,53 @@ def read_parts(path: Path, name: str, chosen: str, note: str) -> Recording | Ref
     Args:
         path: of the file.
         name: by which its user knows it.
-        chosen: the beginning of the recording's name; empty of a file with one.
+        chosen: the beginning of the recording's name, or the name of a machine in it; empty of a
+            file with one.
         note: what is known to be wrong with it; empty of nothing.
     """
     try:
-        parts = _Parts(name)
-        parts.read(path, _chosen(path, name, chosen))
+        recording, machine = _chosen(path, name, chosen)
+        parts = _Parts(name, machine, fits=bool(recording))
+        parts.read(path, recording)
         if not note and not parts.ended:
             note = f"{name} is damaged; what could be decoded is here"
         return parts.recording([note] if note else [])
     except _Refused as refused:
-        return refused.args[0], refused.args[1]
+        return Refusal(*refused.args)
     except (RuntimeError, KeyError, ValueError):  # bytes, or what is written in them
         return None
 
 
-def _chosen(path: Path, name: str, start: str) -> str:
-    """The name of the recording to read; empty where the file holds one only."""
+def _chosen(path: Path, name: str, start: str) -> tuple[str, str]:
+    """The name of the recording to read, and that of a machine in it, if `start` may be one.
+
+    Either is empty where it does not matter: a file with one recording is read whatever its name.
+    """
     from rerun.chunk import RrdReader
 
     ids = [entry.recording_id for entry in RrdReader(path).recordings()]
     fitting = [one for one in ids if one.startswith(start)]
+    if len(ids) < 2:
+        return (fitting[0] if fitting else ""), start
     if len(fitting) == 1:
-        return fitting[0]
-    if len(ids) < 2 and not start:
-        return ""
-    listed = ", ".join(f"{name}#{one[:SHOWN]}" for one in ids)
+        return fitting[0], ""
     problem = f"holds {len(ids)} recordings" if not start else f"has no recording {start!r}"
     if start and fitting:
         problem = f"has {len(fitting)} recordings that begin {start!r}"
-    raise _Refused(problem, f"name one of {listed}")
+    raise _Refused(problem, _one_of(name, [one[:SHOWN] for one in ids]))
+
+
+def _one_of(name: str, parts: Iterable[str]) -> str:
+    return f"name one of {', '.join(f'{name}#{part}' for part in parts)}"
 
 
 class _Parts:
     """What the chunks of a file have given so far."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self, name: str, machine: str, *, fits: bool) -> None:
+        """Nothing was read; `machine` is the one whose streams are, empty of a file with one, and
+        `fits` whether that may also be meant for the recording's own name."""
+        self.name, self._machine, self._fits = name, machine, fits
         self.headers: dict[str, tuple[str, tuple[str, ...], str]] = {}
         self.times: dict[str, list[tuple[NDArray[np.uint64], Array]]] = {}
         self.values: dict[str, list[tuple[NDArray[np.uint64], Array]]] = {}
@@ -136,11 +162,32 @@ class _Parts:
                 f"has schema version {schema}, this twin reads up to {SCHEMA}",
                 "read it with a newer airbearing-twin",
             )
-        streams = {item[0]: self._series(entity) for entity, item in self.headers.items()}
+        tree = self._tree()
+        streams = {
+            item[0]: self._series(entity)
+            for entity, item in self.headers.items()
+            if entity.startswith(tree)
+        }
         earlier = self.facts.pop("repairs", ())
         reach = _reach(streams)
         repairs = (*earlier, *(f"{note}, {reach}" for note in (*self.notes, *notes)))
         return Recording(streams, self.facts, repairs)
+
+    def _tree(self) -> str:
+        """Where the streams of the machine that is read stand; `facts` become those of it."""
+        import rerun as rr
+
+        assert self.facts is not None
+        machines, chosen = self.facts.pop(MACHINES, None), self._machine
+        if machines is None:
+            if chosen and not self._fits:
+                raise _Refused(f"has no recording {chosen!r}", f"name {self.name}, it holds one")
+            return "/"
+        if chosen not in machines:
+            problem = f"has no machine {chosen!r}" if chosen else "holds several machines"
+            raise _Refused(problem, _one_of(self.name, machines), tuple(machines))
+        self.facts |= {**machines[chosen], "name": chosen}
+        return f"/{rr.escape_entity_path_part(chosen)}/"
 
     def _series(self, entity: str) -> Series:
         name, columns, unit = self.headers[entity]

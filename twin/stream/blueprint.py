@@ -19,10 +19,10 @@ from rerun.chunk import Chunk
 from twin import rotation
 from twin.platform import Platform
 from twin.platform.mjcf import load_mjcf
-from twin.recording.rrd import PALETTE, entity, timeline
+from twin.recording.rrd import PALETTE, entity, timeline, tree_of
 from twin.recording.rrd_reader import TIMELINE
-from twin.signals import PREDICTED, RESIDUAL
-from twin.stream.rows import Header
+from twin.signals import PREDICTED, RESIDUAL, TOWARDS
+from twin.stream.rows import Header, Placed
 from twin.stream.vectors import (
     ANGLES,
     ATTITUDES,
@@ -61,11 +61,17 @@ _RPM = 30.0 / np.pi
 """[rpm] per rad/s."""
 
 
+RELATIVE_ATTITUDE = f"plots/relative_attitude{TOWARDS}"
+RELATIVE_PLACE = f"plots/relative_place{TOWARDS}"
+"""Before the name of the other machine."""
+
+
 class Plots:
     """Derived series of one platform; a stream's last value is held for the rows to come."""
 
-    def __init__(self, platform: Platform) -> None:
-        self._platform = platform
+    def __init__(self, platform: Platform, others: Sequence[str] = ()) -> None:
+        """Of a machine, in a run with others of these names."""
+        self._platform, self._others = platform, others
         self._latest = Latest()
         self._wheel_limits = _RPM * np.array([wheel.speed_limit for wheel in platform.wheels])
         self._travel = 1e3 * np.array([stage.travel for stage in platform.stages]).reshape(-1, 2)
@@ -79,6 +85,9 @@ class Plots:
     def styles(self) -> Iterator[tuple[str, rr.SeriesLines]]:
         """Names and colours of every series that can come, by entity path."""
         platform = self._platform
+        for other in self._others:
+            yield RELATIVE_ATTITUDE + entity(other), _lines(["about x", "about y", "about z"])
+            yield RELATIVE_PLACE + entity(other), _lines(["x", "y", "z"])
         if platform.base.kind == "hinge":
             name = platform.base.joint
             for path in (JOINT_ANGLE, JOINT_RATE, JOINT_TORQUE):
@@ -109,8 +118,20 @@ class Plots:
         """Times and values by entity path."""
         present = {name: row for name, row in rows.items() if len(row[0])}
         plots = dict(self._of_hinge(present) if self._is_hinge else self._of_ball(present))
+        plots |= dict(self._of_others(present))
         self._latest.hold(present)
         return plots
+
+    def _of_others(self, rows: Rows) -> Iterator[tuple[str, tuple[Array, Array]]]:
+        """Relative to other machines, true in a simulation."""
+        for other in self._others:
+            name = f"relative_attitude{TOWARDS}{other}"
+            if (turn := _first_of(rows, f"truth_{name}", name)) is not None:
+                vector = np.degrees(rotation.to_rotation_vector(turn[1]))
+                yield RELATIVE_ATTITUDE + entity(other), (turn[0], vector)
+            name = f"relative_position{TOWARDS}{other}"
+            if (place := _first_of(rows, f"truth_{name}", name)) is not None:
+                yield RELATIVE_PLACE + entity(other), place
 
     @property
     def _is_hinge(self) -> bool:
@@ -224,10 +245,11 @@ _FLAT = 1e-3
 class Scene:
     """One platform, drawn."""
 
-    def __init__(self, platform: Platform) -> None:
+    def __init__(self, platform: Platform, root: str = WORLD) -> None:
+        """Of a machine whose room is the entity `root`."""
         self._platform = platform
         self._model = load_mjcf(platform.model_path)
-        self._paths = _body_paths(self._model)
+        self._paths = _body_paths(self._model, root)
         base = platform.base
         self._base = base
         self._parts = (
@@ -256,7 +278,8 @@ class Scene:
     def shapes(self) -> Iterator[tuple[str, rr.AsComponents]]:
         """What does not change: entity path and archetype."""
         model = self._model
-        yield WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP
+        if self._paths[0] == WORLD:
+            yield WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP
         joints = [*self._joints, *filter(None, [self._carried])]
         moving = {int(model.jnt_bodyid[model.joint(name).id]) for name in joints}
         for body in range(1, model.nbody):
@@ -439,9 +462,9 @@ class Scene:
         return Chunk.from_columns(path, indexes=[timeline(time)], columns=columns)
 
 
-def _body_paths(model: mujoco.MjModel) -> list[str]:
+def _body_paths(model: mujoco.MjModel, root: str) -> list[str]:
     """Entity path of every body, by id."""
-    paths = [WORLD]
+    paths = [root]
     for body in range(1, model.nbody):
         name = rr.escape_entity_path_part(model.body(body).name or f"body{body}")
         paths.append(f"{paths[int(model.body_parentid[body])]}/{name}")
@@ -594,6 +617,65 @@ def blueprint(
             shown with their residuals in front of the flight's plots, and what an estimator states
             with its sigma behind them.
     """
+    flight = _flight(platform, streams or {}, "the flight")
+    shown: rrb.Grid | rrb.Tabs = flight
+    known = streams or {}
+    predicted = [name for name in known if f"{PREDICTED}{name}" in known]
+    if predicted:
+        pairs = [view for stream in predicted for view in _pair(stream, known)]
+        compared = rrb.Grid(*pairs, grid_columns=2, name="measured, predicted, residual")
+        shown = rrb.Tabs(compared, flight, active_tab=0)
+    return _arranged(_view(platform.title, *_seen(platform)), shown, remarks)
+
+
+def layout_of_several(machines: Mapping[str, Placed], *, remarks: bool = False) -> rrb.Blueprint:
+    """The layout of a run of several machines: one scene, their relative motion, and a tab each."""
+    tabs: list[rrb.Grid] = []
+    graphs: list[rrb.TimeSeriesView] = []
+    eyes: list[tuple[Array, Array]] = []
+    for number, (name, placed) in enumerate(machines.items()):
+        if placed.platform is None:
+            continue
+        tabs.append(_flight(placed.platform, placed.streams, name, tree_of(name)))
+        center, back = _seen(placed.platform)
+        eyes.append((center + placed.origin, back))
+        for other in list(machines)[:number]:
+            title = f"attitude of {name} relative to {other} [deg]"
+            graphs.append(_graph(title, tree_of(name) + RELATIVE_ATTITUDE + entity(other)))
+            there = machines[other].platform
+            if there is not None and there.base.travels and placed.platform.base.travels:
+                title = f"place of {name} relative to {other} [m]"
+                graphs.append(_graph(title, tree_of(name) + RELATIVE_PLACE + entity(other)))
+    centers = np.array([center for center, _ in eyes])
+    spread = float(np.ptp(centers, axis=0).max())
+    back = max((back for _, back in eyes), key=lambda away: float(np.linalg.norm(away)))
+    scene = _view(", ".join(machines), centers.mean(axis=0), back * (1.0 + spread))
+    relative = rrb.Grid(*graphs, grid_columns=1, name="relative")
+    return _arranged(scene, rrb.Tabs(relative, *tabs, active_tab=0), remarks)
+
+
+def _arranged(
+    machine: rrb.Spatial3DView, shown: rrb.Grid | rrb.Tabs, remarks: bool
+) -> rrb.Blueprint:
+    """The scene beside the plots, and below it a place for what is said."""
+    scene: rrb.Spatial3DView | rrb.Vertical = machine
+    if remarks:
+        words = rrb.TextLogColumns(text_log_columns=["body"])
+        said = rrb.TextLogView(origin=SAID, name="what was said", columns=words)
+        scene = rrb.Vertical(machine, said, row_shares=[3, 1])
+    return rrb.Blueprint(
+        rrb.Horizontal(scene, shown, column_shares=[2, 3]),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="collapsed"),
+        auto_views=False,
+    )
+
+
+def _flight(
+    platform: Platform, streams: Mapping[str, Header], name: str, tree: str = ""
+) -> rrb.Grid:
+    """Plots of what a platform has, whose entities stand below `tree`."""
     views: list[tuple[str, str]]
     if platform.base.kind == "hinge":
         views = [
@@ -620,44 +702,27 @@ def blueprint(
         if platform.base.travels and platform.thrusters:
             views.append(("thrust [N]", entity("command_thruster")))
         views.append(("gravity torque [mN m]", GRAVITY_TORQUE))
-    graphs = [_graph(title, path) for title, path in views]
-    graphs += _stated(streams or {})
-    flight = rrb.Grid(*graphs, grid_columns=1 if len(graphs) <= 3 else 2, name="the flight")
-    shown: rrb.Grid | rrb.Tabs = flight
-    known = streams or {}
-    predicted = [name for name in known if f"{PREDICTED}{name}" in known]
-    if predicted:
-        pairs = [view for stream in predicted for view in _pair(stream, known)]
-        compared = rrb.Grid(*pairs, grid_columns=2, name="measured, predicted, residual")
-        shown = rrb.Tabs(compared, flight, active_tab=0)
-    scene: rrb.Spatial3DView | rrb.Vertical = _machine(platform)
-    if remarks:
-        words = rrb.TextLogColumns(text_log_columns=["body"])
-        said = rrb.TextLogView(origin=SAID, name="what was said", columns=words)
-        scene = rrb.Vertical(scene, said, row_shares=[3, 1])
-    return rrb.Blueprint(
-        rrb.Horizontal(scene, shown, column_shares=[2, 3]),
-        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="collapsed"),
-        auto_views=False,
-    )
+    graphs = [_graph(title, tree + path) for title, path in views]
+    graphs += _stated(streams, tree)
+    return rrb.Grid(*graphs, grid_columns=1 if len(graphs) <= 3 else 2, name=name)
 
 
-def _stated(streams: Mapping[str, Header]) -> list[rrb.TimeSeriesView]:
+def _stated(streams: Mapping[str, Header], tree: str) -> list[rrb.TimeSeriesView]:
     """What an estimator states beside the motion, and its standard deviation."""
     views: list[rrb.TimeSeriesView] = []
     for sigma in (name for name in streams if name.startswith("estimate_") and is_sigma(name)):
         name, header = sigma.removesuffix(SIGMA), streams[sigma]
         words = name.removeprefix("estimate_").replace("_", " ")
-        there = entity(sigma)
+        there = tree + entity(sigma)
         style = rr.SeriesLines(
             names=[f"{column}, 1 sigma" for column in header.columns],
             colors=[PALETTE[i % len(PALETTE)] for i in range(len(header.columns))],
         )
         alone = name in ("estimate_attitude", "estimate_gyro_bias")
         contents = (
-            [f"/{there}"] if alone or name not in streams else [f"/{entity(name)}", f"/{there}"]
+            [f"/{there}"]
+            if alone or name not in streams
+            else [f"/{tree}{entity(name)}", f"/{there}"]
         )
         title = f"{words}, 1 sigma" if len(contents) == 1 else f"{words} and 1 sigma"
         views.append(
@@ -701,10 +766,9 @@ def _pair(
     return both, _graph(title, entity(residual))
 
 
-def _machine(platform: Platform) -> rrb.Spatial3DView:
-    """The 3D view, seen from where the MJCF's own viewer stands."""
+def _seen(platform: Platform) -> tuple[Array, Array]:
+    """What the MJCF's own viewer looks at, and from there to where it stands, (3,) each [m]."""
     model = load_mjcf(platform.model_path)
-    center, distance = model.stat.center, 1.5 * model.stat.extent
     azimuth, elevation = np.radians([model.vis.global_.azimuth, model.vis.global_.elevation])
     forward = np.array(
         [
@@ -713,11 +777,16 @@ def _machine(platform: Platform) -> rrb.Spatial3DView:
             np.sin(elevation),
         ]
     )
+    return model.stat.center, -1.5 * model.stat.extent * forward
+
+
+def _view(name: str, center: Array, back: Array) -> rrb.Spatial3DView:
+    """The 3D view, seen from there."""
     return rrb.Spatial3DView(
         origin=WORLD,
-        name=platform.title,
+        name=name,
         eye_controls=rrb.EyeControls3D(
-            position=center - distance * forward, look_target=center, eye_up=(0.0, 0.0, 1.0)
+            position=center + back, look_target=center, eye_up=(0.0, 0.0, 1.0)
         ),
         line_grid=False,
     )

@@ -38,7 +38,8 @@ def write(path: Path | None, viewer: bool, frames: queue.SimpleQueue[bytes | Non
             _each(outputs, lambda output, content=content: output.declare(*content))
         elif kind == "rows":
             blocks = {stream: Block(*block) for stream, block in content[0].items()}
-            _each(outputs, lambda output, blocks=blocks: output.write_blocks(blocks))
+            rows = blocks, content[1]
+            _each(outputs, lambda output, rows=rows: output.write_blocks(*rows))
         elif kind == "said":
             _each(outputs, lambda output, content=content: output.say(*content))
         else:

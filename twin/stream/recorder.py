@@ -25,12 +25,13 @@ from types import TracebackType
 from typing import IO, Any, Self
 
 from twin.errors import RecordingError
+from twin.loop import Observer
 from twin.plant.plant import Plant
 from twin.platform import Platform
 from twin.recording.read import mark_running
 from twin.recording.recording import Recording
 from twin.signals import Tick
-from twin.stream.rows import Block, Header, StreamRows, series
+from twin.stream.rows import Block, Header, Placed, StreamRows, series
 
 READY_TIMEOUT = 60.0
 """[s] for the process to come up; it takes one, most of which passes while a machine compiles."""
@@ -75,19 +76,23 @@ class RecordingWriter:
         self._closed = False
 
     def start(
-        self, platform: Platform, provenance: Mapping[str, Any], *, remarks: bool = False
+        self,
+        machines: Platform | Mapping[str, Placed],
+        provenance: Mapping[str, Any],
+        *,
+        remarks: bool = False,
     ) -> None:
         """Say what is recorded; returns when the process is ready for rows.
 
         Args:
-            platform: the machine.
+            machines: the machine, or several by their names.
             provenance: where the recording comes from; JSON-able.
             remarks: whether `say` will be called: they are given a place in view.
 
         Raises:
             RecordingError: it has ended, or does not come up.
         """
-        self._send("start", platform, dict(provenance), remarks)
+        self._send("start", machines, dict(provenance), remarks)
         ready = self._process.stdout
         assert ready is not None
         if not _readable(ready, READY_TIMEOUT):
@@ -99,19 +104,19 @@ class RecordingWriter:
         if not ready.read(1):
             raise self._failure()
 
-    def declare(self, headers: Mapping[str, Header]) -> None:
+    def declare(self, headers: Mapping[str, Header], machine: str = "") -> None:
         """Say what streams are, before their first rows; repetition does no harm."""
-        self._send("declare", dict(headers))
+        self._send("declare", dict(headers), machine)
 
-    def write(self, blocks: Mapping[str, Block]) -> None:
-        """Hand over rows; returns at once.
+    def write(self, blocks: Mapping[str, Block], machine: str = "") -> None:
+        """Hand over rows, of several machines those of one; returns at once.
 
         Raises:
             RecordingError: the process has ended.
         """
         self._litter = False
         # plain tuples: pickling the class beside each would take three times as long
-        self._send("rows", {name: tuple(block) for name, block in blocks.items()})
+        self._send("rows", {name: tuple(block) for name, block in blocks.items()}, machine)
 
     def say(self, time: float, words: str) -> None:
         """Hand over what is said of a moment [s]; returns at once.
@@ -309,31 +314,36 @@ class FileRecorder:
         """
         self._writer = RecordingWriter(path, viewer=viewer)
         self._run = run
-        self._rows: StreamRows | None = None
-        self._ticks: list[Tick] = []
-        self._declared = 0
-        self._sent = 0.0
-        self._sent_wall = 0.0
+        self._trees: dict[str, _MachineRows] = {}
 
     def start(
         self, platform: Platform, provenance: Mapping[str, Any], *, remarks: bool = False
     ) -> None:
         """Say what is recorded, before the first tick; `remarks`: that `say` will be called."""
         self._writer.start(platform, provenance, remarks=remarks)
-        self._rows = StreamRows(platform, self._run)
-        self._sent_wall = time.monotonic()
+        self._trees = {"": _MachineRows(self._writer, platform, self._run)}
+
+    def start_several(
+        self, machines: Mapping[str, Placed], provenance: Mapping[str, Any]
+    ) -> dict[str, Observer]:
+        """Say which machines are recorded, before the first tick; the observer of each."""
+        self._writer.start(machines, provenance)
+        self._trees = {
+            name: _MachineRows(self._writer, placed.platform, self._run, name)
+            for name, placed in machines.items()
+            if placed.platform is not None
+        }
+        return dict(self._trees)
 
     def collect(self, tick: Tick) -> None:
-        """One tick.
+        """One tick of a single machine.
 
         Raises:
             RecordingError: the writer has failed.
         """
-        self._ticks.append(tick)
-        wall = time.monotonic()
-        if tick.reading.time - self._sent >= CHUNK or wall - self._sent_wall >= CHUNK_WALL:
-            self._sent, self._sent_wall = tick.reading.time, wall
-            self._send()
+        if not self._trees:
+            raise RuntimeError("start() comes before the first tick")
+        self._trees[""].collect(tick)
 
     def say(self, time: float, words: str) -> None:
         """Words that the viewer shows beside a moment [s]; they are no data, and not read back.
@@ -349,8 +359,8 @@ class FileRecorder:
         Raises:
             RecordingError: it is not.
         """
-        if self._ticks:
-            self._send()
+        for rows in self._trees.values():
+            rows.send()
         self._writer.close()
 
     def __enter__(self) -> Self:
@@ -364,15 +374,38 @@ class FileRecorder:
     ) -> None:
         self.close()
 
-    def _send(self) -> None:
-        if self._rows is None:
-            raise RuntimeError("start() comes before the first tick")
+
+class _MachineRows:
+    """Observer that hands the ticks of one machine to the writer, chunk by chunk."""
+
+    def __init__(
+        self, writer: RecordingWriter, platform: Platform, run: int, name: str = ""
+    ) -> None:
+        self._writer, self._name = writer, name
+        self._rows = StreamRows(platform, run)
+        self._ticks: list[Tick] = []
+        self._declared = 0
+        self._sent = 0.0
+        self._sent_wall = time.monotonic()
+
+    def collect(self, tick: Tick) -> None:
+        """One tick."""
+        self._ticks.append(tick)
+        wall = time.monotonic()
+        if tick.reading.time - self._sent >= CHUNK or wall - self._sent_wall >= CHUNK_WALL:
+            self._sent, self._sent_wall = tick.reading.time, wall
+            self.send()
+
+    def send(self) -> None:
+        """What has come since the last chunk."""
+        if not self._ticks:
+            return
         ticks, self._ticks = self._ticks, []
         blocks = self._rows.of(ticks)
         if len(self._rows.headers) > self._declared:
             self._declared = len(self._rows.headers)
-            self._writer.declare(self._rows.headers)
-        self._writer.write(blocks)
+            self._writer.declare(self._rows.headers, self._name)
+        self._writer.write(blocks, self._name)
 
 
 class Recorded:

@@ -6,6 +6,7 @@ fraction of what NumPy takes to put a few numbers together.
 
 import struct
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeGuard, TypeVar
 
 import numpy as np
@@ -37,6 +38,17 @@ class Header(NamedTuple):
 
     columns: tuple[str, ...]
     unit: str
+
+
+@dataclass
+class Placed:
+    """A machine in a recording of several, and where the viewer shows it."""
+
+    platform: Platform | None
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Of its room in the one that all share [m]."""
+    streams: dict[str, Header] = field(default_factory=dict[str, Header])
+    """As far as they are known."""
 
 
 class StreamRows:
