@@ -39,7 +39,9 @@ if TYPE_CHECKING:
     from twin.experiments.routine import trim as trim
     from twin.experiments.routine import verify as verify
     from twin.experiments.tuning import tune as tune
+    from twin.formation import fly_formation as fly_formation
     from twin.platform import Platform as Platform
+    from twin.radio import Radio as Radio
     from twin.recording import Recording as Recording
     from twin.recording import Series as Series
 
@@ -57,6 +59,8 @@ _FROM = {  # all other names are of `twin.api`
     "verify": "twin.experiments.routine",
     "isolate": "twin.experiments.isolation",
     "Platform": "twin.platform",
+    "Radio": "twin.radio",
+    "fly_formation": "twin.formation",
     "Recording": "twin.recording",
     "Series": "twin.recording",
 }
@@ -64,6 +68,7 @@ __all__ = [
     "Controller",
     "Effect",
     "Platform",
+    "Radio",
     "Recording",
     "Series",
     "TwinError",
@@ -78,6 +83,7 @@ __all__ = [
     "extend",
     "fly",
     "fly_campaign",
+    "fly_formation",
     "forecast",
     "history",
     "identify",

@@ -25,7 +25,8 @@ def _arg(metavar: str) -> object:
 
 @dataclass(frozen=True)
 class RunVerb:
-    """Fly a platform under a control law: simulated, emulated, real, or as a log has it.
+    """Fly a platform under a control law: simulated, emulated, real, or as a log has it; or several
+    simulated ones together, which hear each other by radio (docs/formations.md).
 
     On hardware and on its emulation no command is sent without --arm: the sensors are read and the
     law is computed. Ctrl-C stops safely; it is no emergency stop.
@@ -34,6 +35,9 @@ class RunVerb:
 
     platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
     """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
+    others: Annotated[tuple[str, ...], tyro.conf.Positional, _arg("PLATFORM ...")] = ()
+    """Further machines of the same run, each under the same law unless --each says otherwise.
+    `NAME=PLATFORM` names one, where two are of a kind."""
     controller: Annotated[str, _arg("LAW")] = "free_float"
     """A shipped law (see `twin controllers`), a file, or tcp://HOST:PORT to wait for a law in
     another program (docs/link.md)."""
@@ -71,6 +75,13 @@ class RunVerb:
     effects: Annotated[str | None, _arg("NAME[:TARGET]=VALUE[/VALUE ...],...")] = None
     """What the simulated machine has beyond its platform, as in
     `clock_lag:wheel_speed=0.17,gyro_bias=1e-3/0/0`; see `twin effects`."""
+    radio: Annotated[str | None, _arg("delay=S,loss=SHARE,rate=HZ|off")] = None
+    """Between several machines: how late messages come, which share is lost, how many a machine
+    sends in a second; by default one at each tick, at once, and none is lost."""
+    each: Annotated[tuple[str, ...], _arg("NAME.OPTION=VALUE ...")] = ()
+    """What differs for one of several machines: controller, gains (NAME=VALUE,...), reference,
+    torque, estimator, effects, attitude, rate, velocity (with commas between, as the options of
+    these names), origin=X,Y (where its zero of place is in the room [m]), hears=NAME,..."""
     duration: Annotated[float | None, _arg("SECONDS")] = None
     """By default 60, the whole log that is replayed, or to the end of a table that states
     reference or torque."""
@@ -102,6 +113,9 @@ class RunVerb:
         from twin.report.outcomes import flown
         from twin.stop import Stopped
 
+        if self.others:
+            return self._fly_several()
+        self._check_alone()
         broken: TwinError | Stopped | None = None
         try:
             run = self._fly()
@@ -160,6 +174,76 @@ class RunVerb:
                 say=tell,
             )
 
+    def _check_alone(self) -> None:
+        from twin.errors import UsageError
+
+        for option, given in (("--radio", self.radio), ("--each", self.each)):
+            if given:
+                raise UsageError(f"{option} is for several machines; name more than one")
+
+    def _fly_several(self) -> int:
+        """Fly several machines; the exit code."""
+        from twin.cli.output import print_json, progress, tell
+        from twin.errors import UsageError
+        from twin.formation import fly_formation
+        from twin.report.outcomes import flown_together
+
+        alone = {"--arm": self.arm, "--identified": self.identified, "--lockstep": self.lockstep}
+        refused = [option for option, given in alone.items() if given]
+        if self.plant != "sim" or refused:
+            option = "--plant " + self.plant if self.plant != "sim" else refused[0]
+            raise UsageError(
+                f"{option} is for one machine; several fly together in simulation: drop it"
+            )
+        words = (self.platform, *self.others)
+        named = [word.partition("=") if "=" in word else (word, "=", word) for word in words]
+        names = [name for name, _, _ in named]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise UsageError(
+                f"two machines are called {twice[0]!r}: name each, as in a={twice[0]} b={twice[0]}"
+            )
+        common = {
+            "torque": self.torque,
+            "effects": self.effects or (),
+            "attitude": _radians(self.attitude),
+            "rate": _radians(self.rate),
+            "velocity": self.velocity,
+        }
+        each = _each(self.each)
+        with progress():
+            result = fly_formation(
+                {name: platform for name, _, platform in named},
+                self.controller,
+                radio=self.radio or "",
+                each={name: common for name in names}
+                | {n: common | own for n, own in each.items()},
+                gains=_gains(self.gains),
+                reference=self.reference,
+                estimator=self.estimator,
+                duration=self.duration,
+                realtime=self.realtime,
+                seed=self.seed,
+                rrd=self.rrd,
+                viewer=self.spawn,
+                keep=False,
+                say=tell,
+            )
+        if self.json:
+            print_json({**result.document(), "recording": self.rrd})
+        else:
+            print("\n".join(flown_together(result)))
+            if self.rrd is not None:
+                print(
+                    f"recorded in {self.rrd}: look at it with `twin view {self.rrd}`, "
+                    f"and at one machine's log with `twin show {self.rrd}#{names[0]}`"
+                )
+        asked = next((run.outcome.asked for run in result.runs.values() if run.outcome.asked), 0)
+        if asked not in (0, signal.SIGINT):
+            from twin.stop import Stopped
+
+            raise Stopped(asked)
+        return 0 if result.ended == "done" or asked else 1
+
     def kept(self) -> str:
         """What a run leaves on disk that was stopped before its law started."""
         if self.rrd is None or not self.rrd.exists():
@@ -198,6 +282,41 @@ def _radians(angles: Angles) -> Angles:
 
     roll, pitch, yaw = np.radians(angles)
     return float(roll), float(pitch), float(yaw)
+
+
+def _each(words: Sequence[str]) -> dict[str, dict[str, object]]:
+    """Settings of `twin.formation.Seat` by machine, of NAME.OPTION=VALUE."""
+    from twin.errors import UsageError
+
+    each: dict[str, dict[str, object]] = {}
+    for word in words:
+        place, _, text = word.partition("=")
+        name, _, option = place.rpartition(".")
+        if not name:
+            raise UsageError(f"--each {word!r}: give NAME.OPTION=VALUE, as in whorl2.rate=0,0,1")
+        value: object = text
+        if option in ("attitude", "rate"):
+            value = _radians(_numbers(word, text))
+        elif option == "velocity":
+            value = _numbers(word, text)
+        elif option == "origin":
+            value = _numbers(word, text if text.count(",") == 2 else f"{text},0")
+        elif option == "gains":
+            value = _gains(text.split(","))
+        elif option == "hears":
+            value = [other for other in text.split(",") if other]
+        each.setdefault(name, {})[option] = value
+    return each
+
+
+def _numbers(word: str, text: str) -> Angles:
+    from twin.errors import UsageError
+
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"--each {word!r}: give three numbers with commas between") from None
+    return x, y, z
 
 
 def _unused(path: Path) -> Path:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.budget import SINGULAR
+from twin.formation import FormationRun
 from twin.identification import Identification, Misfit
 from twin.interval import Interval
 from twin.loop import Outcome
@@ -79,6 +80,25 @@ def flown(platform: Platform, outcome: Outcome, row: Mapping[str, Any], settle: 
             f"each took {own50:.2f} ms (median), {own99:.2f} ms (99 %), {longest:.2f} ms at most, "
             f"of {platform.tick * 1e3:g} ms"
         )
+    return lines
+
+
+def flown_together(result: FormationRun) -> list[str]:
+    """What happened to each machine of a run of several, and between them."""
+    lines: list[str] = []
+    for name, run in result.runs.items():
+        told = flown(run.platform, run.outcome, run.metrics, run.settle)
+        lines += [f"{name}: {line}" for line in told]
+    for (name, other), row in result.relative.items():
+        settle = result.runs[name].settle
+        rms, worst = np.degrees([row["attitude_rms_rad"], row["attitude_max_rad"]])
+        line = (
+            f"{name} relative to {other}: {rms:.3g} deg rms, {worst:.3g} deg at worst, "
+            f"from {settle:g} s on"
+        )
+        if "distance_min_m" in row:
+            line += f"; {row['distance_min_m']:.3g} to {row['distance_max_m']:.3g} m away"
+        lines.append(line)
     return lines
 
 

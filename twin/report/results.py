@@ -21,6 +21,7 @@ from twin.experiments.routine import Trend, Trim
 from twin.experiments.tuning import Tuning
 from twin.files import whole, write_whole
 from twin.flight import Run
+from twin.formation import FormationRun
 from twin.identification import Identification
 from twin.platform import Platform, platform_or_reason
 from twin.procedures.session import Balanced
@@ -84,7 +85,14 @@ from twin.report.outcome_pages import (
     torque_left,
     tracking_figure,
 )
-from twin.report.outcomes import balanced, flown, gyro_document, gyro_sentences, identified
+from twin.report.outcomes import (
+    balanced,
+    flown,
+    flown_together,
+    gyro_document,
+    gyro_sentences,
+    identified,
+)
 from twin.report.page import comparison_page, comparison_parts
 from twin.report.picture import contents_figure, contents_page
 from twin.report.style import FIGURE, Part, write_parts
@@ -95,6 +103,7 @@ from twin.stream.runfile import write_recording
 from twin.units import printed
 
 TITLES: dict[type, str] = {
+    FormationRun: "Several machines in one run",
     Tuning: "Gains tuned over dispersions",
     Calibration: "A sensor calibrated",
     Trim: "Which weight where",
@@ -231,6 +240,8 @@ sentences_of.register(Comparison, sentences)
 figure_of.register(Comparison, motion_figure)
 sentences_of.register(Identification, identified)
 document_of.register(Run, Run.document)
+document_of.register(FormationRun, FormationRun.document)
+sentences_of.register(FormationRun, flown_together)
 document_of.register(Contents, contents_document)
 figure_of.register(Contents, contents_figure)
 page_of.register(Contents, contents_page)
