@@ -266,6 +266,7 @@ class GimbalFriction(SeriesEffect):
 
     A drive with torque k (command - rate) turns at r - c / k sign(r), and stands where k |r| < c.
     Between gimbal and body the friction itself is taken up by the drive: only the rate tells.
+    A drive that the platform states (`[gimbals.drive]`) has the friction in its loop instead.
     `undo` takes a gimbal that stands for one that was told to.
     """
 
@@ -302,6 +303,16 @@ class GimbalFriction(SeriesEffect):
     def undo(self, samples: Samples, platform: Platform) -> Samples:
         rate, lost = samples.value, self._lost(platform)
         return with_value(samples, rate + np.sign(rate) * lost)
+
+    def hidden_from(self, platform: Platform) -> str:
+        if any(gimbal.drive is not None for gimbal in platform.gimbals):
+            return "the drives' loops take it up"
+        return ""
+
+    def on_gimbals(self, platform: Platform) -> Array:
+        """(n, gimbals) friction [N m]; n is 1 where it is one for all runs."""
+        affected = columns_of(self, platform, self.stream)
+        return np.where(affected, np.reshape(self.torque, (-1, 1)), 0.0)
 
     def _lost(self, platform: Platform) -> Array:
         affected = columns_of(self, platform, self.stream)

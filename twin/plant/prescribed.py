@@ -19,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.model import Machine
+from twin.plant.servo import rate_loops
 from twin.platform import Platform
+from twin.rotation import cross
 
 Array = NDArray[np.float64]
 
@@ -171,6 +173,9 @@ class PrescribedJoints:
         self._gimbal_rate = np.zeros_like(self._gimbal_angle)
         self._gimbal_target = self._gimbal_rate
         self._gimbal_acceleration = np.array([gimbal.acceleration for gimbal in gimbals])
+        self.loops = rate_loops(platform, self._gimbal_angle)
+        """Of gimbals whose drives are stated."""
+        self._gyros = _Gyros(machine)
         self._qvel[:, machine.rotor_dof] = [rotor.speed for rotor in platform.rotors]
 
     def send_stages(self, position: Array) -> None:
@@ -207,7 +212,18 @@ class PrescribedJoints:
             force = self.no_forces(steps)
             push = np.repeat(acceleration, self._held, axis=1) * self._inertia[0]
             force[:, :, self._machine.stage_dof] = push
-        if self._has_gimbals:
+        if self.loops is not None:
+            acceleration = self.loops.turn(
+                self._gimbal_target,
+                self._gyros.load(self._qpos, self._qvel),
+                steps=steps,
+                step=self._machine.platform.step,
+                acceleration=self._gimbal_acceleration,
+            )
+            self._gimbal_angle, self._gimbal_rate = self.loops.angle, self.loops.rate
+            force = self.no_forces(steps) if force is None else force
+            force[:, :, self._machine.gimbal_dof] = acceleration * self._inertia[1]
+        elif self._has_gimbals:
             if (self._gimbal_rate == self._gimbal_target).all():
                 self._gimbal_angle = self._gimbal_angle + (
                     self._gimbal_rate * (steps * self._machine.platform.step)
@@ -260,6 +276,32 @@ class PrescribedJoints:
     def no_forces(self, steps: int) -> Array:
         """Zeros of the shape of `forces`."""
         return np.zeros((len(self._qpos), steps, self._machine.model.nv))
+
+
+class _Gyros:
+    """What spins in the gimbals, and how its momentum turns them."""
+
+    def __init__(self, machine: Machine) -> None:
+        platform = machine.platform
+        self._machine = machine
+        carried = {part.gimbal: part for part in (*platform.rotors, *platform.wheels)}
+        self._axis = np.array([g.axis for g in platform.gimbals]).reshape(-1, 3)
+        spin = [carried[g.name].axis for g in platform.gimbals]
+        self._spin = np.array(spin).reshape(-1, 3)
+        fixed = {rotor.gimbal: rotor.momentum for rotor in platform.rotors}
+        self._fixed = np.array([fixed.get(g.name, 0.0) for g in platform.gimbals])
+        self._wheel = np.array(
+            [[w.inertia * (w.gimbal == g.name) for w in platform.wheels] for g in platform.gimbals]
+        ).reshape(len(platform.gimbals), len(platform.wheels))
+
+    def load(self, qpos: Array, qvel: Array) -> Array:
+        """-g . (w x h) (n, gimbals) [N m]: what the turning body does to a gimbal."""
+        machine = self._machine
+        angle, rate = qpos[:, machine.gimbal_qpos, None], qvel[:, machine.base_dof]
+        along = np.cos(angle) * self._spin + np.sin(angle) * cross(self._axis, self._spin)
+        # einsum rather than @: a row's last bits must not depend on how many runs there are
+        size = self._fixed + np.einsum("gw,nw->ng", self._wheel, qvel[:, machine.wheel_dof])
+        return -size * np.einsum("gi,ngi->ng", self._axis, cross(rate[:, None], along))
 
 
 def _held(platform: Platform) -> int:

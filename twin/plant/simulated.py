@@ -14,7 +14,7 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from twin.effects import Effect, ReadingEffect, ScatterEffect, series_effects
-from twin.effects.actuators import GasConsumption
+from twin.effects.actuators import GasConsumption, GimbalFriction
 from twin.errors import UsageError
 from twin.model import compile_model, untouched
 from twin.plant.each import give_each, set_offsets
@@ -149,6 +149,13 @@ class SimulatedPlant(Plant):
             command: [effect.live(platform) for effect in series_effects(shared, command)]
             for command in platform.commands
         }
+        if self._joints.loops is not None:  # whose friction acts in the drive, not on the command
+            stated = series_effects(shared, "command_gimbal_rate")
+            dry = [effect for effect in stated if isinstance(effect, GimbalFriction)]
+            kept = [e.live(platform) for e in stated if not isinstance(e, GimbalFriction)]
+            self._acts["command_gimbal_rate"] = kept
+            for effect in dry:
+                self._joints.loops.add_friction(effect.on_gimbals(platform))
         if self._acts.get("command_stage_position"):
             self._done_with("command_stage_position", self._joints.stage_position)
         self._forces = Forces(self.machine, self.n, effects, shared)

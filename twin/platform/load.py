@@ -24,6 +24,7 @@ from twin.platform.parts import (
     Base,
     Gas,
     Gimbal,
+    GimbalDrive,
     Magnetorquer,
     PitchStop,
     Platform,
@@ -114,7 +115,7 @@ def read_parts(table: Table, layout: MjcfLayout, base: Base) -> CarriedParts:
         wheels=wheels,
         stages=tuple(_stage(row, layout) for row in table.tables("stages")),
         rotors=rotors,
-        gimbals=tuple(_gimbal(row, layout, spin) for row in table.tables("gimbals")),
+        gimbals=_gimbals(table.tables("gimbals"), layout, spin),
         magnetorquers=tuple(
             _magnetorquer(row, layout, base) for row in table.tables("magnetorquers")
         ),
@@ -155,6 +156,25 @@ def _rotor(table: Table, layout: MjcfLayout, gimbals: list[str]) -> Rotor:
     return rotor
 
 
+def _gimbals(
+    rows: Sequence[Table], layout: MjcfLayout, spin: dict[str, Array]
+) -> tuple[Gimbal, ...]:
+    gimbals = tuple(_gimbal(row, layout, spin) for row in rows)
+    for row, gimbal in zip(rows, gimbals, strict=True):
+        if gimbals[0].drive is None or gimbal.drive is None:
+            if gimbal.drive is not gimbals[0].drive:
+                problem, remedy = "is stated of some gimbals", "state one of each, or none"
+                raise row.fail("name", f"is {gimbal.name!r}; a drive {problem}", remedy)
+        elif gimbal.drive.rate != gimbals[0].drive.rate:
+            raise row.fail(
+                "name",
+                f"is {gimbal.name!r}, whose drive runs at {gimbal.drive.rate:g} Hz and that of "
+                f"{gimbals[0].name!r} at {gimbals[0].drive.rate:g} Hz",
+                "give all drives one rate",
+            )
+    return gimbals
+
+
 def _gimbal(table: Table, layout: MjcfLayout, spin: dict[str, Array]) -> Gimbal:
     name, axis = table.text("name"), _axis(table, layout)
     skew = table.number("skew", 0.0, low=-np.pi, high=np.pi, unit="rad")
@@ -177,9 +197,29 @@ def _gimbal(table: Table, layout: MjcfLayout, spin: dict[str, Array]) -> Gimbal:
         acceleration=table.number("acceleration", low=1e-9, unit="rad/s^2"),
         home=table.number("home", 0.0, unit="rad"),
         skew=skew,
+        drive=_drive(table.table("drive")) if "drive" in table else None,
     )
     table.close()
     return gimbal
+
+
+def _drive(table: Table) -> GimbalDrive:
+    friction = table.number("friction", 0.0, low=0.0, unit="N m")
+    drive = GimbalDrive(
+        inertia=table.number("inertia", low=1e-12, unit="kg m^2"),
+        proportional=table.number("proportional", low=0.0, unit="N m s/rad"),
+        integral=table.number("integral", 0.0, low=0.0, unit="N m/rad"),
+        rate=table.number("rate", 1000.0, low=1.0, unit="Hz"),
+        torque_constant=table.number("torque_constant", 1.0, low=1e-9, unit="N m/A"),
+        current_limit=table.number("current_limit", np.inf, low=0.0, unit="A", infinite=True),
+        voltage=table.number("voltage", np.inf, low=0.0, unit="V", infinite=True),
+        resistance=table.number("resistance", 1.0, low=1e-9, unit="ohm"),
+        friction=friction,
+        static_friction=max(table.number("static_friction", 0.0, low=0.0, unit="N m"), friction),
+        encoder=table.number("encoder", 0.0, low=0.0, unit="rad"),
+    )
+    table.close()
+    return drive
 
 
 def _stage(table: Table, layout: MjcfLayout) -> Stage:

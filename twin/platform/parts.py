@@ -99,6 +99,34 @@ class Rotor:
 
 
 @dataclass(frozen=True)
+class GimbalDrive:
+    """Motor and loop that turn a gimbal at a rate (`twin.plant.servo`)."""
+
+    inertia: float
+    """Of what the motor turns about its axis, the rotor with it [kg m^2]."""
+    proportional: float
+    """Torque per error of the rate [N m s/rad]."""
+    integral: float
+    """Torque per error of the angle [N m/rad]."""
+    rate: float
+    """Of the loop [Hz]."""
+    torque_constant: float
+    """At the gimbal [N m/A], and its back voltage per rate [V s/rad]."""
+    current_limit: float
+    """[A]."""
+    voltage: float
+    """Of the supply [V]."""
+    resistance: float
+    """Of the winding [ohm]."""
+    friction: float
+    """Dry, while it turns [N m]."""
+    static_friction: float
+    """Below which it sticks [N m]."""
+    encoder: float
+    """Step of its angle [rad]; 0: none."""
+
+
+@dataclass(frozen=True)
 class Gimbal:
     """The gimbal of a control moment gyro, driven at a rate: a prescribed joint.
 
@@ -117,6 +145,8 @@ class Gimbal:
     """Turn of the gimbal's axis about its rotor's at angle 0, from where the MJCF has it [rad]."""
     axis: Array
     """(3,) g in body axes, unit, with that turn."""
+    drive: GimbalDrive | None = None
+    """None: it turns as commanded."""
 
 
 @dataclass(frozen=True)
