@@ -177,3 +177,32 @@ def test_a_message_that_is_too_old_is_not_followed(whorls):
     start, gains = np.array([0.0, 0.0, 1e-3]), {**FOLLOW, "oldest": 0.5}
     first, _ = fly(whorls, [start, -start], Radio(delay=0.6), 2.0, [gains, gains])
     assert np.abs(first["command_wheel_torque"].value).max() < 1e-20
+
+
+def test_a_run_of_a_batch_of_formations_is_that_run_alone():
+    """Noise, losses and what is received: to the last bit."""
+
+    def flown(runs: Sequence[int]) -> list[MemoryRecorder]:
+        machines = [load_platform("whorl1"), load_platform("whorl2")]
+        memories = [MemoryRecorder(platform) for platform in machines]
+        members = [
+            Member(
+                SimulatedPlant(platform, runs=runs),
+                load_estimator("filter"),
+                load_controller("relative_tracking"),
+                Hold(roll=0.01),
+                [memory],
+                Station(platform.name),
+            )
+            for platform, memory in zip(machines, memories, strict=True)
+        ]
+        radio = Radio(delay=0.1, loss=0.3, rate=10.0)
+        air = Airwaves(radio, [member.station for member in members], runs, 0)
+        fly_together(members, SimulatedClock(), duration=2.0, air=air)
+        return memories
+
+    for whole, part in zip(flown((0, 1, 2)), flown((2, 2)), strict=True):
+        third, alone = whole.recording(2), part.recording(1)
+        assert set(third) == set(alone)
+        for name, series in third.items():
+            assert np.array_equal(series.value, alone[name].value), name
