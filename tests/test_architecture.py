@@ -10,7 +10,7 @@ import pytest
 TWIN = Path(__file__).parents[1] / "twin"
 
 DESIGN = (TWIN.parent / "docs" / "design.md").read_text(encoding="utf-8")
-HOUSE = DESIGN.split("\ntwin/\n")[1].split("\nbenchmarks/")[0]
+HOUSE = DESIGN.split("\ntwin/\n")[1].split("\npapers/")[0]
 FLOORS = [
     name.rstrip("/").removesuffix(".py")
     for names in re.findall(r"^  ([\w./]+(?:, [\w./]+)*) +(?!planned:)\S", HOUSE, re.MULTILINE)
@@ -19,6 +19,7 @@ FLOORS = [
 """Modules and folders of twin/, lowest first, as docs/design.md, section 3, lists them."""
 
 FILES = sorted(TWIN.rglob("*.py"))
+PAPERS = sorted((TWIN.parent / "papers").rglob("*.py"))
 PUBLIC_DOORS = {"__init__", "__main__"}
 
 
@@ -27,7 +28,7 @@ def module_of(file: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-MODULES = {module_of(file) for file in FILES}
+MODULES = {module_of(file) for file in [*FILES, *PAPERS]}
 
 
 def imported_by(file: Path) -> set[str]:
@@ -42,7 +43,7 @@ def imported_by(file: Path) -> set[str]:
             for alias in node.names:
                 name = f"{source}.{alias.name}"
                 found.add(name if name in MODULES else source)
-    return {name for name in found if name.split(".")[0] == "twin"}
+    return {name for name in found if name.split(".")[0] in ("twin", "papers")}
 
 
 def floor_of(module: str) -> str:
@@ -60,12 +61,22 @@ def test_a_module_imports_only_from_the_floors_below(file: Path):
     if file.parent == TWIN and file.stem in PUBLIC_DOORS:
         return
     below = {"", *FLOORS[: FLOORS.index(floor) + 1]}
-    above = sorted(name for name in imported_by(file) if floor_of(name) not in below)
+    ours = {name for name in imported_by(file) if name.split(".")[0] == "twin"}
+    above = sorted(name for name in ours if floor_of(name) not in below)
     assert not above, f"{floor} stands below {', '.join(above)}"
 
 
+def test_only_the_verb_reproduce_imports_what_no_wheel_has():
+    importers = {
+        module_of(file)
+        for file in FILES
+        if any(name.split(".")[0] == "papers" for name in imported_by(file))
+    }
+    assert importers == {"twin.cli.reproduce"}
+
+
 def test_no_module_imports_itself_by_a_detour():
-    graph = {module_of(file): imported_by(file) - {"twin"} for file in FILES}
+    graph = {module_of(file): imported_by(file) - {"twin"} for file in [*FILES, *PAPERS]}
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
@@ -85,7 +96,9 @@ def test_an_init_file_only_re_exports(file: Path):
     assert all(alias.asname == alias.name for alias in names), "write `import X as X`"
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(TWIN)))
+@pytest.mark.parametrize(
+    "file", [*FILES, *PAPERS], ids=lambda file: str(file.relative_to(TWIN.parent))
+)
 def test_a_module_says_what_it_is_for_and_stays_short(file: Path):
     text = file.read_text(encoding="utf-8")
     assert ast.get_docstring(ast.parse(text)), "its first lines say what it is for"

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-TWIN = Path(__file__).parents[1] / "twin"
+ROOT = Path(__file__).parents[1]
 EVERYDAY = frozenset(
     ["apart", "asked", "found", "left", "least", "most"]
     + ["now", "one", "own", "seen", "there", "told"]
@@ -34,8 +34,8 @@ def counted() -> tuple[int, Counter[str], dict[str, Counter[str]]]:
     """Names in all, everyday ones among them, and these by the folder that defines them."""
     total, all_of_them = 0, Counter[str]()
     by_folder: dict[str, Counter[str]] = {}
-    for file in sorted(TWIN.rglob("*.py")):
-        folder = file.relative_to(TWIN).parts[0]
+    for file in sorted([*ROOT.glob("twin/**/*.py"), *ROOT.glob("papers/*.py")]):
+        folder = file.relative_to(ROOT).parts[:-1][:2][-1]
         for name in names_of(file):
             total += 1
             if everyday(name):

@@ -81,9 +81,13 @@ def test_installed_machines_and_laws_are_those_of_the_checkout(
     assert [entry["name"] for entry in json.loads(theirs)] == names
 
 
-def test_an_installed_twin_knows_what_the_papers_published(installed: Path, tmp_path: Path):
-    code = "from twin.reproduce.rows import read_papers as r; print(*(p.number for p in r()))"
-    assert run(installed / "python", "-c", code, cwd=tmp_path) == "000 001 002 003 004\n"
+def test_an_installed_twin_says_where_to_get_the_papers_figures(installed: Path, tmp_path: Path):
+    words = [installed / "twin", "reproduce", "003"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 1
+    assert re.fullmatch(
+        r"twin: .*no folder papers/.*source archive or the repository.*\n", done.stderr
+    )
 
 
 def test_installed_machines_lie_inside_the_package(installed: Path, tmp_path: Path):
@@ -92,7 +96,7 @@ def test_installed_machines_lie_inside_the_package(installed: Path, tmp_path: Pa
     assert all(Path(platform["folder"]).is_relative_to(inside) for platform in platforms)
 
 
-@pytest.mark.parametrize("name", ["models", "controllers", "tests", "benchmarks"])
+@pytest.mark.parametrize("name", ["models", "controllers", "tests", "benchmarks", "papers"])
 def test_no_generic_module_is_installed(installed: Path, tmp_path: Path, name: str):
     code = f"import importlib.util as u; print(u.find_spec({name!r}))"
     assert run(installed / "python", "-c", code, cwd=tmp_path) == "None\n"

@@ -75,12 +75,6 @@ def library(kind: str) -> Path:
     return inside if inside.is_dir() else _PACKAGE.parent / kind
 
 
-def reproduction_file() -> Path:
-    """What the papers published and when ours agrees; see `twin.reproduce`."""
-    inside = _PACKAGE / "reproduce" / "reproduction.toml"
-    return inside if inside.is_file() else _PACKAGE.parent / "docs" / "reproduction.toml"
-
-
 def model_names() -> list[str]:
     """Names of the shipped platforms."""
     return sorted(path.parent.name for path in library("models").glob("*/platform.toml"))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from papers.flown import perfect
 from tests.controllers.flight import simulate
 from twin.controller import load_controller
 from twin.controller.exchange import Gyros
@@ -12,7 +13,6 @@ from twin.errors import ControllerError
 from twin.plant.initial import InitialState
 from twin.platform import load_platform
 from twin.reference import Hold
-from twin.reproduce.flown import perfect
 from twin.rotation import from_rotation_vector, to_rotation_vector
 from twin.signals import Estimate
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from papers.flown import perfect
 from tests.controllers.flight import simulate
 from twin.controller import load_controller
 from twin.errors import ControllerError
 from twin.plant.initial import InitialState
 from twin.platform import load_platform
-from twin.reproduce.flown import perfect
 from twin.rotation import from_rotation_vector, vertical_body
 
 

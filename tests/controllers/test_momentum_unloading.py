@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from papers.flown import perfect
 from tests.controllers.flight import simulate
 from twin.controller import load_controller
 from twin.errors import ControllerError
 from twin.plant.initial import InitialState
 from twin.platform import load_platform
-from twin.reproduce.flown import perfect
 from twin.rotation import rotate, tilt
 
 SPEEDS = np.array([0.5, -0.4, 0.3])

@@ -7,13 +7,13 @@ import pytest
 from scipy.optimize import linprog
 from scipy.signal import impulse
 
+from papers.flown import perfect
 from tests.controllers.flight import simulate
 from twin.controller import load_controller
 from twin.controller.thrusters import Nozzles
 from twin.errors import ControllerError
 from twin.plant.initial import InitialState
 from twin.platform import load_platform
-from twin.reproduce.flown import perfect
 from twin.rotation import from_rotation_vector, to_rotation_vector
 
 MACHINES = ["astros", "astros:mode_c", "sads", "whorl1"]

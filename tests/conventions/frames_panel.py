@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.flown import flown, perfect
 from twin import rotation
 from twin.controller import load_controller
 from twin.conventions import convention_advice, corrected
@@ -38,7 +39,6 @@ from twin.plant.truth import specific_force
 from twin.platform import Platform, Sensor, load_platform
 from twin.recording import Recording, Series
 from twin.reference import Hold, Multisine, Reference, Slew
-from twin.reproduce.flown import flown, perfect
 
 Array = NDArray[np.float64]
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from papers.flown import flown
 from twin.controller import load_controller
 from twin.conventions import check_conventions
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
 from twin.reference import Multisine
-from twin.reproduce.flown import flown
 
 HANGS = -0.5
 """m r along z [kg m]: gravity turns the body as much as its wheels do."""

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from papers.flown import flown
 from twin.controller import load_controller
 from twin.conventions import check_conventions
 from twin.diagnosis.baseline import baseline_of
 from twin.plant.initial import InitialState
 from twin.platform import load_platform
-from twin.reproduce.flown import flown
 
 SEED = 20261123
 FINE = 1e-4

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from papers.flown import flown
 from twin.controller import AnyController, Controller, load_controller
 from twin.diagnosis.baseline import baseline_of
 from twin.diagnosis.candidates import candidate
@@ -15,7 +16,6 @@ from twin.effects.actuators import StageBacklash
 from twin.effects.sensors import ClockDrift
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
-from twin.reproduce.flown import flown
 from twin.signals import Command, Estimate, Target
 
 DIGIT = 1e-6

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from papers.flown import flown
 from twin.api import fly
 from twin.controller import load_controller
 from twin.diagnosis import diagnose
@@ -14,7 +15,6 @@ from twin.plant.forces import STANDARD_GRAVITY
 from twin.platform import Tank, load_platform
 from twin.predict.inputs import pressure
 from twin.reference import parse_reference
-from twin.reproduce.flown import flown
 
 SEED = 20261123
 

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import tyro
 
+_CHECKOUT = Path(__file__).parents[2]
+
 
 @dataclass(frozen=True)
 class Reproduce:
@@ -35,11 +37,18 @@ class Reproduce:
     def run(self) -> int:
         """Compute, write, print; 1 where a part failed."""
         from twin.cli.output import print_json
-        from twin.errors import UsageError
+        from twin.errors import TwinError, UsageError
         from twin.files import check_writable
-        from twin.reproduce.page import summary, write_html, write_markdown
-        from twin.reproduce.rows import paper_named, read_papers
-        from twin.reproduce.run import parts_of, reproduce
+
+        if not _CHECKOUT.joinpath("docs", "reproduction.toml").is_file():
+            raise TwinError(
+                "this installation has no folder papers/, which computes the papers' figures; get "
+                "the source archive or the repository of airbearing-twin and run `pip install -e .`"
+                " in it"
+            )
+        from papers.page import summary, write_html, write_markdown
+        from papers.rows import paper_named, read_papers
+        from papers.run import parts_of, reproduce
 
         if self.jobs < 1:
             raise UsageError(f"--jobs is {self.jobs}; give 1 or more")

@@ -6,12 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin.effects import State
-from twin.identification import identify
-from twin.plant.initial import hanging
-from twin.reproduce.efficiency import cramer_rao, trial_of
-from twin.reproduce.inertia import entries_of, is_rigid_body, tensor
-from twin.reproduce.paper_004 import (
+from papers.efficiency import cramer_rao, entries_of, is_rigid_body, tensor, trial_of
+from papers.paper_004 import (
     PARTS,
     TABLE1_OURS_MOTION,
     UncertainTorque,
@@ -24,6 +20,9 @@ from twin.reproduce.paper_004 import (
     table1_wheels_compute,
     table2_unphysical_compute,
 )
+from twin.effects import State
+from twin.identification import identify
+from twin.plant.initial import hanging
 from twin.rotation import rotate
 
 ROWS = Path(__file__).parents[2] / "docs" / "reproduction.toml"

@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 
-from tests.controllers.test_cmg_steering import standing
-from twin.budget import singular_momenta, singular_signs, singularity_free_radius
-from twin.controller.exchange import Gyros
-from twin.platform import load_platform
-from twin.reference import Multisine
-from twin.reproduce import paper_000
-from twin.reproduce.flown import About
-from twin.reproduce.judge import Agreement, judge
-from twin.reproduce.paper_000 import (
+from papers import paper_000
+from papers.flown import About
+from papers.paper_000 import (
     EQ_43_PARTS,
     FIG_3_PART,
     FIG_7_PART,
@@ -20,7 +14,12 @@ from twin.reproduce.paper_000 import (
     printed_machine,
     rigid,
 )
-from twin.reproduce.rows import paper_named, read_papers
+from papers.rows import Agreement, judge, paper_named, read_papers
+from tests.controllers.test_cmg_steering import standing
+from twin.budget import singular_momenta, singular_signs, singularity_free_radius
+from twin.controller.exchange import Gyros
+from twin.platform import load_platform
+from twin.reference import Multisine
 from twin.rotation import from_rotation_vector, vertical_body
 
 

@@ -1,4 +1,4 @@
-"""Our errors beside the least that any unbiased method could have on the very same experiment."""
+"""Errors of an identification, as multiples of the Cramer-Rao bound of the same experiment."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from papers.rows import Ours
 from twin import rotation
 from twin.identification.excitation import BLIND
 from twin.identification.identification import Identification
@@ -22,9 +23,28 @@ from twin.predict.logs import motion_of
 from twin.predict.states import States
 from twin.recording import Recording
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
-from twin.reproduce.part import Ours
 
 Array = NDArray[np.float64]
+
+
+def tensor(entries: Array) -> Array:
+    """(3, 3) of xx yy zz xy xz yz."""
+    result = np.empty((3, 3))
+    for value, (i, j) in zip(entries, ENTRIES, strict=True):
+        result[i, j] = result[j, i] = value
+    return result
+
+
+def entries_of(platform: Platform) -> Array:
+    """(9,) J and m r as a platform states them, as `ENTRIES` names them."""
+    entries = [platform.inertia[i, j] for i, j in ENTRIES]
+    return np.concatenate([entries, platform.center_of_mass_offset])
+
+
+def is_rigid_body(inertia: Array) -> bool:
+    """Whether its principal moments are positive and none exceeds the sum of the others."""
+    moments = np.linalg.eigvalsh(inertia)
+    return bool(moments[0] > 0.0 and moments[2] <= moments[0] + moments[1])
 
 
 @dataclass(frozen=True)
@@ -47,9 +67,8 @@ def trial_of(identification: Identification, truth: Platform, bound: Array) -> T
         truth: the machine that was flown.
         bound: (9,) of that log.
     """
-    entries = [truth.inertia[i, j] for i, j in ENTRIES]
-    true = np.concatenate([entries, truth.center_of_mass_offset])
-    return Trial(identification.theta[:9] - true, identification.half_widths[:9], bound)
+    error = identification.theta[:9] - entries_of(truth)
+    return Trial(error, identification.half_widths[:9], bound)
 
 
 def cramer_rao(

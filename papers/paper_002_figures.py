@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from papers.efficiency import entries_of
+from papers.rows import Computed, Ours, PaperPart, Say
 from twin import rotation
 from twin.clock import SimulatedClock
 from twin.controller import AnyController, Controller, load_controller
@@ -35,8 +37,6 @@ from twin.predict.logs import attitude_of_start
 from twin.recording import Recording, Series
 from twin.reference import Hold, Reference
 from twin.report.style import FIGURE, INK, PALETTE, SOFT, svg
-from twin.reproduce.inertia import entries_of
-from twin.reproduce.part import Computed, Ours, PaperPart, Say
 from twin.signals import Command, Estimate, Target
 from twin.stream.recorder import MemoryRecorder
 

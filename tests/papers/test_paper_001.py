@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin.estimators import OffsetFilter
-from twin.model import compile_model
-from twin.reproduce import paper_001
-from twin.reproduce.paper_001 import (
+from papers import paper_001
+from papers.paper_001 import (
     PARTS,
     PRINTED,
     STABLE,
@@ -26,6 +24,8 @@ from twin.reproduce.paper_001 import (
     routh,
     swing,
 )
+from twin.estimators import OffsetFilter
+from twin.model import compile_model
 
 ROWS = {
     row["id"]

@@ -6,14 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.reproduce import parts as some
+from papers.page import write_html, write_markdown
+from papers.rows import Agreement, Ours, Paper, PaperPart, Row, judge, paper_named, read_papers
+from papers.run import UNCOMPUTED, Reproduced, parts_of, reproduce
+from tests.papers import parts as some
 from twin.cli.main import main
 from twin.errors import FileError, UnknownName
-from twin.reproduce.judge import Agreement, judge
-from twin.reproduce.page import write_html, write_markdown
-from twin.reproduce.part import Ours, PaperPart
-from twin.reproduce.rows import Paper, Row, paper_named, read_papers
-from twin.reproduce.run import UNCOMPUTED, Reproduced, parts_of, reproduce
 
 PAPERS = read_papers()
 
@@ -202,7 +200,7 @@ def test_one_paper_alone_leaves_the_others_rows_in_the_page_as_they_were(tmp_pat
 
 
 def test_json_is_one_list_of_rows_with_what_the_contract_names(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("twin.reproduce.run.parts_of", lambda number: ())
+    monkeypatch.setattr("papers.run.parts_of", lambda number: ())
     words = ["reproduce", "003", "--json", "--table", str(tmp_path / "a.md")]
     assert main([*words, "--report", str(tmp_path / "a.html")]) == 0
     rows = json.loads(capsys.readouterr().out)

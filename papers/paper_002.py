@@ -11,13 +11,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin import rotation
-from twin.identification import identify
-from twin.predict.logs import attitude_of_start
-from twin.recording import Recording
-from twin.reproduce.efficiency import Trial, cramer_rao, efficiency_figure, judged, trial_of
-from twin.reproduce.inertia import entries_of, is_rigid_body, tensor
-from twin.reproduce.paper_002_figures import (
+from papers.efficiency import (
+    Trial,
+    cramer_rao,
+    efficiency_figure,
+    entries_of,
+    is_rigid_body,
+    judged,
+    tensor,
+    trial_of,
+)
+from papers.paper_002_figures import (
     FIG2_PART,
     FIG4_PART,
     FIG5_PART,
@@ -32,7 +36,11 @@ from twin.reproduce.paper_002_figures import (
     machine,
     measured,
 )
-from twin.reproduce.part import Computed, Ours, PaperPart, Say
+from papers.rows import Computed, Ours, PaperPart, Say
+from twin import rotation
+from twin.identification import identify
+from twin.predict.logs import attitude_of_start
+from twin.recording import Recording
 
 NOTE = (
     "The paper blames its first-order integration; ours is the trapezoidal rule at the same 0.02 s."

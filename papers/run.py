@@ -13,11 +13,9 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, cast
 
+from papers.rows import Computed, Judged, Paper, PaperPart, Row, Say, judge, nothing
 from twin import stop
 from twin.processes import beginning, end_with_parent
-from twin.reproduce.judge import Judged, judge, nothing
-from twin.reproduce.part import Computed, PaperPart, Say
-from twin.reproduce.rows import Paper, Row
 from twin.units import span
 
 UNCOMPUTED = "Not computed: no part computes it yet."
@@ -40,7 +38,7 @@ class Reproduced:
 
 def parts_of(number: str) -> tuple[PaperPart, ...]:
     """What is computed for a paper: `PARTS` of its module, none where it has no module."""
-    package = f"twin.reproduce.paper_{number}"
+    package = f"papers.paper_{number}"
     if importlib.util.find_spec(package) is None:
         return ()
     return cast("tuple[PaperPart, ...]", importlib.import_module(package).PARTS)

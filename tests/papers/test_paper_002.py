@@ -6,12 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin import rotation
-from twin.identification import identify
-from twin.predict.logs import attitude_of_start, motion_of
-from twin.reproduce import paper_002
-from twin.reproduce.efficiency import cramer_rao, trial_of
-from twin.reproduce.paper_002 import (
+from papers import paper_002
+from papers.efficiency import cramer_rao, trial_of
+from papers.paper_002 import (
     PARTS,
     SCATTER,
     TABLE2_PART,
@@ -19,7 +16,7 @@ from twin.reproduce.paper_002 import (
     table2_compute,
     table4_compute,
 )
-from twin.reproduce.paper_002_figures import (
+from papers.paper_002_figures import (
     GYRO,
     METHODS,
     as_guessed,
@@ -33,6 +30,9 @@ from twin.reproduce.paper_002_figures import (
     shifted,
     tracked,
 )
+from twin import rotation
+from twin.identification import identify
+from twin.predict.logs import attitude_of_start, motion_of
 
 ROWS = Path(__file__).parents[2] / "docs" / "reproduction.toml"
 

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from papers.rows import Computed, Ours, PaperPart, Say
 from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.errors import UsageError
@@ -27,7 +28,6 @@ from twin.plant.simulated import SimulatedPlant
 from twin.platform import Platform, Sensor, load_platform
 from twin.reference import Hold
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
-from twin.reproduce.part import Computed, Ours, PaperPart, Say
 from twin.rotation import (
     conjugate,
     cross,

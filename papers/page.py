@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
+from papers.rows import Judged
+from papers.run import Reproduced
 from twin.files import write_whole
 from twin.report.style import bullets, framed, page, table
-from twin.reproduce.judge import Judged
-from twin.reproduce.run import Reproduced
 
 TITLE = "The papers reproduced"
 

@@ -8,6 +8,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from papers.efficiency import (
+    Trial,
+    cramer_rao,
+    efficiency_figure,
+    entries_of,
+    is_rigid_body,
+    judged,
+    tensor,
+    trial_of,
+)
+from papers.flown import About
+from papers.rows import Computed, Ours, PaperPart, Say
 from twin import rotation
 from twin.budget import momentum_budget
 from twin.clock import SimulatedClock
@@ -27,10 +39,6 @@ from twin.predict.base import NAMES
 from twin.recording import Recording, Series
 from twin.reference import Hold, Multisine
 from twin.report.style import FIGURE, INK, PALETTE, SOFT, svg
-from twin.reproduce.efficiency import Trial, cramer_rao, efficiency_figure, judged, trial_of
-from twin.reproduce.flown import About
-from twin.reproduce.inertia import entries_of, is_rigid_body, tensor
-from twin.reproduce.part import Computed, Ours, PaperPart, Say
 from twin.signals import Command, Estimate, Target
 from twin.stream.recorder import MemoryRecorder
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from papers.rows import Computed, Ours, Say
 from twin.report.style import FIGURE, svg
-from twin.reproduce.part import Computed, Ours, Say
 
 
 def good(say: Say) -> Computed:

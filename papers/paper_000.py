@@ -20,6 +20,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from papers.efficiency import entries_of
+from papers.flown import About, Flown, flown, perfect
+from papers.rows import Computed, Ours, PaperPart, Say
 from twin.budget import directions, singular_momenta, singularity_free_radius
 from twin.controller import load_controller
 from twin.effects import effects_of, parse_effects, with_effects
@@ -30,9 +33,6 @@ from twin.platform import Platform, load_platform
 from twin.recording import Recording
 from twin.reference import Multisine, Reference
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
-from twin.reproduce.flown import About, Flown, flown, perfect
-from twin.reproduce.inertia import entries_of
-from twin.reproduce.part import Computed, Ours, PaperPart, Say
 from twin.rotation import cross, from_rotation_vector, rotate, tilt, vertical_body
 from twin.signals import Target
 

@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 
-from twin.controller import load_controller
-from twin.plant.initial import InitialState, hanging
-from twin.reproduce import paper_003
-from twin.reproduce.flown import flown, perfect
-from twin.reproduce.judge import Agreement, judge
-from twin.reproduce.paper_003 import (
+from papers import paper_003
+from papers.flown import flown, perfect
+from papers.paper_003 import (
     ALL_MOTORS,
     OFFSET,
     TABLES_PARTS,
@@ -19,7 +16,9 @@ from twin.reproduce.paper_003 import (
     ratio,
     table,
 )
-from twin.reproduce.rows import paper_named, read_papers
+from papers.rows import Agreement, judge, paper_named, read_papers
+from twin.controller import load_controller
+from twin.plant.initial import InitialState, hanging
 from twin.rotation import conjugate, from_rotation_vector, rotate, vertical_body
 from twin.signals import Estimate, Target
 

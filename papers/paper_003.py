@@ -27,6 +27,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
+from papers.flown import Flown, flown, perfect
+from papers.rows import Computed, Ours, PaperPart, Say
 from twin.controller import AnyController, load_controller
 from twin.effects import Effect, parse_effects, with_effects
 from twin.identification import Identification, identify
@@ -34,8 +36,6 @@ from twin.plant.initial import InitialState, hanging
 from twin.platform import Platform, load_platform
 from twin.recording import Recording
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
-from twin.reproduce.flown import Flown, flown, perfect
-from twin.reproduce.part import Computed, Ours, PaperPart, Say
 from twin.rotation import cross, from_rotation_vector, multiply, vertical_body
 
 Array = NDArray[np.float64]

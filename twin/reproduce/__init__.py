@@ -1,1 +1,0 @@
-"""Papers' tables and figures beside ours, by criteria fixed before any value was known."""
