@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.controller import Controller
-from twin.controller.exchange import Exchange, exchange_of
+from twin.controller.exchange import Exchange, exchange_of, follow_momentum
 from twin.controller.masses import Masses
-from twin.controller.momentum import follow_momentum
 from twin.platform import Platform
 from twin.rotation import cross, vertical_body
 from twin.signals import Command, Estimate, Target

@@ -4,8 +4,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from twin.controller import Controller
-from twin.controller.exchange import Exchange, exchange_of
-from twin.controller.momentum import follow_momentum
+from twin.controller.exchange import Exchange, exchange_of, follow_momentum
 from twin.platform import Platform
 from twin.signals import Command, Estimate, Target
 

@@ -119,15 +119,21 @@ def flown(
     )
 
 
+def exact_sensors(platform: Platform) -> Platform:
+    """The machine with sensors that show what is true at each tick."""
+
+    def exact(sensor: Sensor) -> Sensor:
+        none = np.zeros_like(sensor.noise)
+        return Sensor(sensor.stream, platform.control_rate, none, none, site=sensor.site)
+
+    return replace(
+        platform, sensors={name: exact(sensor) for name, sensor in platform.sensors.items()}
+    )
+
+
 def perfect(platform: Platform) -> Platform:
-    """The machine with sensors that show what is true at each tick, and without its effects."""
-
-    def plain(sensor: Sensor) -> Sensor:
-        nothing = np.zeros_like(sensor.noise)
-        return Sensor(sensor.stream, platform.control_rate, nothing, nothing, site=sensor.site)
-
-    sensors = {name: plain(sensor) for name, sensor in platform.sensors.items()}
-    return replace(platform, sensors=sensors, effects=())
+    """The machine with exact sensors and without its effects."""
+    return replace(exact_sensors(platform), effects=())
 
 
 @dataclass(frozen=True)

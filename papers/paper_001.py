@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from papers.flown import exact_sensors, perfect
 from papers.rows import Computed, Ours, PaperPart, Say
 from twin.clock import SimulatedClock
 from twin.controller import load_controller
@@ -25,7 +26,7 @@ from twin.model import Sliding, compile_model
 from twin.plant.initial import InitialState
 from twin.plant.prescribed import plan
 from twin.plant.simulated import SimulatedPlant
-from twin.platform import Platform, Sensor, load_platform
+from twin.platform import Platform, load_platform
 from twin.reference import Hold
 from twin.report.style import FIGURE, PALETTE, SOFT, svg
 from twin.rotation import (
@@ -134,18 +135,6 @@ def astros(moment: Array | None = None) -> Platform:
     return platform if moment is None else replace(platform, center_of_mass_offset=moment)
 
 
-def exact_sensors(platform: Platform) -> Platform:
-    """The machine with sensors that show what is true at each tick."""
-
-    def exact(sensor: Sensor) -> Sensor:
-        none = np.zeros_like(sensor.noise)
-        return Sensor(sensor.stream, platform.control_rate, none, none, site=sensor.site)
-
-    return replace(
-        platform, sensors={name: exact(sensor) for name, sensor in platform.sensors.items()}
-    )
-
-
 def tilted(roll: float, pitch: float, rate: Sequence[float] = (0.0, 0.0, 0.0)) -> InitialState:
     """A start by Euler angles [deg] and a body rate [deg/s]."""
     attitude = from_euler_zyx(np.array(0.0), np.radians(pitch), np.radians(roll))
@@ -227,7 +216,7 @@ def offset_bound(platform: Platform, start: InitialState, duration: float) -> Ar
         wheel_speed=start.wheel_speeds(platform) + spin,
         stage_position=place,
     )
-    exact = exact_sensors(replace(platform, effects=()))
+    exact = perfect(platform)
     run = flown(exact, "free_float", Passthrough(), moved, duration, seeds=len(shift))
     streams = _answers(run, sizes)
     # the gyro's bias, after the others, is in its own reading only

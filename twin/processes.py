@@ -13,7 +13,6 @@ from contextlib import ExitStack
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.process import BaseProcess
-from types import TracebackType
 from typing import Any, ParamSpec, Self, TypeVar
 
 from twin import stop
@@ -75,12 +74,7 @@ class Pool:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.end()
 
     def _workers(self) -> list[BaseProcess]:

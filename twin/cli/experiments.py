@@ -1,6 +1,5 @@
 """The verbs of experiments and routine procedures: `twin isolate` and others."""
 
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +33,7 @@ def _shown(
         html: the page; None for none.
         read: files that the page may not be written over.
     """
-    from twin.cli.output import print_json, progress
+    from twin.cli.output import print_json, print_written, progress
     from twin.files import check_writable
 
     if html is not None:
@@ -44,7 +43,7 @@ def _shown(
     print_json(result.document()) if json else print(result)
     if html is not None:
         result.save(html)
-        print(f"wrote {html}", file=sys.stderr if json else sys.stdout)
+    print_written(html, json=json)
     return result
 
 
@@ -272,6 +271,7 @@ class Calibrate:
     def run(self) -> int:
         """Fit, write, print."""
         from twin import calibrate
+        from twin.cli.output import print_written
         from twin.errors import UsageError
         from twin.files import check_writable
 
@@ -297,7 +297,7 @@ class Calibrate:
         )
         if self.out is not None:
             result.write(self.out)
-            print(f"wrote {self.out}", file=sys.stderr if self.json else sys.stdout)
+        print_written(self.out, json=self.json)
         return 0
 
 

@@ -70,7 +70,7 @@ class Identify:
     def run(self) -> int:
         """Identify and print."""
         from twin.api import identify, identify_by_all
-        from twin.cli.output import print_json, progress, tell
+        from twin.cli.output import print_json, print_written, progress, tell
         from twin.errors import TwinError, UsageError
         from twin.files import check_folder, check_writable
         from twin.identification import Settings
@@ -103,8 +103,7 @@ class Identify:
                 result.save(self.report)
             if self.figures is not None:
                 write_figures(result, self.figures)
-            for path in filter(None, (self.report, self.figures)):
-                print(f"wrote {path}", file=sys.stderr if self.json else sys.stdout)
+            print_written(self.report, self.figures, json=self.json)
             return 0
         by_method = identify_by_all(
             logs, self.platform, settings=settings, physical=self.physical, say=tell
@@ -155,7 +154,7 @@ class Compare:
     def run(self) -> int:
         """Compare, print, write what was asked for."""
         from twin.api import compare, load, transfer
-        from twin.cli.output import print_json, progress
+        from twin.cli.output import print_json, print_written, progress
         from twin.errors import UsageError
         from twin.files import check_folder, check_writable
         from twin.report import (
@@ -205,9 +204,7 @@ class Compare:
                 print("".join(f"  {sentence}\n" for sentence in str(comparison).splitlines()))
             for moved in transfers:
                 print("".join(f"  {line}\n" for line in transfer_sentences(moved, first)))
-        for written in (self.report, self.figures, self.rrd):
-            if written is not None:
-                print(f"wrote {written}", file=sys.stderr if self.json else sys.stdout)
+        print_written(self.report, self.figures, self.rrd, json=self.json)
         return 0
 
     def _sensors(self, logs: "list[Recording]") -> int:
@@ -268,7 +265,7 @@ class Diagnose:
     def run(self) -> int:
         """Diagnose, print, write what was asked for."""
         from twin.api import diagnose, extend, machine_of, validate
-        from twin.cli.output import print_json, progress
+        from twin.cli.output import print_json, print_written, progress
         from twin.diagnosis import check_logs, check_new, laws_in, own_causes
         from twin.effects import effect_named
         from twin.errors import TwinError, UsageError
@@ -323,10 +320,8 @@ class Diagnose:
                 print(gain)
         if self.extend is not None:
             extend(result, self.extend)
+        print_written(self.report, self.figures, self.extend, self.rrd, json=self.json)
         to = sys.stderr if self.json else sys.stdout
-        for written in (self.report, self.figures, self.extend, self.rrd):
-            if written is not None:
-                print(f"wrote {written}", file=to)
         if self.extend is not None and result.equation is not None:
             laws = ",".join(map(str, laws_in(self.extend)))
             print(f"wrote {laws}: twin run {self.extend} --effects {laws} has it too", file=to)

@@ -1,7 +1,6 @@
 """The verbs that fly a machine: `twin run`, `twin balance`."""
 
 import signal
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, count
@@ -402,7 +401,7 @@ class BalanceVerb:
         """Balance; the exit code."""
         from twin.api import balance
         from twin.cli.live import LiveView
-        from twin.cli.output import print_json, progress, tell
+        from twin.cli.output import print_json, print_written, progress, tell
         from twin.effects import parse_effects
         from twin.files import check_folder, check_writable
 
@@ -441,8 +440,7 @@ class BalanceVerb:
             result.save(self.report)
         if self.figures is not None:
             write_figures(result, self.figures)
-        for path in filter(None, (self.report, self.figures)):
-            print(f"wrote {path}", file=sys.stderr if self.json else sys.stdout)
+        print_written(self.report, self.figures, json=self.json)
         if result.outcome.asked and not result.done:
             raise Stopped(result.outcome.asked)
         return 0 if result.done else 1

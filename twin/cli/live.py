@@ -9,7 +9,6 @@ import sys
 import threading
 from collections import deque
 from contextlib import ExitStack
-from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
 import numpy as np
@@ -59,12 +58,7 @@ class LiveView:
                 self._listen()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._ending.set()
         self._stack.close()
 

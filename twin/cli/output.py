@@ -97,6 +97,12 @@ def tell(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
+def print_written(*paths: Path | None, json: bool) -> None:
+    """Print the name of each file or folder that a verb wrote, on stderr beside JSON."""
+    for path in filter(None, paths):
+        print(f"wrote {path}", file=sys.stderr if json else sys.stdout)
+
+
 @contextmanager
 def progress() -> Generator[Callable[[str], None]]:
     """A function that says what is being done, on one line of a terminal's stderr; else silent.

@@ -82,33 +82,21 @@ def fixed(axis: int) -> Callable[[Body, Motion], Array]:
     return law
 
 
-def along_floor(law: Callable[[Body, Motion], Array]) -> Callable[[Body, Motion], Array]:
-    """The force of a law along the floor, without its torque about the vertical."""
-
-    def force(body: Body, at: Motion) -> Array:
-        gliding = replace(at, rate=at.rate * [1.0, 1.0, 0.0])
-        smoothed = replace(body.motion, rate=body.motion.rate * [1.0, 1.0, 0.0])
-        return law(copy_with_motion(body, smoothed), gliding)
-
-    return force
+ALONG_FLOOR = (1.0, 1.0, 0.0)
+ABOUT_VERTICAL = (0.0, 0.0, 1.0)
 
 
-def about_vertical(law: Callable[[Body, Motion], Array]) -> Callable[[Body, Motion], Array]:
-    """And its torque about the vertical alone."""
+def masked(
+    law: Callable[[Body, Motion], Array], mask: tuple[float, float, float]
+) -> Callable[[Body, Motion], Array]:
+    """The law with only those rates of the base that a mask of ones and zeros keeps."""
 
-    def torque(body: Body, at: Motion) -> Array:
-        turning = replace(at, rate=at.rate * [0.0, 0.0, 1.0])
-        smoothed = replace(body.motion, rate=body.motion.rate * [0.0, 0.0, 1.0])
-        return law(copy_with_motion(body, smoothed), turning)
+    def masked_law(body: Body, at: Motion) -> Array:
+        other = copy(body)
+        other.motion = replace(body.motion, rate=body.motion.rate * mask)
+        return law(other, replace(at, rate=at.rate * mask))
 
-    return torque
-
-
-def copy_with_motion(body: Body, motion: Motion) -> Body:
-    """The same log, its motion another."""
-    other = copy(body)
-    other.motion = motion
-    return other
+    return masked_law
 
 
 def command_whole(body: Body) -> Array:
@@ -383,7 +371,7 @@ def _on_floor() -> list[Symptom]:
             "a force against the motion that does not depend on the speed (pads that touch)",
             "{} at every speed (pads that touch)",
             "N",
-            on_base(along_floor(dry)),
+            on_base(masked(dry, ALONG_FLOOR)),
             dissipative=True,
         ),
         _torque(
@@ -391,7 +379,7 @@ def _on_floor() -> list[Symptom]:
             "a torque against the turn that does not depend on the rate (pads that touch)",
             "{} at every rate of turn (pads that touch)",
             "N m",
-            on_base(about_vertical(dry)),
+            on_base(masked(dry, ABOUT_VERTICAL)),
             dissipative=True,
         ),
         _torque(
@@ -399,14 +387,14 @@ def _on_floor() -> list[Symptom]:
             "a force that grows with the speed (drag of the pads)",
             "{} times the speed (drag of the pads)",
             "N s/m",
-            on_base(along_floor(viscous)),
+            on_base(masked(viscous, ALONG_FLOOR)),
         ),
         _torque(
             "pad_viscous_friction about the vertical",
             "a torque that grows with the rate of turn (drag of the pads)",
             "{} times the rate of turn (drag of the pads)",
             "N m s",
-            on_base(about_vertical(viscous)),
+            on_base(masked(viscous, ABOUT_VERTICAL)),
         ),
         _torque(
             "floor_slope",

@@ -18,7 +18,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from twin.emulate.emulated import BURST, LINE_FAULTS, EmulatedDevice, Fault, Wire
@@ -299,12 +298,7 @@ class EmulatedLines:
             raise said
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._process.is_alive():
             self._pipe.send(None)
             with contextlib.suppress(EOFError, OSError):

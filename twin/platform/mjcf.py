@@ -32,7 +32,6 @@ and <composite> the points of."""
 _GRID = 2000 * 2000
 """Points that an <hfield> or a <texture> may have."""
 
-_DIGITS = 12
 """Of a number; a longer one is too large for anything."""
 
 _GROWS = {

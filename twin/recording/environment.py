@@ -3,11 +3,8 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.config import Table
-
-Array = NDArray[np.float64]
 
 STRONGEST = 0.1
 """More than any cage makes, and less than the earth's field read in uT, mG or G [T]."""

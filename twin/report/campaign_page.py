@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from twin.campaigns.answers import Answers
 from twin.campaigns.merit import METRICS
@@ -44,8 +43,6 @@ from twin.report.style import (
     rendered,
 )
 from twin.units import fitting
-
-Array = NDArray[np.float64]
 
 SHOWN = 400
 """Points of a distribution that are drawn."""

@@ -40,7 +40,6 @@ from twin.report.style import (
 from twin.report.words import pair
 from twin.units import fitting, listed, printed, three_digits
 
-HEAD = ("parameter", "stated", "identified", "change")
 POINTS = 2000
 """Drawn of a long stream."""
 

@@ -114,8 +114,6 @@ TITLES: dict[type, str] = {
 """Of pages that have no other."""
 DRAWN = (".png", ".svg", ".pdf")
 ENDINGS = (".html", ".json", ".txt", *DRAWN)
-LOGS = (".rrd", "")
-"""Of a run or a log, besides; no ending: a folder of tables."""
 
 
 @singledispatch

@@ -3,15 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.bench import Bench
 from twin.plant.guard.guarded import Held
 from twin.rotation import to_euler_zyx
 from twin.signals import stream_named
 from twin.units import SPIN, unit_of
-
-Array = NDArray[np.float64]
 
 _PRINTED = {
     SPIN: (60.0 / (2.0 * np.pi), "rpm"),

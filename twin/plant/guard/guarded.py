@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import SafetyError, UsageError
 from twin.plant.guard.actuators import ActuatorMonitor
@@ -19,8 +18,6 @@ from twin.plant.guard.rules import GuardSettings, Rules, Seen, Watchdog
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
 from twin.signals import Command, Reading, Samples
-
-Array = NDArray[np.float64]
 
 YES = "arm"
 """What the operator types to arm, once a session and after each stop."""

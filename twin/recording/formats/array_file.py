@@ -160,9 +160,10 @@ class NumberFile(ABC):
             LogError: a name that is no column, or what is there are no numbers.
         """
 
-    @abstractmethod
     def fault(self, problem: str, remedy: str, row: int | None = None) -> LogError:
         """The error about a row (from 0), or about the file."""
+        where = "" if row is None else f" (row {row + 1})"
+        return LogError(self.path, problem + where, remedy)
 
     def beginning(self) -> "NumberFile":
         """The same file as far as a look at it needs."""
@@ -273,10 +274,6 @@ class ArrayFile(NumberFile):
             raise self.fault(f"has {size} numbers in {name!r}", "save the part that is the log")
         with np.errstate(invalid="ignore"):  # damaged bytes make floats that NumPy warns of
             return np.asarray(array, dtype=np.float64)
-
-    def fault(self, problem: str, remedy: str, row: int | None = None) -> LogError:
-        where = "" if row is None else f" (row {row + 1})"
-        return LogError(self.path, problem + where, remedy)
 
     def find(self, name: str) -> str:
         """A column's full name, looked up in the variable first, then in the file."""

@@ -86,7 +86,7 @@ def _walk(
             elif not key.startswith("#") and depth < DEEPEST:
                 _walk(h5py, path, item, into, depth + 1)
         elif isinstance(item, h5py.Dataset):
-            _sort(h5py, path, name, dotted, item, into)
+            _sort(path, name, dotted, item, into)
 
 
 def _frame(path: Path, group: Any, arrays: dict[str, Numbers]) -> None:
@@ -114,7 +114,6 @@ def _decoded(text: Any) -> str:
 
 
 def _sort(
-    h5py: Any,
     path: Path,
     name: str,
     dotted: str,

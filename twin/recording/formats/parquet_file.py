@@ -63,10 +63,6 @@ class ParquetFile(NumberFile):
         with library_errors(self.path, self._kind, _REMEDY):
             return np.stack([self._numbers(self.find(name)) for name in names], axis=-1)
 
-    def fault(self, problem: str, remedy: str, row: int | None = None) -> LogError:
-        where = "" if row is None else f" (row {row + 1})"
-        return LogError(self.path, problem + where, remedy)
-
     def _numbers(self, name: str) -> Array:
         column = self._table.column(name)
         kind = column.type
