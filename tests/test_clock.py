@@ -56,9 +56,9 @@ def test_a_wall_clock_tells_of_each_tick_how_late_it_came_and_what_it_took():
     assert (read >= 0.003).all()
     assert record[0] == 0.0, "that of the tick before"
     assert (record[1:] >= 0.001).all()
-    assert len(clock.timing.own) == clock.timing.ticks
-    assert min(clock.timing.own) >= 0.004
-    assert clock.timing.own_at(100.0) == max(clock.timing.own)
+    assert len(clock.timing.durations) == clock.timing.ticks
+    assert min(clock.timing.durations) >= 0.004
+    assert clock.timing.duration_at(100.0) == max(clock.timing.durations)
 
 
 def test_time_that_is_simulated_costs_nothing_that_is_told():

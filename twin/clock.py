@@ -37,16 +37,16 @@ class Timing:
     """Wall seconds spent in each phase."""
     lateness: list[float] = field(default_factory=list[float])
     """How long after its deadline each tick began [s]; empty on a simulated clock."""
-    own: list[float] = field(default_factory=list[float])
+    durations: list[float] = field(default_factory=list[float])
     """How long each tick took, all phases together [s]; empty on a simulated clock."""
 
     def lateness_at(self, percent: float) -> float:
         """Percentile of the lateness [s]; 0 on a simulated clock."""
         return float(np.percentile(self.lateness, percent)) if self.lateness else 0.0
 
-    def own_at(self, percent: float) -> float:
+    def duration_at(self, percent: float) -> float:
         """Percentile of what a tick took [s]; 0 on a simulated clock."""
-        return float(np.percentile(self.own, percent)) if self.own else 0.0
+        return float(np.percentile(self.durations, percent)) if self.durations else 0.0
 
 
 PRIORITY = 40
@@ -166,7 +166,7 @@ class WallClock(Clock):
             self._tick()
             yield number * period
             now = time.monotonic() - start
-            self.timing.own.append(now - number * period - self.timing.lateness[-1])
+            self.timing.durations.append(now - number * period - self.timing.lateness[-1])
             due = int(now / period) + 1
             self.timing.overruns += max(min(due, last + 1) - number - 1, 0)
             number = max(due, number + 1)

@@ -186,13 +186,13 @@ class Table:
         """The table [key]; an empty one when it is absent and not required."""
         if self._below is not None:
             below = self._below.table(key, required=required and key not in self._data)
-            return self._own_table(key).over(below) if key in self._data else below
+            return self._layer_table(key).over(below) if key in self._data else below
         value = self._get(key, _REQUIRED if required else {})
         if not isinstance(value, dict):
             raise self.fail(key, f"is {value!r}", f"make it a table: [{self._child(key)}]")
         return self._table(key, cast(dict[str, Any], value), occurrence=0)
 
-    def _own_table(self, key: str) -> "Table":
+    def _layer_table(self, key: str) -> "Table":
         alone = copy.copy(self)
         alone._below = None
         return alone.table(key)
@@ -201,7 +201,7 @@ class Table:
         """The array of tables [[key]]; empty when absent."""
         if self._below is not None:
             rows = self._below.tables(key)
-            return [self._own_table(key).over(row) for row in rows] if key in self._data else rows
+            return [self._layer_table(key).over(row) for row in rows] if key in self._data else rows
         value = self._get(key, [])
         if not isinstance(value, list) or not all(
             isinstance(x, dict) for x in cast(list[object], value)

@@ -109,7 +109,7 @@ class Difference:
     """The largest value of the stream itself."""
 
     @property
-    def seen(self) -> bool:
+    def significant(self) -> bool:
         """Whether it is more than arithmetic leaves."""
         return self.worst > ROUND_OFF * self.size
 
@@ -201,9 +201,9 @@ def moved(
     return memory.recording()
 
 
-def difference(stream: str, one: Series, other: Series, time: Array) -> Array:
+def difference(stream: str, reference: Series, other: Series, time: Array) -> Array:
     """(m, k) `other` less `one` at times (m,), between samples by straight lines."""
-    before, after = one.interpolated_at(time), other.interpolated_at(time)
+    before, after = reference.interpolated_at(time), other.interpolated_at(time)
     if stream != "attitude":
         return after - before
     turn = rotation.multiply(
@@ -212,18 +212,20 @@ def difference(stream: str, one: Series, other: Series, time: Array) -> Array:
     return rotation.to_rotation_vector(turn)
 
 
-def _difference(platform: Platform, stream: str, one: Series, other: Series) -> Difference:
-    inside = (one.time >= one.time[0] + EDGE) & (one.time <= one.time[-1] - EDGE)
-    time = one.time[inside]
+def _difference(platform: Platform, stream: str, reference: Series, other: Series) -> Difference:
+    inside = (reference.time >= reference.time[0] + EDGE) & (
+        reference.time <= reference.time[-1] - EDGE
+    )
+    time = reference.time[inside]
     attitude = stream == "attitude"
     return Difference(
         stream,
-        "rad" if attitude else one.unit,
-        ("x", "y", "z") if attitude else one.columns,
+        "rad" if attitude else reference.unit,
+        ("x", "y", "z") if attitude else reference.columns,
         float(np.sqrt(np.mean(np.square(platform.sensors[stream].noise)))),
         time,
-        difference(stream, one, other, time),
-        1.0 if attitude else float(np.abs(one.value).max()),
+        difference(stream, reference, other, time),
+        1.0 if attitude else float(np.abs(reference.value).max()),
     )
 
 

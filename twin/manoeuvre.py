@@ -182,21 +182,21 @@ def _frequency(what: str, text: str, word: str) -> float:
     return 1.0 / number if period else number
 
 
-def _split(what: str, text: str, words: str, least: int, most: int | None = None) -> list[str]:
+def _split(what: str, text: str, words: str, minimum: int, maximum: int | None = None) -> list[str]:
     parts = words.split(",")
-    inside = least <= len(parts) <= (most or least)
+    inside = minimum <= len(parts) <= (maximum or minimum)
     _check(inside, what, text, f"behind @ stand {len(parts)} numbers, {words!r}; use {WAVES}")
     return parts
 
 
 def _numbers(
-    what: str, text: str, words: str, wanted: str, least: int, most: int
+    what: str, text: str, words: str, wanted: str, minimum: int, maximum: int
 ) -> tuple[float, ...]:
     try:
         values = tuple(float(word) for word in words.split(","))
     except ValueError:
         values = ()
-    good = least <= len(values) <= most and all(map(math.isfinite, values))
+    good = minimum <= len(values) <= maximum and all(map(math.isfinite, values))
     _check(good, what, text, f"{words!r} should be {wanted}; use {WAVES}")
     return values
 

@@ -26,11 +26,11 @@ def _hamilton() -> Array:
 _HAMILTON = _hamilton()
 
 
-def multiply(left: Array, right: Array) -> Array:
+def multiply(first: Array, second: Array) -> Array:
     """Hamilton product: R(multiply(a, b)) = R(a) R(b)."""
     # two calls instead of twenty: this runs ten times a tick; the first product is exact
-    rows = (left @ _HAMILTON).reshape(*left.shape[:-1], 4, 4)
-    return np.einsum("...kj,...j->...k", rows, right)
+    rows = (first @ _HAMILTON).reshape(*first.shape[:-1], 4, 4)
+    return np.einsum("...kj,...j->...k", rows, second)
 
 
 def conjugate(q: Array) -> Array:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from twin.effects import effect_named
-from twin.report.diagnosed import one_clock_sentences
+from twin.report.diagnosed import common_clock_sentences
 
 TURNING, AT_REST = np.array([[0.0], [1.0]]), np.zeros((2, 1))
 
@@ -34,7 +34,9 @@ def found(lags: Mapping[str, float], half: float = 0.01) -> Any:
 
 
 def test_sensors_that_are_early_by_one_time_are_told_as_commands_that_are_late():
-    (said,) = one_clock_sentences(found({"gyro": -0.5, "attitude": -0.505, "wheel_speed": -0.495}))
+    (said,) = common_clock_sentences(
+        found({"gyro": -0.5, "attitude": -0.505, "wheel_speed": -0.495})
+    )
     assert said == (
         "gyro, attitude and wheel_speed are early by the same time, 0.5 s: rather than 3 clocks "
         "it is one that is off, theirs, or that of command_wheel_torque, late by 0.5 s."
@@ -42,14 +44,14 @@ def test_sensors_that_are_early_by_one_time_are_told_as_commands_that_are_late()
 
 
 def test_two_sensors_on_one_late_computer_are_told_beside_what_is_not_late():
-    (said,) = one_clock_sentences(found({"gyro": 0.1, "attitude": 0.1}))
+    (said,) = common_clock_sentences(found({"gyro": 0.1, "attitude": 0.1}))
     assert "gyro and attitude are late by the same time" in said
     assert "that of command_wheel_torque and wheel_speed, early" in said
 
 
 def test_lags_that_differ_by_more_than_their_intervals_are_two_clocks():
-    assert one_clock_sentences(found({"gyro": 0.1, "attitude": 0.15})) == []
+    assert common_clock_sentences(found({"gyro": 0.1, "attitude": 0.15})) == []
 
 
 def test_one_late_stream_is_told_by_its_own_sentence():
-    assert one_clock_sentences(found({"gyro": 0.1})) == []
+    assert common_clock_sentences(found({"gyro": 0.1})) == []

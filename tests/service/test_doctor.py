@@ -12,12 +12,12 @@ from twin.cli.main import main
 if sys.platform == "win32":
     pytest.skip("it looks at Linux", allow_module_level=True)
 
-from twin.service.doctor import Verdict, adapters_found, governor_found, judged, port_found
+from twin.service.doctor import Verdict, check_adapters, check_governor, check_port, judged
 
 
 def test_a_port_that_is_there_may_be_opened():
     ours, theirs = pty.openpty()
-    found = port_found("imu", os.ttyname(theirs))
+    found = check_port("imu", os.ttyname(theirs))
     os.close(ours)
     os.close(theirs)
     assert found.verdict is Verdict.good
@@ -25,23 +25,23 @@ def test_a_port_that_is_there_may_be_opened():
 
 
 def test_a_port_that_is_not_there_or_is_none_is_bad(tmp_path):
-    gone = port_found("imu", "/dev/serial/by-id/usb-not_there")
+    gone = check_port("imu", "/dev/serial/by-id/usb-not_there")
     assert gone.verdict is Verdict.bad
     assert "is not there; plugged in are: " in gone.sentence
     file = tmp_path / "port"
     file.touch()
-    assert "is no serial port" in port_found("imu", str(file)).sentence
+    assert "is no serial port" in check_port("imu", str(file)).sentence
 
 
 def test_a_port_on_the_network_is_left_to_status():
-    assert port_found("imu", "socket://host:4000").verdict is Verdict.good
+    assert check_port("imu", "socket://host:4000").verdict is Verdict.good
 
 
 def test_an_adapter_that_holds_bytes_back_is_poor_and_the_line_that_mends_it_is_told(tmp_path):
     for name, wait in (("ttyUSB0", 16), ("ttyUSB1", 1)):
         (tmp_path / name).mkdir()
         (tmp_path / name / "latency_timer").write_text(f"{wait}\n")
-    slow, quick = adapters_found(tmp_path)
+    slow, quick = check_adapters(tmp_path)
     assert (slow.what, slow.verdict) == ("adapter ttyUSB0", Verdict.poor)
     assert f"echo 1 > {tmp_path}/ttyUSB0/latency_timer" in slow.sentence
     assert quick.verdict is Verdict.good
@@ -49,11 +49,11 @@ def test_an_adapter_that_holds_bytes_back_is_poor_and_the_line_that_mends_it_is_
 
 def test_a_processor_that_saves_power_is_poor(tmp_path):
     file = tmp_path / "governor"
-    assert governor_found(file) == []
+    assert check_governor(file) == []
     file.write_text("powersave\n")
-    assert governor_found(file)[0].verdict is Verdict.poor
+    assert check_governor(file)[0].verdict is Verdict.poor
     file.write_text("performance\n")
-    assert governor_found(file)[0].verdict is Verdict.good
+    assert check_governor(file)[0].verdict is Verdict.good
 
 
 def test_lateness_is_judged_by_its_tail_and_by_what_was_missed():

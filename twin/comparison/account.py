@@ -84,7 +84,9 @@ def misfits(problem: Problem, innovations: Innovations) -> tuple[ColumnMisfit, .
     )
 
 
-def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[ColumnMisfit, ...]:
+def misfits_of(
+    problem: Problem, residuals: list[list[Array]], fitted: int
+) -> tuple[ColumnMisfit, ...]:
     """Of residuals in units of the noise, log by log and output by output.
 
     Args:
@@ -95,7 +97,7 @@ def misfits_of(problem: Problem, left: list[list[Array]], fitted: int) -> tuple[
     total = sum(body.samples for body in problem.bodies)
     result: list[ColumnMisfit] = []
     of_stream: dict[str, tuple[Output, list[Array]]] = {}
-    for body, parts in zip(problem.bodies, left, strict=True):
+    for body, parts in zip(problem.bodies, residuals, strict=True):
         for output, part in zip(body.outputs, parts, strict=True):
             of_stream.setdefault(output.stream, (output, []))[1].append(part)
     for output, parts in of_stream.values():
@@ -412,13 +414,13 @@ def shown(stand: Stand, column: int) -> float:
     return float(np.sum(np.square(stand.columns[own, column]))) / max(alone, 1e-300)
 
 
-def correlation_time(problem: Problem, left: list[list[Array]]) -> float:
+def correlation_time(problem: Problem, residuals: list[list[Array]]) -> float:
     """Samples of a residual that say as much as one of white noise; 1 for white noise.
 
     1 + 2 sum of the autocorrelation up to its first zero, over all columns within segments.
     """
     products = np.zeros(1)
-    for body, parts in zip(problem.bodies, left, strict=True):
+    for body, parts in zip(problem.bodies, residuals, strict=True):
         for output, values in zip(body.outputs, parts, strict=True):
             for s in range(body.grid.segments):
                 inside = values[output.segment == s]

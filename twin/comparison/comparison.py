@@ -12,7 +12,7 @@ from twin.comparison.account import Account, coloured, follow, is_noise, loosen
 from twin.comparison.explanation import HORIZONS, TIED, FreeRun, Side, Strength, free_run, side
 from twin.comparison.symptoms import Symptom, SymptomDomain, symptoms_of
 from twin.conventions import ConventionFinding, check_conventions, corrected
-from twin.identification.prediction_error import fit, most_likely
+from twin.identification.prediction_error import fit, likeliest_noise
 from twin.identification.start import (
     along_what_rings,
     base_of,
@@ -131,7 +131,7 @@ class Comparison(Shown):
         return "explained" if explained else "unexplained"
 
     @property
-    def found(self) -> Side:
+    def reported(self) -> Side:
         """The side whose laws are told first: the best one, unless it found none."""
         return self.best if self.best.strengths else self.as_built
 
@@ -142,9 +142,9 @@ class Comparison(Shown):
         Where the laws live that were found, and what ties with them; without any law, what stands
         out most on its own.
         """
-        if self.found.strengths:
-            ties = [tie for strength in self.found.strengths for tie in strength.ties]
-            domains = _domains(strength.symptom for strength in self.found.strengths)
+        if self.reported.strengths:
+            ties = [tie for strength in self.reported.strengths for tie in strength.ties]
+            domains = _domains(strength.symptom for strength in self.reported.strengths)
             return domains, tuple(d for d in _domains(ties) if d not in domains)
         out = [score for score in self.best.scores if score.stands_out]
         limit = max((score.evidence - score.needed for score in out), default=0.0) - TIED
@@ -252,7 +252,7 @@ def missing_torque(comparison: Comparison, mean: float) -> Unexplained:
     account = side.explained
     problem = Problem([comparison.body], comparison.base, held=True)
     at = problem.start(account.theta, account.at.biases)
-    unexplained = unexplained_torque(problem, most_likely(problem, problem.innovations(at)), 0)
+    unexplained = unexplained_torque(problem, likeliest_noise(problem, problem.innovations(at)), 0)
     count = max(round(mean / float(unexplained.time[1] - unexplained.time[0])), 1)
     whole = len(unexplained.time) // count * count
 

@@ -445,16 +445,16 @@ def _explained(
 
 
 def _refined(
-    now: Account, screen: Screen, pose: Pose, symptoms: Sequence[Symptom], refit: Refit
+    current: Account, screen: Screen, pose: Pose, symptoms: Sequence[Symptom], refit: Refit
 ) -> Account:
     """After selections and fits in turn, until the selection stays, or comes back."""
-    seen = {frozenset(now.chosen): now}
+    seen = {frozenset(current.chosen): current}
     for _ in range(ROUNDS):
         chosen = screen.select()
         if frozenset(chosen) in seen:
-            now = seen[frozenset(chosen)]
+            current = seen[frozenset(chosen)]
             break
-        moved = refit(pose(chosen), chosen, _start(now, chosen))
+        moved = refit(pose(chosen), chosen, _start(current, chosen))
         if moved is None:
             break
         beyond = [
@@ -463,19 +463,19 @@ def _refined(
         if beyond:
             symptoms = [s for s in symptoms if s not in beyond]
         else:
-            now = seen[frozenset(chosen)] = moved
-        screen = Screen(now, symptoms)
-    return _without_unsure(now, pose, refit)
+            current = seen[frozenset(chosen)] = moved
+        screen = Screen(current, symptoms)
+    return _without_unsure(current, pose, refit)
 
 
-def _without_unsure(now: Account, pose: Pose, refit: Refit) -> Account:
+def _without_unsure(current: Account, pose: Pose, refit: Refit) -> Account:
     """Without symptoms that stand or fall with each other: of a set that only fits together, none
     has a strength that is sure."""
-    while now.chosen:
-        covariance, _ = now.covariance()
-        spread = covariance[-len(now.strengths) :, -len(now.strengths) :]
+    while current.chosen:
+        covariance, _ = current.covariance()
+        spread = covariance[-len(current.strengths) :, -len(current.strengths) :]
         first, doubts = 0, list[tuple[float, Symptom]]()
-        for symptom, values in zip(now.chosen, _split(now), strict=True):
+        for symptom, values in zip(current.chosen, _split(current), strict=True):
             own = slice(first, first + len(values))
             evidence = float(values @ np.linalg.pinv(spread[own, own], hermitian=True) @ values)
             doubts.append((evidence / float(chi2.isf(UNSURE, len(values))), symptom))
@@ -483,12 +483,12 @@ def _without_unsure(now: Account, pose: Pose, refit: Refit) -> Account:
         least, weak = min(doubts, key=lambda doubt: doubt[0])
         if least > 1.0:
             break
-        chosen = tuple(s for s in now.chosen if s is not weak)
-        moved = refit(pose(chosen), chosen, _start(now, chosen))
+        chosen = tuple(s for s in current.chosen if s is not weak)
+        moved = refit(pose(chosen), chosen, _start(current, chosen))
         if moved is None:
             break
-        now = moved
-    return now
+        current = moved
+    return current
 
 
 def _start(account: Account, chosen: tuple[Symptom, ...]) -> Unknowns:

@@ -158,7 +158,7 @@ def check_controller(
     platform = platform or usual_machine(law)
     findings = list(_declared(law))
     try:
-        for promise in (_answers, _repeatable, _rows_apart, _vectorised):
+        for promise in (_answers, _repeatable, _independent_rows, _vectorised):
             broken = list(promise(law, platform))
             if broken:  # those after it take it for granted
                 return findings + broken
@@ -280,7 +280,7 @@ def _repeatable(law: AnyController, platform: Platform) -> Iterator[str]:
         )
 
 
-def _rows_apart(law: AnyController, platform: Platform) -> Iterator[str]:
+def _independent_rows(law: AnyController, platform: Platform) -> Iterator[str]:
     """A run's command depends on that run alone."""
     three = estimates(platform, 3)
     together = fly_rows(law, platform, three)
@@ -337,9 +337,9 @@ def _rows(commands: list[Command], rows: list[int]) -> list[Command]:
     return [{name: value[rows] for name, value in command.items()} for command in commands]
 
 
-def _equal(left: list[Command], right: list[Command], tolerance: float = 0.0) -> bool:
+def _equal(first: list[Command], second: list[Command], tolerance: float = 0.0) -> bool:
     return all(
         a.keys() == b.keys()
         and all(np.allclose(a[name], b[name], rtol=tolerance, atol=tolerance) for name in a)
-        for a, b in zip(left, right, strict=True)
+        for a, b in zip(first, second, strict=True)
     )

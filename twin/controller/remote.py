@@ -132,7 +132,7 @@ class RemoteLaw(Controller[str]):
             self._line.sendall(self._far.take())
         self._line.close()
 
-    def _ask(self, now_us: int) -> str:
+    def _ask(self, time_us: int) -> str:
         """Send what waits, and hear until it has answered; why it cannot go on, or nothing."""
         asked = self._far.last_sequence
         self._line.sendall(self._far.take())
@@ -140,13 +140,13 @@ class RemoteLaw(Controller[str]):
         while self._far.state is FarEndState.armed and not (
             self._answered(asked) or self._refused()
         ):
-            if not self._hear(now_us, end - time.monotonic()):
+            if not self._hear(time_us, end - time.monotonic()):
                 if self._lockstep:
                     return f"{self._name} did not answer within {self._patience:g} s"
                 break
         if self._lockstep and not self._complete:
             # which channels it commands, its first answer tells
-            while self._hear(now_us, QUIET):
+            while self._hear(time_us, QUIET):
                 pass
             self._complete = True
         return self._refused() if self._far.state is FarEndState.armed else self._why_safe()
@@ -164,12 +164,12 @@ class RemoteLaw(Controller[str]):
             f"time-to-live that is not within 1 to {LONGEST_VALID_MS} ms"
         )
 
-    def _answered(self, asked: int) -> bool:
+    def _answered(self, sequence: int) -> bool:
         """Every channel in force was set anew by somebody who had heard that frame."""
         heard = self._far.heard.values()
-        return bool(heard) and all((item - asked) % _FULL < _HALF for item in heard)
+        return bool(heard) and all((item - sequence) % _FULL < _HALF for item in heard)
 
-    def _hear(self, now_us: int, patience: float) -> bool:
+    def _hear(self, time_us: int, patience: float) -> bool:
         """Take what comes, and reply; False: nothing came in time.
 
         Raises:
@@ -182,7 +182,7 @@ class RemoteLaw(Controller[str]):
             return False
         if not data:
             raise ConnectionError
-        self._far.receive(data, now_us)
+        self._far.receive(data, time_us)
         self._line.sendall(self._far.take())
         return True
 

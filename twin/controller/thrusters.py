@@ -84,12 +84,12 @@ class Nozzles:
             raise refused
         return nozzles
 
-    def reach_all_round(self, left: Array, wanted: Array) -> bool:
+    def reach_all_round(self, basis: Array, wanted: Array) -> bool:
         """Whether the forces give a torque along every axis, and nothing else, either way."""
         axes = np.eye(3)[np.any(wanted != 0.0, axis=0)]
         along = np.concatenate([axes, -axes])
         whole = along @ wanted.T
-        lost = whole - whole @ left @ left.T
+        lost = whole - whole @ basis @ basis.T
         given = np.einsum("nt,rt->nr", self.forces(along), self.effect)
         asked = along @ self.rows.T
         return bool(np.abs(lost).max() < 1e-6 and np.abs(given - asked).max() < 1e-6)

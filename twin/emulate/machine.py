@@ -131,7 +131,7 @@ class SimulatedMachine:
             reading = self.plant.read(self._steps * step)
             for stream, samples in reading.streams.items():
                 for route in self._measured.get(stream, ()):
-                    self._shares[route.device].shown += self._seen(
+                    self._shares[route.device].shown += self._device_values(
                         route, samples.time[0], samples.value[0], samples.valid[0]
                     )
             self.plant.write(self._command())
@@ -155,7 +155,7 @@ class SimulatedMachine:
             self.plant.drive_stages(place[None])
         self._driven = driven
 
-    def _seen(
+    def _device_values(
         self, route: Route, times: Array, values: Array, valid: NDArray[np.bool_]
     ) -> list[DeviceValue]:
         away = self._uncounted if route.stream == "stage_position" else 0.0

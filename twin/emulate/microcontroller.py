@@ -260,9 +260,9 @@ class EmulatedMicrocontroller(EmulatedDevice):
                 self._due[number] += period
                 self._send(number, time_us, self._measured(self.schema.channels[number].stream))
 
-    def _done(self, told: dict[str, Array]) -> dict[str, Array]:
+    def _done(self, commands: dict[str, Array]) -> dict[str, Array]:
         """What parts do of what they are told."""
-        done = dict(told)
+        done = dict(commands)
         for kind in ("reversed", "dead", "runaway"):
             if kind not in self._parts:
                 continue

@@ -20,8 +20,8 @@ from twin.estimators.estimator import (
     encoders,
     instead,
     newest,
+    ready_runs,
     scatter_of,
-    seen,
     shared,
     still_awaited,
     variance_of,
@@ -183,7 +183,7 @@ class AttitudeFilter(Estimator):
             rate_body=rate + (before.gyro_bias - bias),
             **encoders(streams, before),
             gyro_bias=bias,
-            valid=seen(oriented, awaited),
+            valid=ready_runs(oriented, awaited),
             oriented=oriented,
             awaited=awaited,
             covariance=covariance.transpose(2, 0, 1),
@@ -245,7 +245,7 @@ class _Fix(NamedTuple):
     """Share of each gyro step that lies after the samples, (steps, n)."""
 
 
-def _joined(before: FilterEstimate, gyro: Samples | None, now: float) -> tuple[Array, Array]:
+def _joined(before: FilterEstimate, gyro: Samples | None, time: float) -> tuple[Array, Array]:
     """The last gyro sample and the new ones, (1 + m, n, 3), and their times (1 + m, n).
 
     A lost sample repeats the one before it, time included, and so adds no turn. In a run that has
@@ -264,7 +264,7 @@ def _joined(before: FilterEstimate, gyro: Samples | None, now: float) -> tuple[A
             rates = np.take_along_axis(rates, kept[..., None], axis=0)
             times = np.take_along_axis(times, kept, axis=0)
     if not before.oriented.all():
-        start = np.where(np.isnan(times[-1]), now, times[-1])
+        start = np.where(np.isnan(times[-1]), time, times[-1])
         times = np.where(before.oriented, times, start)
         rates = np.where(before.oriented[:, None], rates, rates[-1])
     return rates, times

@@ -125,7 +125,7 @@ def still_awaited(streams: Mapping[str, Samples], before: Estimate) -> Mapping[s
     return {name: missing for name, missing in left.items() if missing.any()}
 
 
-def seen(oriented: Mask, awaited: Mapping[str, Mask]) -> Mask:
+def ready_runs(oriented: Mask, awaited: Mapping[str, Mask]) -> Mask:
     """Runs (n,) that are oriented and wait for no position."""
     for missing in awaited.values():
         oriented = oriented & ~missing
@@ -252,7 +252,7 @@ class Passthrough(Estimator):
                 if name in streams:
                     oriented = oriented | streams[name].valid.any(axis=1)
             awaited = still_awaited(streams, estimate)
-            valid = seen(oriented, awaited)
+            valid = ready_runs(oriented, awaited)
         return Estimate(
             time=reading.time,
             attitude=newest(streams.get("attitude"), estimate.attitude),

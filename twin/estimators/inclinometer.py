@@ -13,7 +13,7 @@ from twin.estimators.estimator import (
     encoders,
     instead,
     newest,
-    seen,
+    ready_runs,
     shared,
     still_awaited,
 )
@@ -86,7 +86,7 @@ class InclinometerDifferences(Estimator):
             attitude=attitude,
             rate_body=rate,
             **encoders(streams, before),
-            valid=seen(oriented, awaited),
+            valid=ready_runs(oriented, awaited),
             oriented=oriented,
             awaited=awaited,
             tilt_time=time,

@@ -31,7 +31,7 @@ from twin.estimators.estimator import (
     accepted_rates,
     blank,
     encoders,
-    seen,
+    ready_runs,
     shared,
     still_awaited,
 )
@@ -401,11 +401,11 @@ class _Filter:
         surprise, slope, variance = self._look(name, value, then, age)
         self._gated(name, surprise, slope, variance, used, stamp)
 
-    def begin(self, now: float) -> None:
+    def begin(self, time: float) -> None:
         """Start the runs that have seen what they wait for; hold the place of those that move."""
         self._settle()
         if not self.started.all():
-            self._start(now)
+            self._start(time)
         layout = self.known.layout
         if layout.place.stop > layout.place.start and "position" not in self.known.sensors:
             slope = np.zeros((len(self.started), 3, layout.size))
@@ -415,7 +415,7 @@ class _Filter:
             variance = np.maximum(often, self.rules.reach**2)[:, None] * np.ones(3)
             self._update(-self.states[:, layout.place], slope, variance, self.started)
         if self.rules.rest_rate and "accelerometer" in self.known.sensors:
-            self._rest(now)
+            self._rest(time)
 
     def result(self, reading: Reading, coming: dict[str, Samples]) -> MultiplicativeEstimate:
         """The estimate, carried on from the state's time to the tick."""
@@ -454,7 +454,7 @@ class _Filter:
             rate_body=rate,
             **encoders(reading.streams, before),
             gyro_bias=self.states[:, known.layout.gyro],
-            valid=seen(self.started, awaited),
+            valid=ready_runs(self.started, awaited),
             oriented=self.started,
             awaited=awaited,
             covariance=self._of_body(now, reading.time, squares),
@@ -474,12 +474,12 @@ class _Filter:
             aids=self.aids,
         )
 
-    def _of_body(self, attitude: Array, now: float, squares: Array) -> Array:
+    def _of_body(self, attitude: Array, time: float, squares: Array) -> Array:
         """(n, 6, 6) about the body's axes at the tick, as `Estimate` has it.
 
         `squares` (n,) are those of the times that each gyro sample since the state's turned [s^2].
         """
-        ahead = np.where(np.isnan(self.time), 0.0, np.maximum(now - self.time, 0.0))
+        ahead = np.where(np.isnan(self.time), 0.0, np.maximum(time - self.time, 0.0))
         turned = matrix(attitude)
         part = self.covariance[:, :6, :6].copy()
         coupling = ahead[:, None, None] * turned
@@ -667,21 +667,21 @@ class _Filter:
             aid, taken=aid.taken + used, used=np.where(used, stamp, aid.used)
         )
 
-    def _rest(self, now: float) -> None:
+    def _rest(self, time: float) -> None:
         """Take the gyro's mean for its bias where gyro and accelerometer have stayed at theirs."""
         before, force = self.before.stillness, self.aids["accelerometer"].last
-        step = now - self.before.time
+        step = time - self.before.time
         share = 1.0 - np.exp(-step / _STILL.low_pass)
         rate_off, force_off = self.gyro - before.rate, force - before.force
         with np.errstate(invalid="ignore"):
             still = (np.abs(rate_off) < _STILL.rate).all(axis=1)
             still &= (np.abs(force_off) < _STILL.force).all(axis=1)
             still &= (np.abs(self.gyro) < _STILL.largest).all(axis=1)
-        since = np.where(still, before.since, now)
+        since = np.where(still, before.since, time)
         mean = before.rate + share * rate_off
         force = np.where(np.isnan(force), before.force, before.force + share * force_off)
         self.stillness = Stillness(mean, force, since)
-        resting = self.started & (now - since > _STILL.least)
+        resting = self.started & (time - since > _STILL.least)
         if resting.any():
             layout = self.known.layout
             slope = np.zeros((len(mean), 3, layout.size))
@@ -698,13 +698,13 @@ class _Filter:
             turn = np.where(lost, off_field(self.attitude, value, self.field), 0.0)
             self.attitude = multiply(from_rotation_vector(turn[:, None] * UP), self.attitude)
 
-    def _start(self, now: float) -> None:
+    def _start(self, time: float) -> None:
         """Attitude from the first samples, and its covariance as they leave it."""
         n = len(self.started)
         nobody = np.zeros(n, dtype=np.bool_)
         has = {name: self.first[name][2] if name in self.first else nobody for name in AIDS}
         vertical = has["accelerometer"] | has["inclinometer"]
-        patient = now - np.where(np.isnan(self.waits_since), now, self.waits_since) < _AGES
+        patient = time - np.where(np.isnan(self.waits_since), time, self.waits_since) < _AGES
         waits = np.zeros(n, dtype=np.bool_)
         for name in ("attitude", "magnetometer"):
             if name in self.known.sensors:

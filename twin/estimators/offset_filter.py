@@ -25,7 +25,7 @@ from twin.estimators.estimator import (
     blank,
     need_floating_body,
     newest,
-    seen,
+    ready_runs,
     shared,
     still_awaited,
     variance_of,
@@ -437,7 +437,7 @@ class OffsetFilter(Estimator):
             )
             motion = motion._replace(attitude=np.where(valid[:, None], motion.attitude, first))
             oriented = oriented | np.asarray(shown.valid.any(axis=1))
-        valid = seen(oriented, awaited)
+        valid = ready_runs(oriented, awaited)
         state = _State(
             motion, before.gyro_bias, before.moment, spread, before.squares, before.counted
         )
@@ -445,12 +445,14 @@ class OffsetFilter(Estimator):
         if period > 0.0:
             swung = np.einsum("niw,nw->ni", end.axes - begin.axes, motion.spins)
             torque = torque + (swung + end.held - begin.held) / period
-        told = _Seen(before.gyrostat, before.noise, end, before.torque, torque, reading.time, valid)
+        correction = _Correction(
+            before.gyrostat, before.noise, end, before.torque, torque, reading.time, valid
+        )
         for correct, stream in (
-            (told.by_attitude, fixes),
-            (told.by_vertical, shown),
-            (told.by_gyro, streams.get("gyro")),
-            (told.by_wheels, streams.get("wheel_speed")),
+            (correction.by_attitude, fixes),
+            (correction.by_vertical, shown),
+            (correction.by_gyro, streams.get("gyro")),
+            (correction.by_wheels, streams.get("wheel_speed")),
         ):
             if stream is not None and stream.value.shape[2]:
                 state = correct(state, stream)
@@ -469,7 +471,7 @@ class OffsetFilter(Estimator):
             oriented=oriented,
             awaited=awaited,
             covariance=spread[:, own[:, None], own],
-            center_of_mass_offset=state.moment + told.carried_moment(stages),
+            center_of_mass_offset=state.moment + correction.carried_moment(stages),
             offset_covariance=spread[:, MOMENT, MOMENT],
             motion=motion,
             moment=state.moment,
@@ -540,7 +542,7 @@ class _State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Correction:
     """Corrects a state by the samples of a tick."""
 
     gyrostat: Gyrostat

@@ -13,7 +13,7 @@ from twin.estimators.estimator import (
     encoders,
     need_floating_body,
     newest,
-    seen,
+    ready_runs,
     shared,
     still_awaited,
 )
@@ -131,7 +131,7 @@ class VerticalOffsetFilter(Estimator):
             attitude=attitude,
             rate_body=state[:, :3],
             **encoders(streams, before),
-            valid=seen(oriented, awaited),
+            valid=ready_runs(oriented, awaited),
             oriented=oriented,
             awaited=awaited,
             center_of_mass_offset=before.mass * state[:, 3:] * _UP,

@@ -241,7 +241,7 @@ def _accelerometer(recordings: Sequence[Recording], gravity: float) -> Calibrati
             mean = part.mean(axis=0)
             weights.append(float(len(part)))
             poses.append(mean)
-    means = _apart(poses, weights)
+    means = _distinct_poses(poses, weights)
     if len(means) < FEWEST_POSES:
         raise UsageError(
             f"the logs hold {len(means)} poses at rest of at least {SHORTEST:g} s; an "
@@ -263,7 +263,7 @@ def _accelerometer(recordings: Sequence[Recording], gravity: float) -> Calibrati
     )
 
 
-def _apart(poses: Sequence[Array], weights: Sequence[float]) -> Array:
+def _distinct_poses(poses: Sequence[Array], weights: Sequence[float]) -> Array:
     """(m, 3) means of the poses, rests in the same direction taken together."""
     sums: list[tuple[Array, float]] = []
     for pose, weight in zip(poses, weights, strict=True):

@@ -328,14 +328,14 @@ class _Screen:
         return _usual(item) * [self._detectable(index, item, evidence, axis) for axis in axes]
 
     def _search(
-        self, index: int, size: float, along: Array | None = None, asked: Sequence[int] = ()
+        self, index: int, size: float, along: Array | None = None, candidates: Sequence[int] = ()
     ) -> Search:
         """For noise-free logs in which a cause of a size, in usual sizes, is the truth."""
         item = self.candidates[index]
         direction = np.ones(len(item.low)) if along is None else along
         strengths = size * _usual(item) * direction
         silent = self.screen.showing(self.screen.signature(index, strengths))
-        return Search(silent, asked or self.identifiable, limit=0.0)
+        return Search(silent, candidates or self.identifiable, limit=0.0)
 
     @cached_property
     def identifiable(self) -> tuple[int, ...]:
@@ -387,7 +387,7 @@ class _Screen:
             return np.inf
 
         def excess(logarithm: float) -> float:
-            search = self._search(index, float(np.exp(logarithm)), asked=[index])
+            search = self._search(index, float(np.exp(logarithm)), candidates=[index])
             nearest = max(search.evidence((other,)) for other in rivals)
             return search.evidence((index,)) - nearest - TIED
 

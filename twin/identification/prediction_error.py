@@ -134,18 +134,18 @@ def fit_disturbed(problem: Problem, exact: Fit, start: Unknowns) -> Fit:
     current = exact.innovations if exact.converged else problem.innovations(start)
     if exact.converged and not _strays(problem, current):
         return exact
-    roughly = most_likely(problem, current, DECADES, ROUGH)
+    roughly = likeliest_noise(problem, current, DECADES, ROUGH)
     if exact.converged and roughly.cost > current.cost - 0.5 * WORTHWHILE:
         return exact
     size = float(np.max(problem.base.scale)) ** 2
     decade = float(np.log10(roughly.intensity / size))
     near = (max(decade - NEAR, DECADES[0]), min(decade + NEAR, DECADES[1]))
-    first = most_likely(problem, current, near)
+    first = likeliest_noise(problem, current, near)
     if exact.converged and first.cost > current.cost - WORTHWHILE:
         return exact
 
     def innovations(at: Unknowns) -> Innovations:
-        return most_likely(problem, problem.innovations(at), near)
+        return likeliest_noise(problem, problem.innovations(at), near)
 
     # Freed of the model's path, the states go to their best first: linearised before that, the logs
     # look likelier than any step makes them.
@@ -267,7 +267,7 @@ def _moved(
     return None
 
 
-def most_likely(
+def likeliest_noise(
     problem: Problem,
     exact: Innovations,
     decades: tuple[float, float] = DECADES,

@@ -66,7 +66,7 @@ def glitches(series: Series) -> Mask:
     off = np.zeros(len(series), dtype=np.bool_)
     if len(series) <= 2 * CALM + 2:
         return off
-    apart = _apart(series)
+    apart = _step_distance(series)
     row = np.arange(len(series))
     step = apart(row[:-1], row[1:])
     calm = np.convolve(step <= FAR, np.ones(CALM), mode="valid") == CALM
@@ -87,7 +87,7 @@ def glitches(series: Series) -> Mask:
     return off
 
 
-def _apart(series: Series) -> Apart:
+def _step_distance(series: Series) -> Apart:
     """How many usual steps apart two samples are, in the column in which they are furthest."""
     value, white = series.value, noise_of(series)
     if series.columns == ("w", "x", "y", "z"):

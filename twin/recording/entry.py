@@ -28,9 +28,9 @@ from twin.recording.rows import (
     attitude,
     columns_of,
     mended,
-    own,
     started,
     unwrapped,
+    writable,
 )
 from twin.recording.timeline import (
     Timeline,
@@ -346,18 +346,18 @@ class Entry:
         factor = selection.signs * self.unit.factor
         value = rows.value
         if (factor != 1.0).any():
-            value = np.multiply(value, factor, out=own(value))
+            value = np.multiply(value, factor, out=writable(value))
         repairs = (*rows.repairs, *lost)
         if not self.columns and columns != self._rest(file):
             given = ", ".join(self._rest(file))
             repairs = (*repairs, f"{where}: columns {given} taken by name, as {', '.join(columns)}")
         if self.unit.offset != 0.0:  # adding 0.0 would turn -0.0 into 0.0
-            value = np.add(value, self.unit.offset, out=own(value))
+            value = np.add(value, self.unit.offset, out=writable(value))
         if len(self.scale) not in (1, value.shape[1]):
             problem = f"has {len(self.scale)} numbers for {value.shape[1]} columns"
             raise self.table.fail("scale", problem, "give one for all, or one a column")
         if (self.scale != 1.0).any():
-            value = np.multiply(value, self.scale, out=own(value))
+            value = np.multiply(value, self.scale, out=writable(value))
         rows = replace(rows, value=value)
         if layout and names == WXYZ:
             value, more = attitude(rows, layout, self.world_to_body, file, where)
@@ -540,7 +540,7 @@ class Entry:
                     "name `columns` of one length, or the right `time`",
                 )
         if selection.kind_of_row:
-            self._check_one_kind(selection.kind_of_row, first[:, 0])
+            self._check_single_kind(selection.kind_of_row, first[:, 0])
         rows = np.arange(count)
         if self.kinds:
             rows = np.flatnonzero((kinds == list(self.kinds.values())).all(axis=1))
@@ -594,7 +594,7 @@ class Entry:
         asked = "rows" not in self.table and file.numbered and key not in used[1:]
         return key if asked else None
 
-    def _check_one_kind(self, key: str, first: Array) -> None:
+    def _check_single_kind(self, key: str, first: Array) -> None:
         """Refuse rows of several kinds, told by their first number."""
         kinds, counts = np.unique(first, return_counts=True)
         if not 1 < len(kinds) <= FEW_KINDS or counts.min() < LEAST_OF_KIND * len(first):

@@ -211,18 +211,18 @@ def _platform(table: Table, folder: Path) -> str | None:
     if "platform" not in table:
         return None
     name = table.text("platform")
-    if (result := _found_at(folder / name)) is not None:
+    if (result := _platform_at(folder / name)) is not None:
         return result
     try:
         find_model(name)
     except UnknownName:
-        return _found_at(folder.resolve().parent / name) or name
+        return _platform_at(folder.resolve().parent / name) or name
     except UsageError:  # of two machines, --platform may yet name one
         return name
     return name
 
 
-def _found_at(place: Path) -> str | None:
+def _platform_at(place: Path) -> str | None:
     """The platform folder (and variant) at a path; None where there is none."""
     try:
         result, variant = find_model(str(place.resolve()))

@@ -101,7 +101,7 @@ def read_recording(path: str | Path) -> Recording:
     head, tail = _ends(path)
     if head and not head.startswith(_MAGIC):
         raise RecordingError(path, "is no Rerun recording", "name an .rrd, or a folder log")
-    found = _read_apart(path, path.name, chosen) if _CLOSED in tail else None
+    found = _read_in_process(path, path.name, chosen) if _CLOSED in tail else None
     if found is None:
         how = "is damaged; what could be decoded" if _CLOSED in tail else ""
         how = how or f"{_UNFINISHED if ended else _GOING_ON}; what is whole"
@@ -140,12 +140,14 @@ def _read_mended(path: Path, chosen: str, note: str) -> Recording | Refusal:
                 "copy it again from where it was written",
             )
         # Rerun raises for a file without a single recording, or without a column, in it
-        mended = _read_apart(copy, path.name, chosen, note)
+        mended = _read_in_process(copy, path.name, chosen, note)
         # a recording that was cut before its first rows is empty, and one all the same
         return NOTHING if mended is None else mended
 
 
-def _read_apart(path: Path, name: str, chosen: str, note: str = "") -> Recording | Refusal | None:
+def _read_in_process(
+    path: Path, name: str, chosen: str, note: str = ""
+) -> Recording | Refusal | None:
     """What `twin.recording.rrd_reader` finds in a file; None where it cannot be decoded."""
     try:
         reading = _reader().submit(read_parts, path, name, chosen, note)

@@ -40,7 +40,7 @@ class TimedRows:
         return TimedRows(self.time[keep], self.value[keep], self.origin[keep], repairs)
 
 
-def own(value: Array) -> Array | None:
+def writable(value: Array) -> Array | None:
     """The array, where nobody else holds it and a result may be written over it; else None.
 
     A log's numbers may fill half of the memory, so no step holds them twice without need.
@@ -273,7 +273,7 @@ def attitude(
     else:
         quaternion = rows.value
         if layout == "xyzw":
-            quaternion = _by_blocks(lambda q: q[:, [3, 0, 1, 2]], quaternion, own(quaternion))
+            quaternion = _by_blocks(lambda q: q[:, [3, 0, 1, 2]], quaternion, writable(quaternion))
         length = _lengths(quaternion)
         row = int(np.argmin(length))
         if length[row] >= 0.1:
@@ -294,10 +294,10 @@ def attitude(
         scaled = off[worst] > ROUNDING
         del length, off
         if scaled:
-            quaternion = _by_blocks(rotation.normalized, quaternion, own(quaternion))
+            quaternion = _by_blocks(rotation.normalized, quaternion, writable(quaternion))
     if world_to_body:
-        quaternion = _by_blocks(rotation.conjugate, quaternion, own(quaternion))
-    return rotation.continuous(quaternion, out=own(quaternion)), repairs
+        quaternion = _by_blocks(rotation.conjugate, quaternion, writable(quaternion))
+    return rotation.continuous(quaternion, out=writable(quaternion)), repairs
 
 
 def _lengths(value: Array) -> Array:

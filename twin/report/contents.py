@@ -119,7 +119,7 @@ def contents_of(
     used = cleaned(recording) if platform is None else usable(recording, platform)
     findings += (f"{repair}." for repair in used.repairs if repair not in recording.repairs)
     if platform is None:
-        findings += _apart(recording)
+        findings += _disjoint_streams(recording)
     else:
         findings += _of_other_width(recording, platform)
         findings += taken_as_at_rest([recording], platform)
@@ -136,7 +136,7 @@ def contents_of(
     )
 
 
-def _apart(recording: Recording) -> list[str]:
+def _disjoint_streams(recording: Recording) -> list[str]:
     """Of streams that share no time with the longest."""
     names = [name for name in recording if len(recording[name])]
     if not names:

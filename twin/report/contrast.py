@@ -40,7 +40,7 @@ def draw_contrast(contrast: Contrast, path: Path) -> None:
         UsageError: the file cannot be written.
     """
     shown = [
-        difference for difference in contrast.differences if difference.seen
+        difference for difference in contrast.differences if difference.significant
     ] or contrast.differences[:1]
     with mpl.rc_context(FIGURE):
         figure = Figure(figsize=(9.6, 0.9 + 1.9 * max(len(shown), 1)))
@@ -75,7 +75,7 @@ def draw_contrast(contrast: Contrast, path: Path) -> None:
 
 def _row(difference: Difference) -> tuple[str, str, str, str]:
     noise = printed(difference.noise, difference.unit) if difference.noise else "none"
-    if not difference.seen:
+    if not difference.significant:
         return difference.stream, "unchanged", "", noise
     return (
         difference.stream,

@@ -25,7 +25,7 @@ from twin.units import as_precise, fitting, listed, printed, three_digits
 LAG = "clock_lag"
 
 
-def one_clock_sentences(diagnosis: Diagnosis) -> list[str]:
+def common_clock_sentences(diagnosis: Diagnosis) -> list[str]:
     """Which clock it is, theirs or that of all else; nothing where the lags differ."""
     late = [cause for cause in diagnosis.causes if cause.effect.name == LAG]
     if len(late) < 2 or not _equal(late):
@@ -90,8 +90,8 @@ OUT_OF_REACH = {
 
 def experiment_sentence(experiment: Experiment) -> str:
     """What to do next, what it should bring, and beside what."""
-    nearest, split = _least(experiment.splits)
-    _, again = _least(experiment.repeated)
+    nearest, split = _smallest(experiment.splits)
+    _, again = _smallest(experiment.repeated)
     bar = f"where {experiment.needed:g} would do"
     if experiment.enough:
         return (
@@ -126,7 +126,7 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
     }
 
 
-def _least(sizes: Mapping[str, float]) -> tuple[str, float]:
+def _smallest(sizes: Mapping[str, float]) -> tuple[str, float]:
     return min(sizes.items(), key=lambda size: size[1])
 
 
@@ -153,21 +153,21 @@ def diagnosed(diagnosis: Diagnosis) -> list[str]:
     said += [] if diagnosis.intervals_hold else [NO_INTERVALS]
     said += [push_sentence(diagnosis.pushes)] if diagnosis.pushes else []
     said += cause_sentences(diagnosis)
-    said += one_clock_sentences(diagnosis)
+    said += common_clock_sentences(diagnosis)
     said += wander_sentences(diagnosis)
     if diagnosis.next_experiment is not None:
         said.append(experiment_sentence(diagnosis.next_experiment))
     if diagnosis.equation is not None:
         said.append(equation_sentence(diagnosis.equation))
     if diagnosis.explained.follows:
-        said += _left(diagnosis.residual_test)
+        said += _residual_lines(diagnosis.residual_test)
         said += quiet_sentences(diagnosis.explained.account.misfits)
     said.append(_gain(diagnosis))
     said += _base(diagnosis)
     said += _rejected(diagnosis)
     said += could_show(diagnosis)
     said += [finding.sentence for finding in diagnosis.noise]
-    said += _not_asked(diagnosis.not_asked)
+    said += _untested(diagnosis.not_asked)
     said += [f"Repaired on reading: {r}." for log in diagnosis.recordings for r in log.repairs]
     return said
 
@@ -389,13 +389,13 @@ def equation_sentence(equation: Equation) -> str:
     )
 
 
-def _left(left: ResidualTest) -> list[str]:
+def _residual_lines(test: ResidualTest) -> list[str]:
     """What no cause takes."""
-    if left.torque_chance < left.noise_chance:
-        what = f"pieces of torque gain {left.torque_gain:.0f} in {left.freedom:.0f} directions"
-        chance = left.torque_chance
+    if test.torque_chance < test.noise_chance:
+        what = f"pieces of torque gain {test.torque_gain:.0f} in {test.freedom:.0f} directions"
+        chance = test.torque_chance
     else:
-        what, chance = f"{left.where} leaves most", left.noise_chance
+        what, chance = f"{test.where} leaves most", test.noise_chance
     return [f"Residual: {what}; noise alone does so with probability {chance:.2g}."]
 
 
@@ -521,7 +521,7 @@ def could_show(diagnosis: Diagnosis) -> list[str]:
     return said
 
 
-def _not_asked(why: Mapping[str, str]) -> list[str]:
+def _untested(why: Mapping[str, str]) -> list[str]:
     groups: dict[str, list[str]] = {}
     for label, reason in why.items():
         if not reason.startswith(LACKS):

@@ -16,6 +16,7 @@ from twin.identification.prediction_error import NORMAL
 from twin.platform import taken_as_at_rest
 from twin.report.diagnosed import (
     cause_sentences,
+    common_clock_sentences,
     could_show,
     diagnosed,
     equation_sentence,
@@ -23,7 +24,6 @@ from twin.report.diagnosed import (
     experiment_document,
     experiment_sentence,
     first_of,
-    one_clock_sentences,
     push_sentence,
     validated,
     verdict_sentence,
@@ -62,7 +62,7 @@ def prediction_figure(diagnosis: Diagnosis) -> Figure:
     return drawn_motion(body.motion, run, before="before", after="after")
 
 
-def left_figure(diagnosis: Diagnosis) -> Figure:
+def residual_figure(diagnosis: Diagnosis) -> Figure:
     """Of the first log, the residual of each stream, without the causes and with them."""
     accounts = [
         (diagnosis.baseline.account, BUILT, "before"),
@@ -151,7 +151,7 @@ def diagnosis_parts(diagnosis: Diagnosis, gain: Validation | None = None) -> lis
     """What the page is made of."""
     length = sum(log.stop - log.start for log in diagnosis.recordings)
     verdict = verdict_sentence(diagnosis)
-    own = cause_sentences(diagnosis) + one_clock_sentences(diagnosis)
+    own = cause_sentences(diagnosis) + common_clock_sentences(diagnosis)
     if diagnosis.equation is not None:
         own.append(equation_sentence(diagnosis.equation))
     if diagnosis.pushes:
@@ -171,7 +171,7 @@ def diagnosis_parts(diagnosis: Diagnosis, gain: Validation | None = None) -> lis
         Drawing("free_runs", prediction_figure(diagnosis), _run_caption(diagnosis)),
         Drawing(
             "residuals",
-            left_figure(diagnosis),
+            residual_figure(diagnosis),
             "Measured less predicted. What lies outside the frame belongs to the worst stretches.",
         ),
         "<h2>Before and after</h2>",

@@ -244,7 +244,7 @@ def balance_parts(result: Balanced) -> list[Part]:
         caption = "Gravity's torque at the worst attitude, with 95 % intervals, and the target."
         parts += [
             "<h2>Residual torque</h2>",
-            Drawing("residual_torque", torque_left(result), caption),
+            Drawing("residual_torque", residual_torque_figure(result), caption),
         ]
     stages = [stage.name for stage in result.platform.stages]
     head = ["run", "ended", "after", "CM from CR x, y, z", "torque at worst", *stages]
@@ -289,7 +289,7 @@ def _run_row(result: Balanced, run: int) -> list[str]:
     return [*row, f"{offset} um", torque_words(statement.residual_torque), *places]
 
 
-def torque_left(result: Balanced) -> Figure:
+def residual_torque_figure(result: Balanced) -> Figure:
     """Gravity's torque that is left of each run, with its interval, and the target.
 
     Raises:

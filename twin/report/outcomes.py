@@ -71,7 +71,7 @@ def flown(platform: Platform, outcome: Outcome, row: Mapping[str, Any], settle: 
     timing = outcome.timing
     if timing.lateness:
         p50, p99, most = (timing.lateness_at(p) * 1e3 for p in (50.0, 99.0, 100.0))
-        own50, own99, longest = (timing.own_at(p) * 1e3 for p in (50.0, 99.0, 100.0))
+        own50, own99, longest = (timing.duration_at(p) * 1e3 for p in (50.0, 99.0, 100.0))
         lines.append(
             f"ticks came {p50:.2f} ms late (median), {p99:.2f} ms (99 %), {most:.2f} ms at most; "
             f"{timing.overruns} overruns in {timing.ticks} ticks"

@@ -79,10 +79,10 @@ from twin.report.outcome_pages import (
     identification_page,
     identification_parts,
     parameters_figure,
+    residual_torque_figure,
     run_page,
     run_parts,
     sentences_page,
-    torque_left,
     tracking_figure,
 )
 from twin.report.outcomes import (
@@ -251,7 +251,7 @@ parts_of.register(Diagnosis, diagnosis_parts)
 figure_of.register(Identification, parameters_figure)
 page_of.register(Identification, identification_page)
 parts_of.register(Identification, identification_parts)
-figure_of.register(Balanced, torque_left)
+figure_of.register(Balanced, residual_torque_figure)
 page_of.register(Balanced, balance_page)
 parts_of.register(Balanced, balance_parts)
 page_of.register(Run, run_page)

@@ -139,7 +139,7 @@ def _conventions(comparison: Comparison) -> list[str]:
 def _verdict(comparison: Comparison) -> str:
     if comparison.healthy:
         return "Healthy: the residual is the sensors' noise; nothing to add."
-    strengths = comparison.found.strengths
+    strengths = comparison.reported.strengths
     if not strengths:
         return "The model misses more than noise, and none of the simple laws explains it."
     losing = all(strength.symptom.dissipative for strength in strengths)
@@ -151,7 +151,7 @@ def _verdict(comparison: Comparison) -> str:
     else:
         what = "The model is incomplete"
     rest = "" if comparison.verdict == "explained" else " More than noise is left beside that."
-    if comparison.found is not comparison.best:
+    if comparison.reported is not comparison.best:
         what = f"With the base as built, {what[0].lower()}{what[1:]}"
         rest = " With the base refitted no law stands out, but more than noise is left."
     return f"{what}: {_law_words(strengths)}.{rest}"

@@ -150,8 +150,8 @@ class BodyAnswer:
         """No fit is waited for."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
-    def _judge(self, found: Mapping[str, ObservedShare]) -> None:
-        for stream, share in found.items():
+    def _judge(self, shares: Mapping[str, ObservedShare]) -> None:
+        for stream, share in shares.items():
             record = self._records[stream]
             if wrong := record.add(share):
                 self._bench.stop(wrong)

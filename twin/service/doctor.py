@@ -56,15 +56,15 @@ def examine(
         rate: of those ticks [Hz].
     """
     return [
-        *(port_found(name, port) for name, port in ports.items()),
-        *adapters_found(ADAPTERS),
-        *permissions_found(),
-        *governor_found(PROCESSOR),
-        lateness_found(seconds, rate),
+        *(check_port(name, port) for name, port in ports.items()),
+        *check_adapters(ADAPTERS),
+        *check_permissions(),
+        *check_governor(PROCESSOR),
+        check_lateness(seconds, rate),
     ]
 
 
-def port_found(name: str, port: str) -> DoctorFinding:
+def check_port(name: str, port: str) -> DoctorFinding:
     """Whether a device's port is there, and ours to read and write."""
     what = f"port of {name}"
     if "://" in port:
@@ -92,7 +92,7 @@ def port_found(name: str, port: str) -> DoctorFinding:
     return DoctorFinding(what, Verdict.good, f"{port} -> {path.resolve()} may be opened")
 
 
-def adapters_found(folder: Path) -> list[DoctorFinding]:
+def check_adapters(folder: Path) -> list[DoctorFinding]:
     """How long USB adapters hold bytes back.
 
     Args:
@@ -109,7 +109,7 @@ def adapters_found(folder: Path) -> list[DoctorFinding]:
     return findings
 
 
-def permissions_found() -> list[DoctorFinding]:
+def check_permissions() -> list[DoctorFinding]:
     """Whether a process may run ahead of others, and keep its memory from being swapped.
 
     Asked on Linux alone: other systems schedule and lock memory by other rules.
@@ -146,7 +146,7 @@ def permissions_found() -> list[DoctorFinding]:
     ]
 
 
-def governor_found(file: Path) -> list[DoctorFinding]:
+def check_governor(file: Path) -> list[DoctorFinding]:
     """Whether the processor slows down when there is little to do; nothing where it cannot.
 
     Args:
@@ -162,7 +162,7 @@ def governor_found(file: Path) -> list[DoctorFinding]:
     return [DoctorFinding("processor", Verdict.good if fast else Verdict.poor, sentence)]
 
 
-def lateness_found(seconds: float, rate: float) -> DoctorFinding:
+def check_lateness(seconds: float, rate: float) -> DoctorFinding:
     """How late ticks come here now, without a load of ours.
 
     Args:

@@ -89,7 +89,7 @@ def turned(
     platform: Platform,
     readings: Sequence[Reading],
     applied: Applied,
-    seen: FloatingMotion,
+    motion: FloatingMotion,
     stream: str,
     column: int,
 ) -> Array | None:
@@ -98,10 +98,10 @@ def turned(
     Returns:
         As `lever`.
     """
-    torque = lever(platform, readings, seen.times, stream, column)
+    torque = lever(platform, readings, motion.times, stream, column)
     if torque is None:
         return None
-    pushed = np.diff(pushes(applied, seen.times, stream, column))[:, None]
+    pushed = np.diff(pushes(applied, motion.times, stream, column))[:, None]
     pieces = 0.5 * (torque[1:] + torque[:-1]) * pushed
     angular = np.concatenate([np.zeros((1, 3)), np.cumsum(pieces, axis=0)])
     return angular @ np.linalg.inv(platform.inertia)
@@ -116,7 +116,7 @@ def pushes(applied: Applied, times: Array, stream: str, column: int) -> Array:
     return np.interp(times, ends, whole)
 
 
-def own_gain(platform: Platform, stream: str, column: int) -> float:
+def reading_gain(platform: Platform, stream: str, column: int) -> float:
     """Of an actuator's own reading, for each unit of its pushes."""
     return 1.0 / platform.wheels[column].inertia if "wheel" in stream else 1.0
 
@@ -169,12 +169,12 @@ class Evidence:
     def words(self) -> str:
         """All of it."""
         told = f"predicted {self.predicted}, {self.where} showed {self.share.words()} of it"
-        return told if self.share.seen else f"{told}, which does not tell the sign"
+        return told if self.share.sign_known else f"{told}, which does not tell the sign"
 
     @property
     def refused(self) -> str:
         """What is wrong; empty: nothing, or it cannot be told."""
-        if self.share.seen:
+        if self.share.sign_known:
             return "" if self.share.share > 0.0 else "it acts the wrong way round"
         return "it does nothing" if self.share.deviation < _DULL else ""
 
@@ -203,10 +203,10 @@ def body_evidence(session: Session, pushed: Sequence[Actuator], begun: float) ->
     return None if result is None else Evidence(_peak(seen, last, begun), "the gyro", result[-1])
 
 
-def own_evidence(session: Session, stream: str, column: int) -> Evidence | None:
+def actuator_evidence(session: Session, stream: str, column: int) -> Evidence | None:
     """What the actuator shows itself; None where it shows nothing, or was told nothing."""
     platform, applied = session.platform, session.applied
-    source = own_stream(stream)
+    source = reading_stream(stream)
     read = rows(session.readings, source) if source else None
     if read is None:
         return None
@@ -221,7 +221,7 @@ def own_evidence(session: Session, stream: str, column: int) -> Evidence | None:
         noise = float(tolerance(platform)[column])
     else:
         told = pushes(applied, times, stream, column)
-        told = told * own_gain(platform, stream, column)
+        told = told * reading_gain(platform, stream, column)
         sensor = platform.sensors[source]
         noise = float(np.max(sensor.noise)) + sensor.resolution
         unit = stream_named(source).unit
@@ -230,21 +230,21 @@ def own_evidence(session: Session, stream: str, column: int) -> Evidence | None:
     return None if share is None else Evidence(f"a change of {most}", source, share)
 
 
-def own_stream(stream: str) -> str:
+def reading_stream(stream: str) -> str:
     """What shows what such an actuator does; empty: nothing does."""
     return POSITION if stream == MOVE else OWN.get(stream, "")
 
 
-def _turn(session: Session, seen: FloatingMotion, stream: str, column: int) -> Array | None:
+def _turn(session: Session, motion: FloatingMotion, stream: str, column: int) -> Array | None:
     platform = session.platform
     if stream == MOVE:
-        return slid(platform, seen, column) if seen.places.size else None
-    return turned(platform, session.readings, session.applied, seen, stream, column)
+        return slid(platform, motion, column) if motion.places.size else None
+    return turned(platform, session.readings, session.applied, motion, stream, column)
 
 
-def _peak(seen: FloatingMotion, predicted: Array, begun: float) -> str:
+def _peak(motion: FloatingMotion, predicted: Array, begun: float) -> str:
     """The largest change of the rate since then, in words."""
-    during = predicted[seen.times >= begun]
+    during = predicted[motion.times >= begun]
     change = during - during[0] if len(during) else predicted
     row, axis = np.unravel_index(int(np.argmax(np.abs(change))), change.shape)
     return f"a turn of {np.degrees(change[row, axis]):+.3g} deg/s about {'xyz'[int(axis)]}"
@@ -257,11 +257,11 @@ def _held(applied: Applied, times: Array, column: int) -> Array:
     return told[np.maximum(np.searchsorted(begun, times, side="right") - 1, 0)]
 
 
-def _fitted(times: Array, values: Array, told: Array, noise: float) -> ObservedShare | None:
+def _fitted(times: Array, values: Array, commanded: Array, noise: float) -> ObservedShare | None:
     """Share of `told` in values that also drift at a steady pace; None: nothing was told."""
-    if np.ptp(told) == 0.0 or len(times) < 5:
+    if np.ptp(commanded) == 0.0 or len(times) < 5:
         return None
-    design = np.stack([np.ones_like(times), times - times[0], told], axis=1)
+    design = np.stack([np.ones_like(times), times - times[0], commanded], axis=1)
     return shares(design / noise, values / noise, len(times))[-1]
 
 
@@ -374,8 +374,8 @@ class _Trial:
                 command = {key: value.copy() for key, value in self._rest.items()}
                 command[stream][0, column] += part * size
                 self._hold(command, lasts, (stream, column))
-            result = self._session.meanwhile(partial(self._found, begun), self._rest)
-            if all(each.share.seen or each.share.deviation > _HOPELESS for each in result):
+            result = self._session.meanwhile(partial(self._evidence, begun), self._rest)
+            if all(each.share.sign_known or each.share.deviation > _HOPELESS for each in result):
                 break
         for each in result:
             if each.refused:
@@ -392,16 +392,16 @@ class _Trial:
 
     def _tells(self, stream: str, column: int) -> bool:
         """Something will show what it does."""
-        if own_stream(stream) in self._platform.sensors:
+        if reading_stream(stream) in self._platform.sensors:
             return True
         times = np.array([self._session.now])
         readings = self._session.readings
         return self._free and lever(self._platform, readings, times, stream, column) is not None
 
-    def _found(self, begun: float, session: Session) -> list[Evidence]:
+    def _evidence(self, begun: float, session: Session) -> list[Evidence]:
         """All that tells of the last of those that have pushed."""
         body = body_evidence(session, self._pushed, begun) if self._free else None
-        evidence = own_evidence(session, *self._pushed[-1])
+        evidence = actuator_evidence(session, *self._pushed[-1])
         return [each for each in (body, evidence) if each is not None]
 
     def _hold(self, command: Command, seconds: float, pushed: Actuator) -> None:
@@ -435,7 +435,7 @@ class _Trial:
     def _size(self, stream: str, column: int) -> tuple[float, float]:
         """Of a push, and how long each part of it lasts [s]."""
         platform, session = self._platform, self._session
-        sensor = platform.sensors.get(own_stream(stream))
+        sensor = platform.sensors.get(reading_stream(stream))
         gyro = platform.sensors.get("gyro")
         # a free body falls meanwhile: what is read slowly is waited for where nothing else tells
         telling = gyro if self._free and stream != MOVE else sensor
@@ -460,7 +460,7 @@ class _Trial:
         needed = wish / turn if turn > 0.0 else np.inf
         if sensor is not None:
             noise = float(np.max(sensor.noise)) + sensor.resolution
-            gain = own_gain(platform, stream, column) * seconds
+            gain = reading_gain(platform, stream, column) * seconds
             own = _CLEAR * noise / gain
             # its own reading may ask for more than the gyro, as far as the body is to turn
             needed = own if not np.isfinite(needed) else max(needed, min(own, _FASTEST / turn))

@@ -57,14 +57,14 @@ def jog(bench: Bench, name: str, distance: float) -> list[str]:
     )
     if not floating:
         return [told, "captured: whether it turns the table the right way was not to be seen"]
-    if result is not None and result.seen and result.share < 0.0:
+    if result is not None and result.sign_known and result.share < 0.0:
         raise SafetyError(
             f"{told}, but the table turned the wrong way: {result.words()} of what the model "
             "predicts",
             "correct the sign of the stage's scale, or of the sensors, in [hardware], before "
             "anything flies",
         )
-    return [told, _seen(result)]
+    return [told, _sign_sentence(result)]
 
 
 def _watched(session: Session, stage: int, goal: Array) -> ObservedShare | None:
@@ -73,7 +73,7 @@ def _watched(session: Session, stage: int, goal: Array) -> ObservedShare | None:
     for _ in range(round(_LONGEST / _AFTER)):
         session.watch({MOVE: goal}, _AFTER)
         share = sense(session.platform, session.readings, stage)
-        if share is None or share.seen:
+        if share is None or share.sign_known:
             break
     return share
 
@@ -99,10 +99,10 @@ def _allow(bench: Bench, stage: int, start: float, distance: float, *, floating:
         )
 
 
-def _seen(share: ObservedShare | None) -> str:
+def _sign_sentence(share: ObservedShare | None) -> str:
     if share is None:
         return "whether it turned the table the right way could not be seen: no gyro, or no tilt"
-    if not share.seen:
+    if not share.sign_known:
         return (
             f"the table showed {share.words()} of the turn that the model predicts, which does not "
             "tell the sign: jog further, or a stage that lies across the vertical"

@@ -47,7 +47,7 @@ class ObservedShare(NamedTuple):
     """Mean square of what the fit leaves, over that of the noise."""
 
     @property
-    def seen(self) -> bool:
+    def sign_known(self) -> bool:
         """Enough to tell its sign."""
         return abs(self.share) > _SURE * self.deviation
 
@@ -89,16 +89,16 @@ def motion(platform: Platform, readings: Sequence[Reading]) -> FloatingMotion | 
     return FloatingMotion(times, rate, gravity, places, _momentum(platform, readings, times), still)
 
 
-def slid(platform: Platform, seen: FloatingMotion, stage: int) -> Array:
+def slid(platform: Platform, motion: FloatingMotion, stage: int) -> Array:
     """Change of the rate (m, 3) that a stage's mass should have made since the start [rad/s]."""
     part = platform.stages[stage]
-    way = seen.places[:, stage] - seen.places[0, stage]
-    torque = cross(part.mass * way[:, None] * part.axis, seen.gravity)
-    return _integral(seen.times, torque @ np.linalg.inv(platform.inertia))
+    way = motion.places[:, stage] - motion.places[0, stage]
+    torque = cross(part.mass * way[:, None] * part.axis, motion.gravity)
+    return _integral(motion.times, torque @ np.linalg.inv(platform.inertia))
 
 
 def senses(
-    platform: Platform, seen: FloatingMotion, predicted: Sequence[Array], *, knots: float = np.inf
+    platform: Platform, motion: FloatingMotion, predicted: Sequence[Array], *, knots: float = np.inf
 ) -> list[ObservedShare] | None:
     """What part of each prediction was seen, all of them together.
 
@@ -112,21 +112,21 @@ def senses(
     Returns:
         None where one of them predicts nothing, or too little was seen.
     """
-    inverse, still = np.linalg.inv(platform.inertia), seen.still
-    gyroscopic = -cross(seen.rate, seen.rate @ platform.inertia + seen.momentum)
-    start = [np.broadcast_to(axis, seen.rate.shape) for axis in np.eye(3)]
+    inverse, still = np.linalg.inv(platform.inertia), motion.still
+    gyroscopic = -cross(motion.rate, motion.rate @ platform.inertia + motion.momentum)
+    start = [np.broadcast_to(axis, motion.rate.shape) for axis in np.eye(3)]
     # the columns of M x g, one for each component of M
     turned = [
-        _integral(seen.times, cross(axis[None], seen.gravity) @ inverse) for axis in np.eye(3)
+        _integral(motion.times, cross(axis[None], motion.gravity) @ inverse) for axis in np.eye(3)
     ]
     steady = [
         hat[:, None] * axis[None] @ inverse
-        for hat in _hats(seen.times, knots)
+        for hat in _hats(motion.times, knots)
         for axis in np.eye(3)
     ]
     columns = (*start, *turned, *steady, *predicted)
     design = np.stack([column[still].ravel() for column in columns], axis=1)
-    wanted = (seen.rate - _integral(seen.times, gyroscopic @ inverse))[still].ravel()
+    wanted = (motion.rate - _integral(motion.times, gyroscopic @ inverse))[still].ravel()
     # in seconds a level table hardly shows M z: it is what the platform says, give or take itself
     # and what the masses can make of it
     stated = platform.center_of_mass_offset
@@ -142,12 +142,12 @@ def senses(
     return shares(weighed, right, len(wanted))[asked:]
 
 
-def _hats(times: Array, apart: float) -> list[Array]:
+def _hats(times: Array, spacing: float) -> list[Array]:
     """Integrals (m,) of the functions that are one at one knot and zero at the others."""
-    if not np.isfinite(apart):
+    if not np.isfinite(spacing):
         return []
     span = float(times[-1] - times[0])
-    knots = times[0] + np.linspace(0.0, span, max(round(span / apart), 1) + 1)
+    knots = times[0] + np.linspace(0.0, span, max(round(span / spacing), 1) + 1)
     hats = [np.interp(times, knots, row) for row in np.eye(len(knots))]
     return [np.asarray(cumulative_trapezoid(hat, times, initial=0.0)) for hat in hats]
 
@@ -246,11 +246,11 @@ def _momentum(platform: Platform, readings: Sequence[Reading], times: Array) -> 
     return np.sum(held, axis=0) if held else np.zeros((len(times), 3))
 
 
-def _running(times: Array, told: Array, places: Array, allowed: Array) -> NDArray[np.bool_]:
+def _running(times: Array, stamps: Array, places: Array, allowed: Array) -> NDArray[np.bool_]:
     """(m,) whether a stage may have been moving then, by when its readings changed."""
     running = np.zeros(len(times), dtype=np.bool_)
     for k in np.flatnonzero((np.abs(np.diff(places, axis=0)) > allowed).any(axis=1)):
-        running |= (times > told[k]) & (times < told[k + 1] + _SETTLES)
+        running |= (times > stamps[k]) & (times < stamps[k + 1] + _SETTLES)
     return running
 
 

@@ -309,12 +309,12 @@ def compare_gyro(recording: Recording) -> GyroComparison:
     gyro_noise, attitude_noise = (
         float(np.sqrt(np.mean(np.square(noise_of(recording[name]))))) for name in _STREAMS
     )
-    result: _Found | None = None
+    result: _Solution | None = None
     for spacing in SPACINGS:
         turns = turns_of(recording, gyro_noise, spacing)
         if len(turns.time) <= FEWEST:
             break
-        result = _found(turns, attitude_noise)
+        result = _solve(turns, attitude_noise)
         if result.unit < EXPECTED**2:
             break
     if result is None:
@@ -345,7 +345,7 @@ def compare_gyro(recording: Recording) -> GyroComparison:
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Solution:
     turns: Turns
     theta: Array
     raw: "_Fit"
@@ -359,7 +359,7 @@ class _Found:
         return float(np.mean(np.square(self.fit.after)))
 
 
-def _found(turns: Turns, attitude_noise: float) -> _Found:
+def _solve(turns: Turns, attitude_noise: float) -> _Solution:
     theta = np.zeros(len(NAMES))
     raw = fit = _likeliest(turns, theta, attitude_noise, ROUGHER)
     for _ in range(ITERATIONS):
@@ -368,7 +368,7 @@ def _found(turns: Turns, attitude_noise: float) -> _Found:
         variance = np.diag(fit.shown @ fit.inverse @ fit.shown.T)
         if (np.square(fit.step) <= np.square(SMALL) * variance).all():
             break
-    return _Found(turns, theta + fit.step, raw, fit)
+    return _Solution(turns, theta + fit.step, raw, fit)
 
 
 def _likeliest(

@@ -674,7 +674,7 @@ def _without_lists(lines: list[str]) -> tuple[list[str], bytes]:
 
 def _opened(text: bytes, separator: bytes) -> bytes:
     """A text with the entries of its lists as cells of their own."""
-    return _LIST.sub(lambda found: separator.join(map(bytes.strip, found[1].split(b","))), text)
+    return _LIST.sub(lambda match: separator.join(map(bytes.strip, match[1].split(b","))), text)
 
 
 def _without_lines(block: bytes, line: bytes) -> tuple[bytes, int]:

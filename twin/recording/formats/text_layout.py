@@ -423,9 +423,9 @@ def captured(path: Path) -> bytes | None:
         with path.open("rb") as file:
             head = file.read(HEAD)
             lines = _decoded(head).splitlines()[: None if len(head) < HEAD else -1]
-            stamp = next((item for item in _STAMPS if _most(lines, item)), None)
+            stamp = next((item for item in _STAMPS if _mostly_match(lines, item)), None)
             bodies = [_parted(line, stamp)[1] for line in lines]
-            pairs = _most(bodies, _PAIRS) and len(_keys(bodies)) > 1
+            pairs = _mostly_match(bodies, _PAIRS) and len(_keys(bodies)) > 1
             if stamp is None and not pairs:
                 return None
             whole = _decoded(head + file.read()).splitlines()
@@ -444,7 +444,7 @@ def _decoded(content: bytes) -> str:
         return content.decode("cp1252", "replace")
 
 
-def _most(lines: Sequence[str], pattern: re.Pattern[str]) -> bool:
+def _mostly_match(lines: Sequence[str], pattern: re.Pattern[str]) -> bool:
     filled = [line for line in lines if line.strip()]
     count = sum(pattern.match(line) is not None for line in filled)
     return count >= FEWEST and count >= MOSTLY * len(filled)
