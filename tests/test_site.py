@@ -30,3 +30,5 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path):
     )
     assert done.returncode == 0, done.stderr
     assert "bearing_viscous_friction" in (tmp_path / "effects" / "index.html").read_text()
+    first_hour = (tmp_path / "first_hour" / "index.html").read_text()
+    assert "--8" not in first_hour, "the script itself stands there, not the mark that fetches it"

@@ -168,8 +168,8 @@ class GyroMargin:
         when = f"at this pace in {left:.0f} s" if left > 0.0 else "by now"
         say(
             f"warning: at {time:.0f} s the gyros hold {momentum:.3g} N m s, and their margin to a "
-            f"singular state is down to {margin:.2g}: {when} they hardly give the torque that is "
-            "asked for; bring the CM closer to the CR, or end the manoeuvre"
+            f"singular state is down to {margin:.2g}: {when} they can hardly give the commanded "
+            "torque; bring the CM closer to the CR, or end the manoeuvre"
         )
         self._say = None
 

@@ -46,7 +46,7 @@ def test_a_machine_that_is_not_there_is_told_without_a_traceback(capsys):
         (["zero", "--floating"], 1, "zero refused"),
         (["park"], 1, "say --captured"),
         (["spin-down"], 1, "momentum would go into a floating table"),
-        (["jog", "s1", "0.5"], 1, "nobody has said whether the table floats"),
+        (["jog", "s1", "0.5"], 1, "it is not stated whether the table floats"),
         (["jog", "s1"], 2, "give jog STAGE MM"),
         (["jog", "s9", "0.5", "--floating"], 2, "no stage named 's9'"),
         (["zero", "s1", "--captured"], 2, "zero takes no stage"),

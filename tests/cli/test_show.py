@@ -47,7 +47,7 @@ def test_a_misread_stream_is_named_with_the_lines_to_paste(folder: Path, capsys)
     assert main(["show", str(folder)]) == 1
     text = capsys.readouterr().out
     assert MISREAD in text
-    assert "Nothing was held against the machine: no platform named 'nowhere'" in text
+    assert "The log was not compared with the machine: no platform named 'nowhere'" in text
 
 
 def test_after_pasting_nothing_is_left_to_say(folder: Path, capsys):

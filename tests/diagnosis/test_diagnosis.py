@@ -60,7 +60,7 @@ def test_the_gain_is_measured_on_time_that_was_not_fitted(found):
 def test_a_cause_that_foretells_nothing_explains_nothing(found):
     worse = replace(found, held_out=replace(found.held_out, log_likelihood=-1.0))
     assert worse.verdict == "unexplained"
-    assert "foretells nothing" in diagnosed(worse)[0]
+    assert "does not improve the prediction" in diagnosed(worse)[0]
 
 
 def test_causes_of_more_kinds_than_are_likely_at_once_explain_nothing(found):

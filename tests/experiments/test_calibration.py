@@ -92,7 +92,7 @@ def test_six_poses_along_the_axes_give_bias_and_scale_exactly():
     for axis, bias, scale in zip("xyz", BIAS, SCALE, strict=True):
         assert result.number(f"bias_{axis}").value == pytest.approx(bias, abs=1e-4)
         assert result.number(f"scale_error_{axis}").value == pytest.approx(scale, abs=1e-5)
-    assert any("no pose is left to check it" in remark for remark in result.remarks)
+    assert any("no further pose checks the fit" in remark for remark in result.remarks)
 
 
 def test_a_correction_undoes_what_the_sensor_did():

@@ -53,7 +53,7 @@ def test_a_campaign_s_file_gives_the_dispersions(tmp_path, capsys):
     numbers = ["--runs", "4", "--held-out", "8", "--evaluations", "8", "--gains", "derivative"]
     assert main([*words, *numbers]) == 0
     printed = capsys.readouterr().out
-    assert "On 8 runs that took no part" in printed
+    assert "On 8 held-out runs" in printed
     assert "proportional" not in printed
     assert page.read_text(encoding="utf-8").count("<svg") == 1
 

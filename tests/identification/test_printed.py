@@ -33,7 +33,7 @@ def test_the_excitation_is_said_and_what_no_log_can_tell(lines):
     text = "\n".join(lines)
     assert "deg/s rms about x, y, z; tilt up to" in text
     assert "Least known of J: " in text
-    assert "Cannot be told: one common scale" in text
+    assert "Not identifiable: one common scale" in text
 
 
 def test_wheels_of_which_no_log_says_anything_are_said_to_be_taken_as_at_rest(campaign):

@@ -162,7 +162,7 @@ def test_the_shipped_log_says_what_is_wrong_with_its_gyro(capsys, monkeypatch):
     text = capsys.readouterr().out
     assert text.startswith(f"{BROAD}, on no platform\n")
     assert "gyro_bias: it shows too much by x 0.2" in text
-    assert "the two do not tell" in text
+    assert "the two do not show" in text
     assert main(["compare", str(BROAD), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["gyro_against_attitude"]
     lag = found["parameters"]["clock_lag"]

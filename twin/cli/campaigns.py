@@ -12,7 +12,8 @@ from twin.cli.output import TrustedFolders
 
 @dataclass(frozen=True)
 class Campaign:
-    """Fly thousands of closed-loop runs that differ as a file says; docs/campaigns.md has its keys.
+    """Fly thousands of closed-loop runs, dispersed as a file states; docs/campaigns.md lists its
+    keys.
 
     A shard of runs is written whole or not at all, so a campaign that was killed continues with
     --resume and loses no run. `twin report DIR` evaluates it, `twin replay DIR RUN` flies one run

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 class Check:
     """Check a platform or a control law; exit code 1 when something is wrong.
 
-    A platform: platform.toml and its MJCF against each other, in names, types, axes and limits,
-    the mass budget, inertia and mass moment about the centre of rotation as MuJoCo compiles them,
-    the tilt stop, the default step's error, and its [hardware]. A control law: the
-    promises of a `Controller`, on the machine that takes its commands.
+    A platform: platform.toml and its MJCF against each other, in names, types, axes and limits, the
+    mass budget, inertia and mass moment about the centre of rotation as MuJoCo compiles them, the
+    tilt stop, the default step's error, and its [hardware]. A control law: the contract of a
+    `Controller`, on the machine that takes its commands.
     """
 
     path: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PLATFORM|LAW")]

@@ -49,11 +49,11 @@ def _shown(
 
 @dataclass(frozen=True)
 class Isolate:
-    """Which causes a planned experiment detects, and which of them it confuses.
+    """Predict which causes a planned experiment detects, and which of them it confuses.
 
     The run is simulated with the machine's sensors as stated; J, m r, the sensors' constant errors
-    and the initial states stay free, as in `twin diagnose`. Sizes are those of the linearised model
-    at which a cause has the evidence asked for.
+    and the initial states stay free, as in `twin diagnose`. A detectable size is the size at which
+    a cause reaches the evidence of --evidence in the linearised model.
     """
 
     platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
@@ -65,13 +65,13 @@ class Isolate:
     sensors: Annotated[tuple[str, ...], _arg("STREAM ...")] = ()
     """Streams that are measured; by default all that the platform states."""
     duration: Annotated[float, _arg("SECONDS")] = 60.0
-    """Of the experiment."""
+    """Length of the experiment."""
     evidence: Annotated[float, _arg("NUMBER")] = 60.0
-    """At which a cause counts as detectable."""
+    """Evidence from which a cause counts as detectable."""
     brief: bool = False
     """Leave out the comparison with other sensors and motions, which takes most of the time."""
     seed: int = 0
-    """Of the sensors' noise."""
+    """Seed of the sensors' noise."""
     html: Annotated[Path | None, _arg("OUT.html")] = None
     """Write a page with the matrix; an existing file is overwritten."""
     json: bool = False
@@ -101,12 +101,12 @@ class Isolate:
 
 @dataclass(frozen=True)
 class Excite:
-    """The motion within a machine's limits that tells most of what is asked.
+    """Design the motion within a machine's limits that best identifies an inertia or a cause.
 
-    A multisine of roll, pitch and yaw that a shipped law follows; of a machine that no law turns at
-    will, the attitude and rate to let it go from. It is simulated with the machine's actuators and
-    sensors throughout, keeps a fifth of the way to each limit free, and its forecast is held
-    against flights with other noise.
+    The motion is a multisine of roll, pitch and yaw that a shipped law follows. For a machine that
+    no law can turn, the result is the attitude and the rate at release. The motion is simulated
+    with the machine's actuators and sensors and keeps a margin of a fifth to each limit; its
+    forecast is compared with flights that have other noise.
     """
 
     platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
@@ -119,13 +119,13 @@ class Excite:
     """What the experiment is for: J; the size of an effect (`twin effects`), as in
     `wheel_friction:w1`; or to distinguish two effects."""
     duration: Annotated[float, _arg("SECONDS")] = 60.0
-    """Of the experiment."""
+    """Length of the experiment."""
     evaluations: Annotated[int, _arg("N")] = 90
-    """Simulated trials of the search."""
+    """Number of simulated trials in the search."""
     flights: Annotated[int, _arg("N")] = 8
-    """With other noise, which the forecast is held against; 0: none."""
+    """Number of flights with other noise that the forecast is compared with; 0: none."""
     seed: int = 0
-    """Of the search and of the noise."""
+    """Seed of the search and of the noise."""
     html: Annotated[Path | None, _arg("OUT.html")] = None
     """Write a page; an existing file is overwritten."""
     json: bool = False
@@ -154,19 +154,20 @@ class Excite:
 
 @dataclass(frozen=True)
 class Verify:
-    """A free float of 60 to 120 s: residual torque, period, vertical offset, swirl and friction.
+    """Evaluate a free float: residual torque, period, vertical offset, swirl and friction.
 
-    The latest recording is held against the earlier ones on a control chart. J is taken as stated.
-    Without a recording the free float is simulated on the machine as stated, which shows what the
-    check could see. Exit code 1 where a number is out of control.
+    A free float takes 60 to 120 s. The latest recording is compared with the earlier ones on a
+    control chart. J is taken as stated. Without a recording, the free float is simulated on the
+    machine as stated, which shows the resolution of the check. Exit code 1 where a number is out of
+    control.
     """
 
     platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
     """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
     recordings: Annotated[tuple[Path, ...], tyro.conf.Positional, _arg("[RECORDING ...]")] = ()
-    """Free floats, of any order: .rrd files, or folders with a log.toml."""
+    """Free floats in any order: .rrd files, or folders with a log.toml."""
     seed: int = 0
-    """Of the noise of a simulated one."""
+    """Seed of the noise of a simulated free float."""
     html: Annotated[Path | None, _arg("OUT.html")] = None
     """Write a page with the control charts; an existing file is overwritten."""
     json: bool = False
@@ -187,14 +188,14 @@ class Verify:
 
 @dataclass(frozen=True)
 class History:
-    """The trend of a machine over all its recordings in a folder and below it.
+    """Plot the trend of a machine over all its recordings in a folder and its subfolders.
 
-    Each is fitted as `twin verify` does; recordings of other machines, and those from which nothing
-    can be had, are skipped and listed.
+    Each recording is fitted as by `twin verify`. Recordings of other machines, and recordings that
+    cannot be evaluated, are skipped and listed.
     """
 
     folder: Annotated[Path, tyro.conf.Positional, _arg("DIR")]
-    """With .rrd files and folders with a log.toml."""
+    """Folder with .rrd files and log folders."""
     platform: Annotated[str | None, _arg("NAME")] = None
     """The machine, by name or folder; default: the one that the first recording names."""
     html: Annotated[Path | None, _arg("OUT.html")] = None
@@ -214,16 +215,17 @@ class History:
 
 @dataclass(frozen=True)
 class TrimVerb:
-    """Which weight where: what the sliding masses undo of an offset, and what the rest needs."""
+    """Compute trim weights for the part of an offset that the sliding masses cannot compensate."""
 
     platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
     """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
     recording: Annotated[Path | None, _arg("RECORDING")] = None
-    """A free float from which m r is taken; by default that of the platform."""
+    """Free float that gives m r; by default m r of the platform."""
     add: Annotated[tuple[tuple[float, float, float, float], ...], _arg("KG X Y Z ...")] = ()
-    """Masses that are fixed to it [kg], and where [m], from the centre of rotation in body axes."""
+    """Masses that are fixed to the machine [kg] and their places [m], from the centre of rotation
+    in body axes."""
     below: Annotated[float, _arg("UM")] = 0.0
-    """How far below the centre of rotation the centre of mass is to be, in micrometres."""
+    """Wanted depth of the centre of mass below the centre of rotation, in micrometres."""
     json: bool = False
     """Print one JSON document instead of sentences."""
 
@@ -246,23 +248,24 @@ class TrimVerb:
 
 @dataclass(frozen=True)
 class Calibrate:
-    """Bias, scale and noise of a sensor from logs, with 95 % intervals.
+    """Estimate bias, scale and noise of a sensor from logs, with 95 % intervals.
 
-    gyro: left at rest for minutes (Allan deviation); beside an attitude scale, axes and lag; else
-    whole turns about its axes between two rests. accelerometer: six poses at rest or more.
-    magnetometer: turned through all attitudes, far from iron.
+    gyro: minutes at rest give the Allan deviation; an attitude in the same log gives scale, axes
+    and lag; without one, whole turns about the axes between two rests give the scale.
+    accelerometer: six or more poses at rest. magnetometer: a turn through all attitudes, far from
+    iron.
     """
 
     sensor: Annotated[str, tyro.conf.Positional, _arg("gyro|accelerometer|magnetometer")]
-    """What is calibrated."""
+    """Sensor to calibrate."""
     logs: Annotated[tuple[Path, ...], tyro.conf.Positional, _arg("LOG [LOG ...]")]
     """Folders with a log.toml, or .rrd recordings; they need no platform."""
     gravity: Annotated[float | None, _arg("M/S2")] = None
-    """Where the logs were recorded; default: what the first one states, else 9.81."""
+    """Gravity where the logs were recorded; default: that of the first log, else 9.81."""
     field: Annotated[float | None, _arg("UT")] = None
-    """Strength of the magnetic field, in uT; default: what the first log states, else unknown."""
+    """Strength of the magnetic field, in uT; default: that of the first log, else unknown."""
     out: Annotated[Path | None, _arg("calibration.toml")] = None
-    """Write bias and scale as effects that the platform in that folder has from then on."""
+    """Write bias and scale as effects into this file; the platform in that folder then has them."""
     html: Annotated[Path | None, _arg("OUT.html")] = None
     """Write a page with the figure; an existing file is overwritten."""
     json: bool = False
@@ -303,33 +306,34 @@ class Calibrate:
 
 @dataclass(frozen=True)
 class Tune:
-    """Gains of a control law over the dispersions of a campaign, with common random numbers.
+    """Tune the gains of a control law over dispersed runs, with common random numbers.
 
-    All sets of gains fly the same runs; runs that took no part judge the best one against the gains
-    as they are, by the paired difference and its 95 % interval. Exit code 0 whatever it says.
+    All sets of gains fly the same runs. Held-out runs compare the best set with the law's present
+    gains, by the paired difference and its 95 % interval. The exit code is 0 whether or not the
+    gains improve.
     """
 
     law: Annotated[str, tyro.conf.Positional, _arg("LAW")]
     """A shipped law (see `twin controllers`), or a file."""
     on: Annotated[str, _arg("PLATFORM")]
-    """The machine."""
+    """Machine that the law flies."""
     spec: Annotated[Path | None, _arg("SPEC.toml")] = None
     """A campaign (docs/campaigns.md) whose dispersions, starts, reference and duration are flown;
     by default starts and m r are spread about the machine as stated."""
     gains: Annotated[tuple[str, ...], _arg("NAME ...")] = ()
-    """Which gains; by default all that are not 0."""
+    """Gains to tune; by default all that are not 0."""
     merit: Annotated[str, _arg("METRIC")] = "tracking_error_rms"
     """The campaign's metric whose mean over the runs is minimised."""
     runs: Annotated[int, _arg("N")] = 24
-    """Of the search."""
+    """Runs of the search."""
     held_out: Annotated[int, _arg("N")] = 48
-    """Of the judgement."""
+    """Held-out runs."""
     evaluations: Annotated[int, _arg("N")] = 60
-    """Sets of gains that are flown."""
+    """Number of sets of gains that are flown."""
     duration: Annotated[float, _arg("SECONDS")] = 30.0
-    """Of a run, without a campaign."""
+    """Length of a run, where --spec is not given."""
     seed: int = 0
-    """Of the search, and of the dispersions without a campaign."""
+    """Seed of the search, and of the dispersions where --spec is not given."""
     html: Annotated[Path | None, _arg("OUT.html")] = None
     """Write a page with merit against gain; an existing file is overwritten."""
     json: bool = False

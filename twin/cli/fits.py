@@ -33,9 +33,9 @@ Method = Literal[
 class Identify:
     """Identify inertia and mass moment from logs of one machine, all together.
 
-    prediction-error fits the predicted motion to every sample, with first states and the sensors'
-    constant errors; its 95 % intervals hold. The other methods are those of the field's papers, as
-    they stand there: noise biases most of them, and their intervals do not know it.
+    prediction-error fits the predicted motion to every sample, with initial states and constant
+    sensor errors; its 95 % intervals are valid. The other methods are those of the papers,
+    unchanged: noise biases most of them, and their intervals do not include that bias.
 
     torque, momentum, energy, filtered and integrated are least squares on the balance of angular
     momentum; recursive forgets the past; levenberg-marquardt fits one trajectory from start to
@@ -127,10 +127,10 @@ class Compare:
     """Predict a log from its commands and say what the model gets wrong.
 
     The model is taken as built and, unless --as-built, with its base (inertia and mass moment)
-    refitted; initial states are always fitted. Of several logs the first is fitted, and the others
-    are also predicted with its base and laws.
+    refitted; initial states are always fitted. Where several logs are given, the first is fitted,
+    and the others are also predicted with its base and laws.
 
-    Of a log that names no platform the gyro is compared with the attitude: its bias, scale,
+    For a log that names no platform, the gyro is compared with the attitude: its bias, scale,
     misalignment and lag, for any motion of the body.
     """
 
@@ -237,8 +237,8 @@ class Diagnose:
     """Name the causes of what the model gets wrong, with their sizes, intervals and evidence.
 
     Inertia, mass moment, initial states and the sensors' stated biases are refitted throughout, so
-    none of them is a cause. Of several logs causes and base are shared. Intervals are 95 %;
-    evidence is the fall of -2 log likelihood less the price of the numbers that were set.
+    none of them is a cause. Several logs share causes and base. Intervals are 95 %; evidence is the
+    decrease of -2 log likelihood minus the penalty for the fitted numbers.
     """
 
     logs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="LOG [LOG ...]")]
@@ -299,7 +299,7 @@ class Diagnose:
             result = diagnose(logs, machine, effects=custom, say=say)
             gain, trouble = None, None
             if other is not None:
-                say("the log that took no part")
+                say("the held-out log")
                 try:
                     gain = validate(result, other)
                 except TwinError as problem:  # what the other logs said is said first

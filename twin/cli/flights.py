@@ -24,8 +24,8 @@ def _arg(metavar: str) -> object:
 
 @dataclass(frozen=True)
 class RunVerb:
-    """Fly a platform under a control law: simulated, emulated, real, or as a log has it; or several
-    simulated ones together, which hear each other by radio (docs/formations.md).
+    """Fly a platform under a control law: simulated, emulated, real, or replayed from a log; or
+    several simulated ones together, connected by radio (docs/formations.md).
 
     On hardware and on its emulation no command is sent without --arm: the sensors are read and the
     law is computed. Ctrl-C stops safely; it is no emergency stop.
@@ -43,16 +43,17 @@ class RunVerb:
     gains: Annotated[tuple[str, ...], _arg("NAME=VALUE ...")] = ()
     """Gains that differ from the law's defaults."""
     estimator: Annotated[str | None, _arg("NAME")] = None
-    """Attitude and gyro bias filtered (`filter`) or the sensors as they are (`passthrough`), by
-    default the first where the machine has gyro and attitude; `inclinometer`, rates by its
-    differences; `vertical_offset` and `offset`, which estimate the CM."""
+    """`filter` (gyro and attitude), `mekf` (gyro with accelerometer, inclinometer, magnetometer or
+    camera), `inclinometer` (its angles and their differences), `passthrough` (the sensors as they
+    are), `offset` and `vertical_offset` (these also estimate the CM). By default the first for
+    which the machine has the sensors."""
     plant: Annotated[str, _arg("sim|pty[:FILE.toml]|serial[:URL]|replay:LOG")] = "sim"
-    """Simulated; its devices emulated on a pseudo-terminal; the real ones (of the platform's
-    [hardware], at its ports or at that one; or those of serial:FILE.toml); or a log played as if it
-    were these."""
+    """Simulated; its devices emulated on a pseudo-terminal; the real devices (of the platform's
+    [hardware], at its ports or at that one; or those of serial:FILE.toml); or a log, replayed as if
+    it were the machine."""
     arm: Annotated[Literal["floating", "captured"] | None, _arg("floating|captured")] = None
-    """Let commands leave, within the rules of docs/safety.md. The word is the operator's, who has
-    looked: whether the table floats, or is captured (air off or clamped)."""
+    """Send commands, within the rules of docs/safety.md. The operator looks and states whether the
+    table floats or is captured (air off or clamped)."""
     lockstep: bool = False
     """With plant pty: loop and emulation wait for each other instead of keeping to the wall's
     clock, so that the speed of the computer does not matter."""
@@ -72,7 +73,7 @@ class RunVerb:
     """What `twin identify LOG --json` wrote: on the bench, the flight is first simulated at all
     corners of its 95 % set, and refused where the guard would cut it out."""
     effects: Annotated[str | None, _arg("NAME[:TARGET]=VALUE[/VALUE ...],...")] = None
-    """What the simulated machine has beyond its platform, as in
+    """Effects that the simulated machine has beyond its platform, as in
     `clock_lag:wheel_speed=0.17,gyro_bias=1e-3/0/0`; see `twin effects`."""
     radio: Annotated[str | None, _arg("delay=S,loss=SHARE,rate=HZ|off")] = None
     """Between several machines: how late messages come, which share is lost, how many a machine
@@ -85,11 +86,11 @@ class RunVerb:
     """By default 60, the whole log that is replayed, or to the end of a table that states
     reference or torque."""
     attitude: Annotated[Angles, _arg("ROLL PITCH YAW")] = (0.0, 0.0, 0.0)
-    """At the start, in degrees; a hinge takes the first."""
+    """Initial attitude, in degrees; a hinge takes the first."""
     rate: Annotated[Angles, _arg("X Y Z")] = (0.0, 0.0, 0.0)
-    """Body rates x, y, z at the start, in degrees a second; a hinge takes the first."""
+    """Initial body rates x, y, z, in degrees a second; a hinge takes the first."""
     velocity: Annotated[Angles, _arg("X Y Z")] = (0.0, 0.0, 0.0)
-    """Of a body that is thrown, or slides on its stage, at the start: in the room, in m/s."""
+    """Initial velocity of a body that is thrown or slides on its stage, in world axes, in m/s."""
     seed: int = 0
     """Seed of all random numbers."""
     realtime: bool = False
@@ -360,27 +361,27 @@ class BalanceVerb:
     platform: Annotated[str, tyro.conf.Positional, _arg("PLATFORM")]
     """A shipped name (see `twin platforms`) or a folder; `:VARIANT` may follow."""
     procedure: Annotated[str, _arg("NAME")] = "direct"
-    """direct, masses, masses-and-filter, masses-and-coils or adaptive. What damps meanwhile is what
-    the machine has: coils in a field, gyros, or wheels."""
+    """direct, masses, masses-and-filter, masses-and-coils or adaptive. The motion is damped by the
+    actuators that the machine has: coils in a field, gyros, or wheels."""
     target: Annotated[float | None, _arg("N_M")] = None
-    """Gravity torque that may be left at the worst attitude; by default that of the machine's
-    paper, else that of 5 um."""
+    """Largest gravity torque at the end, at the worst attitude, in N m; by default that of the
+    machine's paper, else that of an offset of 5 um."""
     plant: Annotated[str, _arg("sim|pty[:FILE.toml]|serial[:URL]")] = "sim"
     """Simulated; its devices emulated on a pseudo-terminal; or the real ones, as of `twin run`."""
     arm: Annotated[Literal["floating"] | None, _arg("floating")] = None
-    """Let commands leave, within the rules of docs/safety.md, on the bench and on its emulation:
-    the operator's word, who has looked, that the table floats."""
+    """Send commands, within the rules of docs/safety.md, on the bench and on its emulation. The
+    operator looks and states that the table floats."""
     lockstep: bool = False
     """With plant pty: loop and emulation wait for each other instead of keeping to the wall's
     clock, so that the speed of the computer does not matter."""
     effects: Annotated[str | None, _arg("NAME[:TARGET]=VALUE[/VALUE ...],...")] = None
-    """What the simulated machine has beyond its platform; see `twin effects`."""
+    """Effects that the simulated machine has beyond its platform; see `twin effects`."""
     offset: Annotated[Triple | None, _arg("X Y Z")] = None
-    """Of the simulated machine's CM from its CR, in um; by default as its platform states."""
+    """The simulated machine's CM from its CR, in um; by default as its platform states."""
     random_offset: bool = False
     """Draw the offset at random instead, within the masses' reach."""
     stages: Annotated[Triple, _arg("MM MM MM")] = (0.0, 0.0, 0.0)
-    """Where the masses stand at the start, in mm; the offset is meant there."""
+    """Initial positions of the masses, in mm; the offset is that at these positions."""
     runs: int = 1
     """Number of machines flown at once, each with a random offset and noise."""
     duration: Annotated[float, _arg("SECONDS")] = BALANCING_DURATION

@@ -30,16 +30,15 @@ class Emulate:
     effects: Annotated[str | None, tyro.conf.arg(metavar="NAME[:TARGET]=VALUE[/VALUE ...],...")] = (
         None
     )
-    """What the machine has beyond its platform; see `twin effects`."""
+    """Effects that the machine has beyond its platform; see `twin effects`."""
     attitude: Annotated[Angles, tyro.conf.arg(metavar="ROLL PITCH YAW")] = (0.0, 0.0, 0.0)
-    """At the start, in degrees."""
+    """Initial attitude, in degrees."""
     duration: Annotated[float | None, tyro.conf.arg(metavar="SECONDS")] = None
-    """Time after which it ends."""
+    """Duration of the emulation; by default until Ctrl-C."""
     seed: int = 0
     """Seed of the sensors' noise."""
     replay: Annotated[tuple[str, ...], tyro.conf.arg(metavar="DEVICE=FILE")] = ()
-    """Devices that say again what they once said on a port that was opened as
-    spy://PORT?file=FILE."""
+    """Devices that repeat what they sent on a port that was opened as spy://PORT?file=FILE."""
 
     def kept(self) -> str:
         """Of an emulation that was stopped."""
@@ -124,9 +123,9 @@ class Hardware:
     """The machine at the ports of its [hardware], or at another port, or as wired by
     serial:FILE.toml; pty is its emulation, to practise on."""
     floating: bool = False
-    """The table floats: the word of the operator, who has looked. A jog is allowed."""
+    """The operator looks and states that the table floats. A jog is allowed."""
     captured: bool = False
-    """The table is captured (air off or clamped): the word of the operator, who has looked."""
+    """The operator looks and states that the table is captured (air off or clamped)."""
     lockstep: bool = False
     """With plant pty: this and the emulation wait for each other, as fast as both can."""
     json: bool = False
@@ -202,7 +201,7 @@ class Hardware:
             raise UsageError(f"{machine.name} has no stages to {self.action}")
         if self.action == "jog" and not (self.floating or self.captured):
             raise SafetyError(
-                "jog refused: nobody has said whether the table floats",
+                "jog refused: it is not stated whether the table floats",
                 "look, and say --floating or --captured",
             )
         if self.action in _OVER_THE_TRAVEL and not self.captured:
@@ -226,19 +225,19 @@ def _positions(bench: "Bench") -> list[float] | None:
 class Doctor:
     """Check that this computer is fit to fly a machine: ports, adapters, permissions, lateness.
 
-    Tells whether each port of the machine is there and may be opened, how long USB adapters hold
-    bytes back, whether a process may have a priority of its own, and how late ticks come. Nothing
-    is opened, nothing is changed. Ends with 1 where something is bad, not where it is poor.
+    Reports whether each port of the machine exists and may be opened, the latency of USB adapters,
+    whether a process may get real-time priority, and the lateness of ticks. Nothing is opened or
+    changed. The exit code is 1 where a finding is bad, and 0 where it is only poor.
     """
 
     platform: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[PLATFORM]")] = (
         None
     )
-    """Whose ports are looked at; without one, only the computer is."""
+    """Machine whose ports are checked; without it, only the computer is checked."""
     seconds: Annotated[float, tyro.conf.arg(metavar="SECONDS")] = 3.0
-    """For which ticks are timed."""
+    """Duration of the timing of ticks."""
     rate: Annotated[float, tyro.conf.arg(metavar="HZ")] = 50.0
-    """At which they are."""
+    """Rate of the ticks."""
     json: bool = False
     """Print one JSON document instead of text."""
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Platforms:
-    """The machines that are shipped: mass, inertia, mass moment, actuators, sensors."""
+    """List the shipped machines: mass, inertia, mass moment, actuators, sensors."""
 
     json: bool = False
     """Print one JSON document instead of text."""
@@ -104,7 +104,7 @@ def _platform_text(platform: "Platform") -> str:
 
 @dataclass(frozen=True)
 class Controllers:
-    """The control laws that are shipped: what each does, its usual reference, and its gains."""
+    """List the shipped control laws: what each does, its usual reference, and its gains."""
 
     header: Annotated[str | None, tyro.conf.arg(metavar="PLATFORM")] = None
     """Print instead the channels that a law in another program has of this machine, as a C header
@@ -161,14 +161,15 @@ def _law_text(law: dict[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Effects:
-    """What may depart from a machine's model: each effect, its size, and what gives it away."""
+    """List the effects, which are possible departures from a model, with sizes and observable
+    traces."""
 
     name: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[NAME]")] = None
     """Only this one: a name, a file, or either with values as `twin run --effects` takes
     them (`clock_lag:wheel_speed=0.17`)."""
     show: Annotated[tuple[str, ...] | None, tyro.conf.arg(metavar="[PLATFORM]")] = None
-    """Run a platform with it and without, and show the difference; by default the first shipped
-    platform that can have it."""
+    """Simulate a platform with the effect and without it, and show the difference; by default the
+    first shipped platform that can have it."""
     json: bool = False
     """Print one JSON document instead of text."""
 
@@ -284,9 +285,7 @@ def _list(kinds: "list[type[Effect]]") -> str:
     for domain in dict.fromkeys(kind.domain for kind in kinds):
         of_domain = [kind for kind in kinds if kind.domain is domain]
         lines += [f"{domain.value}:", *(f"  {_short(kind)}" for kind in of_domain), ""]
-    return "\n".join(
-        [*lines, "`twin effects NAME` tells one in full; `--show` shows what it does."]
-    )
+    return "\n".join([*lines, "`twin effects NAME` describes one in full; `--show` simulates it."])
 
 
 def _short(kind: "type[Effect]") -> str:

@@ -20,8 +20,8 @@ class Import:
     """Make a log of recorded files: find streams, units, axes, clocks and frames, with reasons.
 
     The files are copied into OUT (unless they are in it), together with a log.toml that says how to
-    read them. Open questions are comments in it; streams that show the same motion are compared
-    with each other. Ends with the output of `twin show OUT`.
+    read them. Open questions are comments in log.toml; streams that show the same motion are
+    compared with each other. Ends with the output of `twin show OUT`.
     """
 
     paths: Annotated[
@@ -29,10 +29,10 @@ class Import:
     ]
     """Files, or folders of such: text (.csv .tsv .txt .log), .mcap .bag .db3, .ulg, .mat .h5 .tdms
     .xlsx .parquet; and the folder of the log, new or that of the files."""
-    platform: str | None = None
+    platform: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """The machine: one of models/, or the path of a platform folder."""
-    rate: float | None = None
-    """Of tables without times [Hz]."""
+    rate: Annotated[float | None, tyro.conf.arg(metavar="HZ")] = None
+    """Sample rate of tables without times."""
     json: bool = False
     """Print one JSON document instead of text: that of `twin show`, and what was unsure."""
 

@@ -25,38 +25,42 @@ VERBS: dict[str, tuple[str, str, str]] = {
     "hardware": (
         "twin.cli.hardware",
         "Hardware",
-        "status, homing and jogs of a machine on its bench",
+        "show status of a machine on its bench, home and jog it",
     ),
-    "doctor": ("twin.cli.hardware", "Doctor", "whether this computer is fit to fly a machine"),
-    "import": ("twin.cli.logs", "Import", "make a log of recorded files of any program"),
-    "show": ("twin.cli.logs", "Show", "what is in a log: rates, gaps, ranges, noise"),
-    "identify": ("twin.cli.fits", "Identify", "inertia and mass moment from logs"),
-    "compare": ("twin.cli.fits", "Compare", "what the model gets wrong about a log"),
-    "diagnose": ("twin.cli.fits", "Diagnose", "why the model is wrong, and by how much"),
+    "doctor": ("twin.cli.hardware", "Doctor", "check that this computer is fit to fly a machine"),
+    "import": ("twin.cli.logs", "Import", "make a log from recorded files of any program"),
+    "show": ("twin.cli.logs", "Show", "print what is in a log: rates, gaps, ranges, noise"),
+    "identify": ("twin.cli.fits", "Identify", "identify inertia and mass moment from logs"),
+    "compare": ("twin.cli.fits", "Compare", "compare a model's prediction with a log"),
+    "diagnose": ("twin.cli.fits", "Diagnose", "name the causes of model error, and their sizes"),
     "isolate": (
         "twin.cli.experiments",
         "Isolate",
-        "which causes a planned run detects and distinguishes",
+        "predict which causes a run detects and distinguishes",
     ),
     "excite": (
         "twin.cli.experiments",
         "Excite",
-        "the motion that tells most of an inertia or a cause",
+        "design the motion that best identifies J or a cause",
     ),
     "verify": (
         "twin.cli.experiments",
         "Verify",
-        "a free float of this morning against the earlier ones",
+        "compare a free float with the earlier ones",
     ),
-    "trim": ("twin.cli.experiments", "TrimVerb", "which weight where"),
-    "history": ("twin.cli.experiments", "History", "the trend of a machine over its recordings"),
+    "trim": ("twin.cli.experiments", "TrimVerb", "compute which trim weight goes where"),
+    "history": (
+        "twin.cli.experiments",
+        "History",
+        "plot the trend of a machine over its recordings",
+    ),
     "calibrate": (
         "twin.cli.experiments",
         "Calibrate",
-        "bias, scale and noise of a sensor from logs",
+        "estimate bias, scale and noise of a sensor from logs",
     ),
-    "tune": ("twin.cli.experiments", "Tune", "gains of a law over a campaign's dispersions"),
-    "campaign": ("twin.cli.campaigns", "Campaign", "thousands of runs that differ as a file says"),
+    "tune": ("twin.cli.experiments", "Tune", "tune the gains of a law over dispersed runs"),
+    "campaign": ("twin.cli.campaigns", "Campaign", "fly thousands of dispersed runs"),
     "replay": (
         "twin.cli.campaigns",
         "ReplayVerb",
@@ -65,16 +69,20 @@ VERBS: dict[str, tuple[str, str, str]] = {
     "report": (
         "twin.cli.campaigns",
         "Report",
-        "what came of a campaign, with intervals and figures",
+        "evaluate a campaign, with intervals and figures",
     ),
     "reproduce": ("twin.cli.reproduce", "Reproduce", "reproduce the papers' tables and figures"),
     "check": ("twin.cli.check", "Check", "check a platform's or a control law's files"),
-    "export": ("twin.cli.logs", "Export", "a log as a folder of CSV, Parquet or MAT files"),
+    "export": ("twin.cli.logs", "Export", "write a log as a folder of CSV, Parquet or MAT files"),
     "view": ("twin.cli.logs", "View", "open a recording in the Rerun viewer"),
-    "platforms": ("twin.cli.library", "Platforms", "the machines that are shipped"),
+    "platforms": ("twin.cli.library", "Platforms", "list the shipped machines"),
     "new": ("twin.cli.library", "New", "write a folder for a new machine, ready to fly"),
-    "effects": ("twin.cli.library", "Effects", "what may depart from a machine's model"),
-    "controllers": ("twin.cli.library", "Controllers", "the control laws that are shipped"),
+    "effects": (
+        "twin.cli.library",
+        "Effects",
+        "list the effects: possible departures from a model",
+    ),
+    "controllers": ("twin.cli.library", "Controllers", "list the shipped control laws"),
 }
 """Module, class and summary of each verb."""
 
@@ -242,7 +250,7 @@ def _help() -> str:
         "usage: twin VERB [ARGUMENTS]\n\n"
         "The digital twin of an air-bearing spacecraft simulator.\n\n"
         f"verbs:\n{verbs}\n\n"
-        "`twin VERB --help` tells a verb's arguments; `twin --version` tells the version."
+        "`twin VERB --help` prints the arguments of a verb, `twin --version` the version."
     )
 
 

@@ -253,7 +253,9 @@ def _accelerometer(recordings: Sequence[Recording], gravity: float) -> Calibrati
     numbers, covariance, quantile = _ellipsoid(means, gravity, count, None)
     remarks = [f"{len(means)} poses, gravity {gravity:g} m/s^2"]
     if len(means) <= count:
-        remarks.append("no pose is left to check it: intervals come from the sensor's noise alone")
+        remarks.append(
+            "no further pose checks the fit: intervals come from the sensor's noise alone"
+        )
         white = [noise_of(log["accelerometer"]) for log in recordings]
         noise = np.sqrt(np.mean(np.square(white)))
         error = float(noise) / np.sqrt(float(np.min(weights)))

@@ -163,7 +163,7 @@ def tune(
         seed=np.random.default_rng(seed + 1),
     )
     best = min(study.trials, key=lambda trial: trial.merit)
-    say("the runs that took no part")
+    say("the held-out runs")
     judged = range(runs, runs + held_out)
     before, lost_before = _flown(campaign, merit, judged, usual)
     after, lost_after = _flown(campaign, merit, judged, best.gains)

@@ -275,7 +275,7 @@ def conclude(
         return Next(Phase.done if progress.phase[run] == Phase.judge else Phase.verify)
     if not aim.is_known(moment, fit.covariance):
         progress.watch[run] *= 2.0
-        return Next(Phase.settle, "the swing does not tell the offset well enough")
+        return Next(Phase.settle, "the swing does not identify the offset well enough")
     if last:
         return Next(Phase.stopped, f"the target was not reached in {ROUNDS} rounds")
     if beyond:

@@ -254,7 +254,10 @@ def campaign_parts(answers: Answers) -> list[Part]:
     for number, arm in enumerate(spec.arms):
         drawn = sensitivity_figure(answers, arm.name)
         if drawn is not None:
-            caption = f"{arm.name}: numbers stand where it is no chance, among all that were asked."
+            caption = (
+                f"{arm.name}: numbers are shown where the correlation is significant, corrected "
+                "for all tests."
+            )
             parts.append(Drawing(f"sensitivities_{number}", drawn, caption))
     head, rows = sensitivity_table(answers)
     if rows:

@@ -377,7 +377,7 @@ def worst_table(answers: Answers) -> Rows:
                 "; ".join(why) or "nothing that is known to matter is unusual about it",
             ]
         )
-    return ("metric", "run", "arm", "value", "why, as far as the factors tell"), rows
+    return ("metric", "run", "arm", "value", "correlated factors"), rows
 
 
 def markdown(answers: Answers) -> str:

@@ -126,7 +126,7 @@ def contents_of(
         findings += beyond_stated([recording], platform)
         findings += _impossible(recording, platform, read_rightly=not advice.findings)
     if problem:
-        findings.append(f"Nothing was held against the machine: {problem}.")
+        findings.append(f"The log was not compared with the machine: {problem}.")
     return Contents(
         source,
         recording,

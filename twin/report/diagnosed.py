@@ -92,27 +92,27 @@ def experiment_sentence(experiment: Experiment) -> str:
     """What to do next, what it should bring, and beside what."""
     nearest, split = _smallest(experiment.splits)
     _, again = _smallest(experiment.repeated)
-    bar = f"where {experiment.needed:g} would do"
+    bar = f"where {experiment.needed:g} suffices"
     if experiment.enough:
         return (
-            f"To tell them apart, make on the machine the run that this rehearses: "
-            f"{experiment.command}. With its log beside these, {nearest} as the nearest should be "
-            f"{split:.1f} behind in evidence, {bar}; the same logs made once more would leave "
+            f"To distinguish them, fly on the machine the run that this command simulates: "
+            f"{experiment.command}. With its log added to these, the evidence of {nearest}, the "
+            f"nearest, should be {split:.1f} lower, {bar}; the same logs repeated would make it "
             f"{again:.1f}."
         )
     if again >= experiment.needed:
         return (
-            f"To tell them apart, make the same logs once more: that should leave none of them "
-            f"less than {again:.1f} behind, {bar}; no other run that was tried does as well "
+            f"To distinguish them, repeat the same logs: the evidence of each should then be lower "
+            f"by at least {again:.1f}, {bar}; no other run that was tried does as well "
             f"({split:.1f})."
         )
     close = [label for label, size in experiment.splits.items() if size < experiment.needed]
     ways = dict.fromkeys(_way(experiment, label) for label in close)
     said = "; ".join(way for way in ways if way)
     return (
-        f"No run that was tried tells them apart: the best, {experiment.command}, would leave "
-        f"{nearest} {split:.1f} behind, {bar}, and the same logs made once more {again:.1f}."
-        + (f" What could: {said}." if said else "")
+        f"No run that was tried distinguishes them: with the best, {experiment.command}, the "
+        f"evidence of {nearest} would be {split:.1f} lower, {bar}; with the same logs repeated "
+        f"{again:.1f}." + (f" What could distinguish them: {said}." if said else "")
     )
 
 
@@ -178,8 +178,8 @@ def push_sentence(pushes: Sequence[PushInterval]) -> str:
         f"from {push.start:.2f} to {push.stop:.2f} s of {push.source}" for push in pushes
     )
     return (
-        f"Something pushed the machine, or was at work only then, {when}; those times are left out "
-        "of all else that is said here."
+        f"An external torque acted on the machine {when}; these times are excluded from all other "
+        "results here."
     )
 
 
@@ -188,24 +188,24 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     names = listed([_with_size(cause) for cause in diagnosis.causes])
     if diagnosis.pushes:
         times = "once" if len(diagnosis.pushes) == 1 else f"{len(diagnosis.pushes)} times"
-        rest = f"the model lacks {names}, and with that" if names else "as the model is,"
+        rest = f"the model lacks {names}; with it" if names else "with the model as it is,"
         return (
             f"Unexplained: {times} something happened that no cause explains; for the rest of the "
-            f"time, {rest} nothing but noise is left."
+            f"time, {rest} the residual is noise."
         )
     noise = listed(["noise", *wanders(diagnosis)])
     if diagnosis.verdict == "healthy":
         return (
-            f"Healthy: what the model leaves is the sensors' {noise}, and none of "
-            f"{sum(item.could_show for item in diagnosis.tried)} causes that would "
-            "show explains any."
+            f"Healthy: the residual of the model is the sensors' {noise}, and none of the "
+            f"{sum(item.could_show for item in diagnosis.tried)} causes that these logs could "
+            "show explains any of it."
         )
     if diagnosis.verdict == "explained":
-        return f"Explained: the model lacks {names}, and with that nothing but {noise} is left."
+        return f"Explained: the model lacks {names}; with it the residual is {noise}."
     if diagnosis.verdict == "ambiguous":
         return (
-            f"Ambiguous: the model lacks {names}, or what these logs cannot tell from it; with it "
-            f"nothing but {noise} is left."
+            f"Ambiguous: the model lacks {names}, or a cause that these logs do not distinguish "
+            f"from it; with it the residual is {noise}."
         )
     rest = listed(wanders(diagnosis))
     if diagnosis.verdict == "explained in part":
@@ -214,13 +214,13 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         if diagnosis.explained.follows:
             return (
                 f"Explained in part: {carry} {share} of what the model misses; the rest is {rest}, "
-                "more than rooms and sensors have."
+                "more than usual rooms and sensors have."
             )
         length = max(body.grid.length for body in diagnosis.explained.bodies)
         size = np.sqrt(diagnosis.residual_test.chi2)
-        left = "leave no more than the noise"
+        left = "are predicted to within the noise"
         if not diagnosis.intervals_hold:
-            left = f"still miss by {size:.2g} times the noise"
+            left = f"are still missed by {size:.2g} times the noise"
         return (
             f"Explained in part: {carry} {share} of what the model misses; "
             "no cause makes the motion follow the model for longer, and segments of "
@@ -229,39 +229,39 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     if not ordinary(diagnosis.wander):
         best = f", beside {names}," if names else ""
         return (
-            f"Unexplained: the model lacks{best} {rest}, more than rooms and sensors have, and no "
-            "cause of the catalogue explains it."
+            f"Unexplained: the model lacks{best} {rest}, more than usual rooms and sensors have, "
+            "and no cause of the catalogue explains it."
         )
     if not diagnosis.explained.follows:
         size = np.sqrt(diagnosis.residual_test.chi2)
         best = f"most is explained by {names}, but " if names else ""
         apart = (
-            "segments predicted apart leave no more than the noise, but the logs do not go on from "
-            "one to the next as the model does."
+            "each segment by itself is predicted to within the noise, but the motion does not "
+            "continue from one segment to the next as the model does."
             if size <= 1.0
-            else f"segments predicted apart still miss by {size:.2g} times the noise."
+            else f"even single segments are missed by {size:.2g} times the noise."
         )
         return f"Unexplained: {best}no cause makes the motion follow the model: {apart}"
     if diagnosis.equation is None and crowded(diagnosis.explained.effects):
         return (
-            f"Unexplained: {names} together explain most, but so many at once rather stand in for "
-            "something that the catalogue has no name for."
+            f"Unexplained: {names} together explain most, but so many causes at once rather "
+            "replace one that the catalogue does not have."
         )
     if diagnosis.equation is None and foretells_nothing(
         diagnosis.explained.effects, diagnosis.held_out
     ):
         return (
-            f"Unexplained: these logs are explained best by {names}, which foretells nothing of "
-            "the time that took no part in the fit."
+            f"Unexplained: these logs are explained best by {names}, which does not improve the "
+            "prediction of held-out time."
         )
     if diagnosis.equation is None and strays(diagnosis.held_out):
         best = f"these logs are explained best by {names}, but " if names else ""
         return (
-            f"Unexplained: {best}time that took no part in the fit is missed by more than a true "
-            "model ever does."
+            f"Unexplained: {best}the prediction of held-out time is worse than that of any true "
+            "model."
         )
     beside = f" beside {names}" if names else ""
-    return f"Unexplained: the model lacks something{beside} that the catalogue has no name for."
+    return f"Unexplained: the model lacks something{beside} that the catalogue does not have."
 
 
 def wanders(diagnosis: Diagnosis) -> list[str]:
@@ -338,11 +338,13 @@ def cause_sentence(cause: Cause, *, sure: bool = True) -> str:
         beside = ", ".join(_component(cause, i) for i in np.flatnonzero(leaning).tolist())
         with_it = ", ".join(_component(cause, i) for i in np.flatnonzero(taken).tolist())
         how = (
-            f"taking {with_it}, which no log tells" if with_it else "as the other causes are taken"
+            f"taking {with_it}, which no log identifies"
+            if with_it
+            else "as the other causes are taken"
         )
         parts.append(f"{how}: {beside}")
     ties = ", ".join(f"{tie.label} ({tie.behind:.1f} behind)" for tie in cause.ties)
-    instead = f" These logs cannot tell it from {ties}." if ties else ""
+    instead = f" These logs do not distinguish it from {ties}." if ties else ""
     confidence = f", confidence {100.0 * cause.confidence:.3g} %" if sure else ""
     return (
         f"{cause_name(cause)}: {', '.join(parts)}; evidence {cause.evidence:.0f}"
@@ -392,11 +394,13 @@ def equation_sentence(equation: Equation) -> str:
 def _residual_lines(test: ResidualTest) -> list[str]:
     """What no cause takes."""
     if test.torque_chance < test.noise_chance:
-        what = f"pieces of torque gain {test.torque_gain:.0f} in {test.freedom:.0f} directions"
+        what = (
+            f"a free torque gains {test.torque_gain:.0f} with {test.freedom:.0f} degrees of freedom"
+        )
         chance = test.torque_chance
     else:
-        what, chance = f"{test.where} leaves most", test.noise_chance
-    return [f"Residual: {what}; noise alone does so with probability {chance:.2g}."]
+        what, chance = f"that of {test.where} is the largest", test.noise_chance
+    return [f"Residual: {what}; the probability of it by noise alone is {chance:.2g}."]
 
 
 def _gain(diagnosis: Diagnosis) -> str:
@@ -405,28 +409,28 @@ def _gain(diagnosis: Diagnosis) -> str:
     runs = _free_runs(diagnosis.free_runs, first_of(diagnosis))
     if named and np.isnan(gain.log_likelihood):
         return (
-            "The log is too short for a part of it to be held out of the fit: what was named is "
-            "tested on no other time; record another run for --validate."
+            "The log is too short to hold a part of it out of the fit, so the causes are tested on "
+            "no other time; record another run for --validate."
             f"{runs}"
         )
     if not diagnosis.explained.follows and not diagnosis.causes:
-        return "With no cause to add, nothing is gained on time that took no part in the fit."
+        return "No cause is added, so there is no gain on held-out time."
     if not diagnosis.explained.follows:
         return (
-            f"On segments that took no part in the fit the logs become likelier by "
-            f"{gain.log_likelihood:.0f} nats, each segment counted by its own scatter."
+            f"On held-out segments the log likelihood rises by {gain.log_likelihood:.0f} nats, "
+            "each segment weighted by its scatter."
             f"{runs}"
         )
     if diagnosis.equation is None and not diagnosis.explained.effects:
         band = f"; a true model stays within {gain.low:.3f} to {gain.high:.3f}"
         band = "" if np.isnan(gain.low) else band
-        scatters = "What was named only makes a sensor scatter more. " if named else ""
+        scatters = "The causes only make a sensor scatter more. " if named else ""
         left = diagnosis.residual_test.chi2
         return f"{scatters}Chi-square of the innovations {left:.4f} a sample{band}."
     return (
-        f"On time that took no part in the fit the logs become likelier by "
-        f"{gain.log_likelihood:.0f} nats; chi-square {gain.before:.4f} to {gain.after:.4f} a "
-        f"sample, where a true model stays within {gain.low:.3f} to {gain.high:.3f}."
+        f"On held-out time the log likelihood rises by {gain.log_likelihood:.0f} nats; chi-square "
+        f"{gain.before:.4f} to {gain.after:.4f} a sample, where a true model stays within "
+        f"{gain.low:.3f} to {gain.high:.3f}."
         f"{runs}"
     )
 
@@ -462,15 +466,15 @@ def _base(diagnosis: Diagnosis) -> list[str]:
         for name, v, h, s, unit in zip(base.names, theta, half, stated, base.units, strict=True)
     ]
     if not parts:
-        return ["The base is held as stated: these logs tell nothing of it."]
+        return ["The base is fixed as stated: these logs do not identify it."]
     said = ["The base, refitted (as stated): " + ", ".join(parts) + "."]
     if base.held_moment:
         said.append(
-            f"{base.held_moment} is held as stated, for these logs do not tell the size of J: "
-            "every torque, J and m r share a factor with it."
+            f"{base.held_moment} is fixed as stated, because these logs do not identify the size "
+            "of J: every torque, J and m r share a factor with it."
         )
     if base.machine.platform.base.falls:
-        said.append("J is about the centre of mass, about which a body turns that falls freely.")
+        said.append("J is about the centre of mass, because the body falls freely.")
     body = np.arange(len(theta)) < len(theta) - len(base.joints)
     far = body & (np.abs(theta - stated) - half > FAR * base.scale)
     if far.any():
@@ -512,12 +516,12 @@ def could_show(diagnosis: Diagnosis) -> list[str]:
                 for size, unit in zip(item.detectable.tolist(), item.units, strict=True)
             ]
             sizes.setdefault(name, []).append(f"{target} {' / '.join(parts)}".lstrip())
-    head = "Each of these, alone, would have been found in 95 of 100 such logs from such a size on:"
+    head = "Sizes from which each cause, alone, would be detected in 95 of 100 such logs:"
     said = [head] if sizes else []
     said += [f"  {name}: {', '.join(targets)}" for name, targets in sizes.items()]
     never = [item.label for item in diagnosis.tried if not item.could_show]
     if never:
-        said.append(f"These would not have been found, however large: {', '.join(never)}.")
+        said.append(f"Not detectable at any size: {', '.join(never)}.")
     return said
 
 
@@ -530,11 +534,11 @@ def _untested(why: Mapping[str, str]) -> list[str]:
 
 
 def validated(gain: Validation) -> str:
-    """What was gained on a log that took no part."""
+    """The gain on a held-out log."""
     read = [finding.sentence for finding in gain.conventions]
     read += [f"Repaired on reading: {repair}." for repair in gain.repairs]
     worth = (
-        f"On the log that took no part: {gain.log_likelihood:.0f} nats gained, chi-square "
-        f"{gain.before:.4f} to {gain.after:.4f} a sample.{_free_runs(gain.free_runs)}"
+        f"On the held-out log the log likelihood rises by {gain.log_likelihood:.0f} nats, "
+        f"chi-square {gain.before:.4f} to {gain.after:.4f} a sample.{_free_runs(gain.free_runs)}"
     )
     return " ".join((*read, worth))

@@ -290,7 +290,7 @@ def design_sentences(result: Design) -> list[str]:
 
 def _checked(result: Design) -> list[str]:
     if not result.flights:
-        return ["The forecast was not held against noisy flights (--flights)."]
+        return ["The forecast was not compared with noisy flights (--flights)."]
     many = f"In {result.flights} simulated flights with noise"
     if result.observed:
         parts = [
@@ -684,7 +684,7 @@ def tuning_sentences(result: Tuning) -> list[str]:
     before, after = (printed(value, unit, size) for value in (result.before, result.after))
     low, high = (printed(x, unit, size) for x in (result.difference.low, result.difference.high))
     lines.append(
-        f"On {result.held_out} runs that took no part: {before} as it was, {after} as tuned; "
+        f"On {result.held_out} held-out runs: {before} as it was, {after} as tuned; "
         f"paired difference {printed(result.difference.value, unit, size)} (95 %: {low} to {high})."
     )
     if any(result.lost):

@@ -299,7 +299,7 @@ def residual_torque_figure(result: Balanced) -> Figure:
         (run, statement) for run, statement in enumerate(result.statements) if statement is not None
     ]
     if not stated:
-        raise UsageError("nothing was stated of what is left, so there is nothing to draw")
+        raise UsageError("no residual torque was stated, so there is nothing to draw")
     left = [item.residual_torque for _, item in stated]
     factor, unit = fitting(max(item.high for item in left), "N m")
     with mpl.rc_context(FIGURE):

@@ -171,7 +171,7 @@ def torque_words(interval: Interval) -> str:
 
 
 TIES = {
-    "gyro_misalignment": "whether the gyro's or the attitude's are turned, the two do not tell",
+    "gyro_misalignment": "whether the gyro's or the attitude's are turned, the two do not show",
     "clock_lag": "or the attitude is early",
 }
 
@@ -179,7 +179,7 @@ TIES = {
 def gyro_sentences(comparison: GyroComparison) -> list[str]:
     """What is wrong with a gyro that is taken as it is, and how far that leads astray."""
     lines = [
-        "The gyro held against the attitude, without a model of what moves the body:",
+        "The gyro compared with the attitude, without a model of the body's motion:",
         "taken as it is, its squared innovations are "
         f"{three_digits(comparison.chi2_before)} times what they are without the errors below.",
     ]
@@ -191,7 +191,7 @@ def gyro_sentences(comparison: GyroComparison) -> list[str]:
     if alone:
         lines.append(f"Alone and as it is (corrected) it strays by {', '.join(alone)}, rms.")
     lines.append(
-        f"What is left is noise of {printed(comparison.gyro_noise, 'rad/s')} a "
+        f"The residual is noise of {printed(comparison.gyro_noise, 'rad/s')} a "
         "sample of the gyro and "
         f"of {printed(comparison.attitude_noise, 'rad')} of the attitude; intervals are 95 %."
     )
@@ -218,7 +218,7 @@ def _sentence(fault: GyroError, comparison: GyroComparison) -> str:
     if not shown.all():
         text += " (unknown: the body hardly turns that way)"
     if not comparison.certain[places].any():
-        return f"{text}: nothing that is sure."
+        return f"{text}: nothing significant."
     return f"{text}; {TIES[fault.name]}." if fault.name in TIES else f"{text}."
 
 
@@ -284,7 +284,7 @@ def identified(identification: Identification) -> list[str]:
     lines += [f"  {identification.not_rigid}"] if identification.not_rigid else []
     if identification.platform.base.falls:
         lines.append("  J is about the centre of mass, about which a body turns that falls freely.")
-    lines += [f"  Cannot be told: {sentence}." for sentence in identification.not_excited]
+    lines += [f"  Not identifiable: {sentence}." for sentence in identification.not_excited]
     lines += [
         f"  Repaired on reading: {r}." for log in identification.recordings for r in log.repairs
     ]
@@ -414,7 +414,9 @@ def _trust(identification: Identification) -> list[str]:
         + ", ".join(f"{part.name} {_chi2(part)}" for part in streams)
     ]
     if not total.is_noise and not identification.disturbance:
-        lines.append("More is left than noise, but no torque explains it: look at the sensors.")
+        lines.append(
+            "The residual is more than noise, but no torque explains it: check the sensors."
+        )
     elif not total.is_noise:
         lines.append(
             "The model misses more than noise. A white torque of "

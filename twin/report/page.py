@@ -59,7 +59,7 @@ def comparison_parts(
         parts += _section(comparison, f"{name_of(comparison)}_" if several else "")
     for transfer in transfers:
         first, other = comparisons[0], transfer.comparison
-        title = f"Fitted on {name_of(first)}, held against {name_of(other)}"
+        title = f"Fitted on {name_of(first)}, compared with {name_of(other)}"
         parts += [f"<h2>{escape(title)}</h2>", bullets(transfer_sentences(transfer, first))]
     return parts
 
@@ -96,8 +96,8 @@ def _section(comparison: Comparison, prefix: str) -> list[Part]:
         Drawing(
             f"{prefix}symptoms",
             symptom_figure(comparison),
-            "Each departure on its own, beside base and states. What passes its mark stands out; "
-            "departures that stand out together may be one cause.",
+            "Each departure alone, fitted with base and states. Beyond its mark a departure is "
+            "significant; several may have one common cause.",
         ),
         *_laws_table(comparison, prefix),
     ]
@@ -218,12 +218,12 @@ def compared(result: Mapping[str, Identification | TwinError]) -> list[str]:
         f"{first.platform.title} ({first.platform.name}): values +- half of "
         f"{'95 % intervals' if not doubt else 'intervals that do not hold'}",
         *_table([["method", *heads], stated, *rows]),
-        f"The intervals of prediction-error {ours}. The others' know the scatter of what is left, "
-        "not what noise in rates and wheel speeds does to the values.",
+        f"The intervals of prediction-error {ours}. Those of the other methods include the scatter "
+        "of the residual, not the bias by noise in rates and wheel speeds.",
     ]
     lines += taken_as_at_rest(first.recordings, first.platform)
     lines += _failed(result)
-    return lines + [f"Cannot be told: {sentence}." for sentence in first.not_excited]
+    return lines + [f"Not identifiable: {sentence}." for sentence in first.not_excited]
 
 
 def _doubted(identification: Identification | TwinError) -> TypeGuard[Identification]:

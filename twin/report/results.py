@@ -106,8 +106,8 @@ TITLES: dict[type, str] = {
     FormationRun: "Several machines in one run",
     Tuning: "Gains tuned over dispersions",
     Calibration: "A sensor calibrated",
-    Trim: "Which weight where",
-    GyroComparison: "The gyro held against the attitude",
+    Trim: "Trim weights",
+    GyroComparison: "The gyro compared with the attitude",
     Replayed: "A run of a campaign, flown again",
     Validation: "The gain on another log",
 }

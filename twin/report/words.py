@@ -150,10 +150,10 @@ def _verdict(comparison: Comparison) -> str:
         what = "The sensors err"
     else:
         what = "The model is incomplete"
-    rest = "" if comparison.verdict == "explained" else " More than noise is left beside that."
+    rest = "" if comparison.verdict == "explained" else " The residual is still more than noise."
     if comparison.reported is not comparison.best:
         what = f"With the base as built, {what[0].lower()}{what[1:]}"
-        rest = " With the base refitted no law stands out, but more than noise is left."
+        rest = " With the base refitted no law is significant, but the residual is more than noise."
     return f"{what}: {_law_words(strengths)}.{rest}"
 
 
@@ -203,8 +203,8 @@ def _symptoms(comparison: Comparison) -> list[str]:
     listed = [f"{s.symptom.looks}, evidence {three_digits(s.evidence)}" for s in out[:SHOWN]]
     more = f" and {len(out) - SHOWN} more" if len(out) > SHOWN else ""
     return [
-        f"Each on its own, {len(out)} of {len(scores)} departures stand out (by chance alone any "
-        f"of them does in {FALSE_ALARM:.0%} of logs): {'; '.join(listed)}{more}."
+        f"Each fitted alone, {len(out)} of {len(scores)} departures are significant (one or more "
+        f"by chance in {FALSE_ALARM:.0%} of logs): {'; '.join(listed)}{more}."
     ]
 
 
@@ -223,8 +223,8 @@ def quiet_sentences(misfits: Sequence[ColumnMisfit]) -> list[str]:
     if not parts:
         return []
     return [
-        f"Less is left than the stated noise of {_listed(parts)}: intervals are wider than these "
-        "logs would allow, and small causes may stay unseen."
+        f"The residual is below the stated noise of {_listed(parts)}: intervals are wider than "
+        "these logs would allow, and small causes may stay undetected."
     ]
 
 

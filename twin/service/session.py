@@ -89,5 +89,5 @@ class Session:
         """
         place = self.bench.guard.seen.stage_position
         if place is None:
-            raise SafetyError("nobody has measured where the stages are", "home them, captured")
+            raise SafetyError("no position of the stages was measured", "home them, captured")
         return place.copy()

@@ -159,7 +159,7 @@ def carried(bench: Bench, stream: str, what: str) -> None:
 def _where(bench: Bench) -> str:
     place = bench.guard.seen.stage_position
     if place is None:
-        return "no stage tells where it is"
+        return "no stage measures its position"
     names = [stage.name for stage in bench.platform.stages]
     return ", ".join(f"{n} at {in_mm(p)}" for n, p in zip(names, place, strict=True))
 
@@ -236,5 +236,5 @@ def spin_down(bench: Bench) -> list[str]:
 def _speed(session: Session) -> Array:
     seen, sensor = session.bench.guard.seen, session.platform.sensors[_SPEED]
     if seen.age(_SPEED) > _PATIENCE / sensor.rate + sensor.latency + session.tick:
-        raise SafetyError("nothing tells how fast the wheels turn", "check what measures it")
+        raise SafetyError("no sensor measures the speed of the wheels", "check what measures it")
     return seen.newest[_SPEED][1]
