@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from twin.campaigns.execute import execute
+from twin.campaigns.folder import Folder
 from twin.campaigns.read import read_spec
 from twin.campaigns.spec import Spec
 
@@ -57,3 +59,11 @@ def spec_of(tmp_path: Path) -> Callable[..., Spec]:
         return read_spec(path)
 
     return made
+
+
+@pytest.fixture(scope="module")
+def undisturbed(file, tmp_path_factory) -> Path:
+    """The results of the module's `file`, flown at once."""
+    folder = tmp_path_factory.mktemp("undisturbed") / "out"
+    execute(read_spec(file), Folder(folder), workers=1, tell=silent)
+    return folder

@@ -44,13 +44,6 @@ def file(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(file, tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("undisturbed") / "out"
-    execute(read_spec(file), Folder(folder), workers=1, tell=silent)
-    return folder
-
-
-@pytest.fixture(scope="module")
 def dask(tmp_path_factory) -> Generator[Processes]:
     with Processes(tmp_path_factory.mktemp("dask")) as processes:
         processes.worker()

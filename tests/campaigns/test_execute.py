@@ -38,13 +38,6 @@ def file(tmp_path_factory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def undisturbed(file, tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("undisturbed") / "out"
-    execute(read_spec(file), Folder(folder), workers=1, tell=silent)
-    return folder
-
-
 def test_one_row_a_run_with_units_in_the_schema(undisturbed, file):
     spec = read_spec(file)
     assert list(shards(undisturbed)) == [f"shard-{n:07d}.parquet" for n in range(4)]
