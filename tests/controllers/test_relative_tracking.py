@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from papers.flown import perfect
 from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.controller.exchange import Wheels
@@ -18,7 +19,6 @@ from twin.platform import Platform, load_platform
 from twin.radio import Airwaves, Radio, Station
 from twin.recording import Recording
 from twin.reference import Hold, Reference, Slew
-from twin.reproduce.flown import perfect
 from twin.rotation import from_rotation_vector, to_rotation_vector
 from twin.stream.recorder import MemoryRecorder
 
