@@ -174,7 +174,7 @@ def test_a_run_that_splits_is_recommended():
 def test_where_repeating_the_logs_does_more_that_is_said():
     document = experiment_document(experiment(4.0, 9.0))
     assert document["command"] is None
-    assert "once more" in document["sentence"]
+    assert "repeat the same logs" in document["sentence"]
 
 
 def test_where_no_run_splits_the_physics_that_could_is_said():

@@ -67,7 +67,7 @@ def test_a_sentence_says_what_a_force_is_told_beside(draft):
     text = cause_sentence(Cause(effect, free, half, beside, 20.0, 20.0, 0.9, ()))
     first, _, second = text.partition("taking point")
     assert "force" not in first
-    assert "force" in second.partition("which no log tells: ")[2]
+    assert "force" in second.partition("which no log identifies: ")[2]
 
 
 def test_what_leans_on_a_shape_of_another_cause_is_told_beside_that():

@@ -48,7 +48,7 @@ def test_a_late_torque_turns_a_weightless_pendulum_as_much_later(agrees):
     spin = 0.5 * torque / platform.inertia[1, 1]
     angle = plant.truth()["truth_joint_angle"].value[0, 0, 0]
     off = angle / (spin * (1.75 - delay)) - 1.0
-    agrees("joint_torque_delay: angle after an impulse, without weight", abs(off), 1e-9)
+    agrees("joint_torque_delay: angle after an impulse, without weight", abs(off), 1e-11)
 
 
 def test_an_encoder_shows_waves_around_the_turn_and_its_rate_is_that_of_what_it_shows(agrees):
