@@ -23,7 +23,7 @@ from twin.predict.innovations import Problem
 from twin.predict.logs import motion_of
 from twin.predict.sensors import SENSED
 from twin.predict.states import PathForces
-from twin.recording import Recording
+from twin.recording import Recording, Series
 from twin.reference import parse_reference
 from twin.stream.recorder import MemoryRecorder
 
@@ -172,3 +172,11 @@ def test_a_log_that_shows_no_tilt_is_refused():
     log = without(flown("tas2", SEED), "attitude", "inclinometer", "accelerometer")
     with pytest.raises(UsageError, match="nor gyro and inclinometer or accelerometer"):
         predictor(log, "tas2")
+
+
+def test_a_hinge_with_a_gyro_alone_is_refused_with_the_column_to_name():
+    time = np.arange(0.0, 20.0, 0.01)
+    rate = np.cos(4.4 * time)
+    gyro = Series(time, np.column_stack([0.01 * rate, rate, 0.0 * rate]), ("x", "y", "z"), "rad/s")
+    with pytest.raises(UsageError, match=r"turns most about y: .*\[streams.joint_rate\]"):
+        motion_of(Recording({"gyro": gyro}), load_platform("dfki_pendulum"))

@@ -112,10 +112,14 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
         check_columns(recording, platform, ("attitude", "gyro", *TILT))
         recording = _with_attitude(recording)
     if stream not in recording or len(recording[stream]) < 2 * WINDOWS[0]:
+        either = {
+            "joint_angle": " nor 'joint_rate'",
+            "attitude": " (nor gyro and inclinometer or accelerometer)",
+        }
         raise UsageError(
-            f"the log has no stream {stream!r} of at least {2 * WINDOWS[0]} samples"
-            + (" (nor gyro and inclinometer or accelerometer)" if stream == "attitude" else "")
-            + f", without which the motion of {platform.name} cannot be predicted"
+            f"the log has no stream {stream!r}{either.get(stream, '')} of at least "
+            f"{2 * WINDOWS[0]} samples, without which the motion of {platform.name} cannot be "
+            f"predicted{_of_gyro(recording) if platform.base.kind == 'hinge' else ''}"
         )
     series = recording[stream]
     if stream == "joint_angle":
@@ -135,6 +139,18 @@ def motion_of(recording: Recording, platform: Platform) -> Motion:
         rate = _interpolated(time, gyro_time, smooth_rate)
         acceleration = _interpolated(time, gyro_time, smooth_acceleration)
     return Motion(time, attitude, rate, acceleration, width)
+
+
+def _of_gyro(recording: Recording) -> str:
+    """What to write where a gyro is the only stream that shows how a hinge turns."""
+    if "gyro" not in recording or len(recording["gyro"]) < 2 * WINDOWS[0]:
+        return ""
+    gyro = recording["gyro"]
+    axis = gyro.columns[int(np.argmax(np.std(gyro.value, axis=0)))]
+    return (
+        f"; its gyro turns most about {axis}: if that is the hinge's axis, take that column as "
+        "[streams.joint_rate] in log.toml, with scale = -1 if it points the other way"
+    )
 
 
 def _on_floor(recording: Recording, platform: Platform) -> Motion:
