@@ -114,6 +114,19 @@ def _movella_dot(path: Path, m: Motion) -> None:
     path.write_text("\n".join(head) + "\n" + _text([names, *body]))
 
 
+def _movella_dot_euler(path: Path, m: Motion) -> None:
+    names = ["PacketCounter", "SampleTimeFine", *(f"Euler_{a}" for a in "XYZ"), "Status"]
+    ticks = np.round(1e6 * m.time).astype(int) + 2_812_000_000  # microseconds
+    rows = _numbers(m.euler[:, ::-1] / DEG)  # roll, pitch, yaw
+    body = [
+        [str(i), str(tick), *row, "0"]
+        for i, (tick, row) in enumerate(zip(ticks, rows, strict=True), 1)
+    ]
+    path.write_text("DeviceTag:,DOT_1\nMeasurement Mode:,Orientation (Euler)\n\n")
+    with path.open("a") as file:
+        file.write(_text([names, *body]))
+
+
 def _ximu3(path: Path, m: Motion) -> None:
     path.mkdir()
     ticks = np.round(1e6 * (m.time + 4.0))
@@ -786,6 +799,7 @@ DEVICES = (
     Maker("SBG sbgBasicLogger", "a.txt", _sbg, INERTIAL),
     Maker("Shimmer Consensys", "a.csv", _shimmer, INERTIAL),
     Maker("Movella DOT", "a.csv", _movella_dot, ("attitude", *INERTIAL)),
+    Maker("Movella DOT, Euler angles", "a.csv", _movella_dot_euler, ("attitude",)),
     Maker("x-io x-IMU3", "log", _ximu3, ("attitude", *INERTIAL)),
     Maker("WitMotion", "a.txt", _witmotion, ("attitude", *ALL_THREE)),
     Maker("MPU-6050 in counts", "a.csv", _mpu6050_counts, ("accelerometer",), 1e-3),

@@ -220,6 +220,18 @@ def _matrices(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
         yield Proposal("attitude", table, ordered, {"format": '"matrix"'}, [reason], unsure)
 
 
+def _euler(table: DataTable, columns: Sequence[str], values: Array) -> Proposal:
+    """Yaw, pitch and roll."""
+    proposal = Proposal("attitude", table, tuple(columns), {"format": '"euler_zyx"'})
+    proposal.reasons.append(f"{', '.join(columns)}: Euler angles")
+    steep = float(np.abs(values[:, 1]).max()) > 0.5 * np.pi  # no pitch is, in rad
+    _unit(proposal, values, (("deg", 0.0 if steep else 6.5), ("rad", 0.0)))
+    if not _texts(proposal) and not steep and "unit" not in proposal.keys:
+        proposal.unsure.append("whether the angles are in rad")
+    proposal.unsure.append("the order in which the angles turn, and their signs")
+    return proposal
+
+
 def _angles(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
     """Yaw, pitch and roll, or a rotation vector."""
     plain = {_plain(name).lower(): name for name in names}
@@ -232,15 +244,24 @@ def _angles(table: DataTable, names: Sequence[str]) -> Iterator[Proposal]:
         values = table.columns(columns) if len(columns) == 3 else None
         if values is None or re.search(_SKIPPED, stem):
             continue
-        proposal = Proposal("attitude", table, columns, {"format": '"euler_zyx"'})
-        proposal.reasons.append(f"{', '.join(columns)}: Euler angles")
-        steep = float(np.abs(values[:, 1]).max()) > 0.5 * np.pi  # no pitch is, in rad
-        _unit(proposal, values, (("deg", 0.0 if steep else 6.5), ("rad", 0.0)))
-        if not _texts(proposal) and not steep and "unit" not in proposal.keys:
-            proposal.unsure.append("whether the angles are in rad")
-        proposal.unsure.append("the order in which the angles turn, and their signs")
+        proposal = _euler(table, columns, values)
         if word == "heading":
             proposal.unsure.append("whether the axes are NED, for a heading counts clockwise")
+        yield proposal
+    for stem, (x, y, z) in _groups(names, _AXES):
+        if not re.search(r"euler([ _.]?angles?)?$", stem):
+            continue
+        values = table.columns((x, y, z))
+        if values is None:
+            continue
+        # Movella: roll, pitch, yaw from -180 to 180; Bosch: heading from 0 to 360, roll, pitch
+        heading = float(values[:, 0].min()) >= 0.0 and float(values[:, 0].max()) > 180.0
+        columns = (x, z, y) if heading else (z, y, x)
+        proposal = _euler(table, columns, values)
+        proposal.reasons.append(
+            f"{', '.join(columns)} for yaw, pitch and roll, "
+            + ("for the first runs to 360 deg" if heading else "as Movella has X, Y and Z")
+        )
         yield proposal
     for _, columns in _groups(names, ("rx", "ry", "rz")):
         values = table.columns(columns)
