@@ -38,8 +38,8 @@ try:
     twin.fly("astros", plant="pty", duration=1.0)
 except twin.TwinError as problem:
     print(problem)
-from twin.service.doctor import permissions_found
-print(*permissions_found())
+from twin.service.doctor import check_permissions
+print(*check_permissions())
 """
 
 
