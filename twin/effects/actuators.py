@@ -11,6 +11,7 @@ from twin.effects.effect import Domain, EffectError, parameter
 from twin.effects.on_body import BodyEffect, body_of_joint
 from twin.effects.on_series import (
     Array,
+    DelayEffect,
     Live,
     Order,
     ReadingEffect,
@@ -19,7 +20,6 @@ from twin.effects.on_series import (
     ScatterEffect,
     SeriesEffect,
     columns_of,
-    with_time,
     with_value,
 )
 from twin.platform import Platform, Thruster
@@ -117,7 +117,7 @@ class JointTorqueGain(ScaleEffect):
 
 
 @dataclass(frozen=True)
-class JointTorqueDelay(SeriesEffect):
+class JointTorqueDelay(DelayEffect):
     """A hinge's torque commanded, or read, at t acts at t + tau.
 
     A drive answers a cycle or two of its bus after the command, and its current, from which a
@@ -129,7 +129,6 @@ class JointTorqueDelay(SeriesEffect):
     domain = Domain.actuator
     observable = "angle and rate follow the torque later than the model says"
     streams = ("joint_angle", "command_joint_torque")
-    order = Order.delay
     acts_on = "command_joint_torque"
 
     delay: float = parameter(
@@ -141,11 +140,8 @@ class JointTorqueDelay(SeriesEffect):
         high=0.5,
     )
 
-    def apply(self, samples: Samples, platform: Platform) -> Samples:
-        return with_time(samples, samples.time + self.delay)
-
-    def undo(self, samples: Samples, platform: Platform) -> Samples:
-        return with_time(samples, samples.time - self.delay)
+    def lateness(self) -> float:
+        return self.delay
 
 
 @dataclass(frozen=True)
@@ -579,14 +575,13 @@ class NozzleGain(ScaleEffect):
 
 
 @dataclass(frozen=True)
-class ThrusterDelay(SeriesEffect):
+class ThrusterDelay(DelayEffect):
     """A force commanded at t acts at t + tau, beyond the delay that platform.toml states."""
 
     name = "thruster_delay"
     domain = Domain.actuator
     observable = "the machine answers to every command after a constant time"
     streams = ("gyro", "command_thruster")
-    order = Order.delay
     acts_on = "command_thruster"
 
     delay: float = parameter(
@@ -598,11 +593,8 @@ class ThrusterDelay(SeriesEffect):
         high=1.0,
     )
 
-    def apply(self, samples: Samples, platform: Platform) -> Samples:
-        return with_time(samples, samples.time + self.delay)
-
-    def undo(self, samples: Samples, platform: Platform) -> Samples:
-        return with_time(samples, samples.time - self.delay)
+    def lateness(self) -> float:
+        return self.delay
 
 
 @dataclass(frozen=True)

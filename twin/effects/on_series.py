@@ -89,6 +89,23 @@ class ScaleEffect(SeriesEffect, abc.ABC):
 
 
 @dataclass(frozen=True)
+class DelayEffect(SeriesEffect, abc.ABC):
+    """Lets a stream come later."""
+
+    order = Order.delay
+
+    @abc.abstractmethod
+    def lateness(self) -> float:
+        """By how much [s]; negative where it comes early."""
+
+    def apply(self, samples: Samples, platform: Platform) -> Samples:
+        return with_time(samples, samples.time + self.lateness())
+
+    def undo(self, samples: Samples, platform: Platform) -> Samples:
+        return with_time(samples, samples.time - self.lateness())
+
+
+@dataclass(frozen=True)
 class BiasEffect(SeriesEffect, abc.ABC):
     """Adds a constant to each column of a stream."""
 

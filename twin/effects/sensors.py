@@ -10,6 +10,7 @@ from twin.effects.on_body import BodyEffect, State, TorqueLaw
 from twin.effects.on_series import (
     Array,
     BiasEffect,
+    DelayEffect,
     Live,
     Order,
     ReadingEffect,
@@ -588,14 +589,13 @@ class ClockDrift(SeriesEffect):
 
 
 @dataclass(frozen=True)
-class ClockLag(SeriesEffect):
+class ClockLag(DelayEffect):
     """A value stamped t was true at t - tau; positive: the data come late."""
 
     name = "clock_lag"
     domain = Domain.clock
     observable = "the stream follows the others after a constant time"
     streams = ("gyro", "attitude")
-    order = Order.delay
     takes = "stream"
 
     lag: float = parameter(
@@ -607,8 +607,5 @@ class ClockLag(SeriesEffect):
         high=60.0,
     )
 
-    def apply(self, samples: Samples, platform: Platform) -> Samples:
-        return with_time(samples, samples.time + self.lag)
-
-    def undo(self, samples: Samples, platform: Platform) -> Samples:
-        return with_time(samples, samples.time - self.lag)
+    def lateness(self) -> float:
+        return self.lag
