@@ -175,7 +175,7 @@ class PrescribedJoints:
         self._gimbal_acceleration = np.array([gimbal.acceleration for gimbal in gimbals])
         self.loops = rate_loops(platform, self._gimbal_angle)
         """Of gimbals whose drives are stated."""
-        self._gyros = _Gyros(machine)
+        self._gyros = None if self.loops is None else _Gyros(machine)
         self._qvel[:, machine.rotor_dof] = [rotor.speed for rotor in platform.rotors]
 
     def send_stages(self, position: Array) -> None:
@@ -212,7 +212,7 @@ class PrescribedJoints:
             force = self.no_forces(steps)
             push = np.repeat(acceleration, self._held, axis=1) * self._inertia[0]
             force[:, :, self._machine.stage_dof] = push
-        if self.loops is not None:
+        if self.loops is not None and self._gyros is not None:
             acceleration = self.loops.turn(
                 self._gimbal_target,
                 self._gyros.load(self._qpos, self._qvel),

@@ -32,8 +32,6 @@ and <composite> the points of."""
 _GRID = 2000 * 2000
 """Points that an <hfield> or a <texture> may have."""
 
-"""Of a number; a longer one is too large for anything."""
-
 _GROWS = {
     "replicate": (("count",), _COPIES),
     "composite": (("count",), _COPIES),
