@@ -38,7 +38,7 @@ Say = Callable[[str], None]
 
 RESERVED = ("world", "plots", "provenance")
 """Trees of a recording that are no machine's."""
-APART = 1.2
+SPACING = 1.2
 """Between the middles of two machines that stand side by side, in parts of their mean size."""
 
 
@@ -111,7 +111,7 @@ def fly_formation(
     keep: bool = True,
     say: Say = lambda line: None,
 ) -> FormationRun:
-    """Fly several simulated machines in one run, each under a law of its own.
+    """Fly several simulated machines in one run, each under a law of its settings.
 
     Each law sees its own machine, and the others by radio (`Estimate.received`). With the radio cut
     each flies to the same bits as alone, machine number k with the seed `seed` + k.
@@ -174,8 +174,8 @@ def fly_formation(
         every[next(iter(every))].append(FlightProgress(longest))
         if recording is not None:
             placed = {n: Placed(flights[n].platform, s.origin) for n, s in stations.items()}
-            whole = {"schema": SCHEMA, "kind": "run", **shared, MACHINES: facts}
-            trees = recording.recorder.start_several(placed, whole)
+            provenance_of_all = {"schema": SCHEMA, "kind": "run", **shared, MACHINES: facts}
+            trees = recording.recorder.start_several(placed, provenance_of_all)
             for name, observer in trees.items():
                 every[name].append(observer)
         for flight in flights.values():
@@ -250,12 +250,12 @@ def _seats(
                 raise UnknownName("setting of a machine", key, SETTINGS)
     seats: dict[str, Seat] = {}
     for name in platforms:
-        own = dict(each.get(name, {}))
-        if own.get("torque") is not None:
-            own = {"controller": "free_float", "gains": None, **own}
-        elif "controller" in own:  # the common gains are those of the common law
-            own = {"gains": None, **own}
-        seats[name] = replace(common, **own)
+        settings = dict(each.get(name, {}))
+        if settings.get("torque") is not None:
+            settings = {"controller": "free_float", "gains": None, **settings}
+        elif "controller" in settings:  # the common gains are those of the common law
+            settings = {"gains": None, **settings}
+        seats[name] = replace(common, **settings)
     return seats
 
 
@@ -293,7 +293,7 @@ def _stations(flights: Mapping[str, Flight], seats: Mapping[str, Seat]) -> dict[
     for name, flight in flights.items():
         platform = flight.platform
         extent = float(load_mjcf(platform.model_path).stat.extent)
-        y += 0.5 * APART * (before + extent) if stations else 0.0
+        y += 0.5 * SPACING * (before + extent) if stations else 0.0
         before = extent
         origin = seats[name].origin or (0.0, round(y, 2), 0.0)
         stations[name] = Station(name, platform.base.travels, origin)

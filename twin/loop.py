@@ -257,9 +257,9 @@ def _relate(due: "Sequence[_Cycle]") -> None:
     """True states relative to each other, where they are recorded."""
     truths = {cycle.member.station: cycle.true() for cycle in due if cycle.member.observers}
     for cycle in due:
-        own = cycle.member.station
-        others = {other: truth for other, truth in truths.items() if other != own}
-        cycle.relative = as_true(own, truths[own], others) if own in truths else {}
+        station = cycle.member.station
+        others = {other: truth for other, truth in truths.items() if other != station}
+        cycle.relative = as_true(station, truths[station], others) if station in truths else {}
 
 
 class _Cycle:

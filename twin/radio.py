@@ -116,7 +116,7 @@ class Airwaves:
             UnknownName: `hears` names no machine of the run.
         """
         names = [station.name for station in stations]
-        for name in (*radio.hears, *(one for heard in radio.hears.values() for one in heard)):
+        for name in (*radio.hears, *(sender for heard in radio.hears.values() for sender in heard)):
             if name not in names:
                 raise UnknownName("machine", name, names)
         self._radio = radio
@@ -130,18 +130,18 @@ class Airwaves:
             for receiver in stations
         }
 
-    def due(self, name: str, now: float) -> bool:
+    def due(self, name: str, time: float) -> bool:
         """Whether a machine sends at this tick of its own [s]."""
         if self._radio.loss == 1.0:
             return False
-        return math.isinf(self._radio.rate) or now >= self._sent[name] / self._radio.rate - _EPS
+        return math.isinf(self._radio.rate) or time >= self._sent[name] / self._radio.rate - _EPS
 
-    def send(self, name: str, now: float, estimate: Estimate, extra: Mapping[str, Array]) -> None:
+    def send(self, name: str, time: float, estimate: Estimate, extra: Mapping[str, Array]) -> None:
         """A machine sends what it knows at a tick of its own [s]."""
         if math.isfinite(self._radio.rate):
-            self._sent[name] = math.floor((now + _EPS) * self._radio.rate) + 1
+            self._sent[name] = math.floor((time + _EPS) * self._radio.rate) + 1
         message = Received(
-            np.where(estimate.valid, now, np.nan),
+            np.where(estimate.valid, time, np.nan),
             estimate.attitude,
             estimate.rate_body,
             estimate.position,
@@ -150,11 +150,11 @@ class Airwaves:
         )
         for links in self._links.values():
             if name in links:
-                links[name].send(now + self._radio.delay, message)
+                links[name].send(time + self._radio.delay, message)
 
-    def received(self, name: str, now: float) -> dict[str, Received]:
+    def received(self, name: str, time: float) -> dict[str, Received]:
         """What a machine has heard by now, the newest of each other one."""
-        heard = {sender: link.newest(now) for sender, link in self._links[name].items()}
+        heard = {sender: link.newest(time) for sender, link in self._links[name].items()}
         return {sender: message for sender, message in heard.items() if message is not None}
 
 
@@ -188,9 +188,9 @@ class _Link:
             place = place + self._shift
         self._under_way.append((arrival, replace(message, position=place, velocity=velocity)))
 
-    def newest(self, now: float) -> Received | None:
+    def newest(self, time: float) -> Received | None:
         """The newest message that has come by now [s] in each run; None before the first."""
-        while self._under_way and self._under_way[0][0] <= now + _EPS:
+        while self._under_way and self._under_way[0][0] <= time + _EPS:
             message = self._under_way.popleft()[1]
             if message.valid.all():
                 self._newest = message
@@ -284,8 +284,8 @@ def as_true(
         values = {"truth_relative_attitude": turn, "truth_relative_rate": turning}
         if station.travels and other.travels:
             shift = np.subtract(station.origin, other.origin)
-            here, there = truth["truth_position"], states["truth_position"]
-            values["truth_relative_position"] = (here.value - there.value)[:, 0] + shift
+            mine, other_place = truth["truth_position"], states["truth_position"]
+            values["truth_relative_position"] = (mine.value - other_place.value)[:, 0] + shift
             speeds = truth["truth_velocity"].value - states["truth_velocity"].value
             values["truth_relative_velocity"] = speeds[:, 0]
         for stream, value in values.items():

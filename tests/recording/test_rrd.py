@@ -12,10 +12,10 @@ from tests.processes import PATIENCE
 from twin.errors import RecordingError
 from twin.recording import Recording, Series, read_recording
 from twin.recording.rrd import RrdFile
-from twin.recording.rrd_reader import OF_ONE_MACHINE, SCHEMA
+from twin.recording.rrd_reader import SCHEMA, SINGLE_MACHINE
 from twin.stream.runfile import write_recording
 
-FACTS = {"schema": OF_ONE_MACHINE, "platform": "sads", "seed": 3, "note": "näher als 1 µm"}
+FACTS = {"schema": SINGLE_MACHINE, "platform": "sads", "seed": 3, "note": "näher als 1 µm"}
 
 
 def fresh_rng() -> np.random.Generator:

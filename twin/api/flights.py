@@ -108,7 +108,7 @@ def fly(
     from twin.stream.provenance import provenance
     from twin.stream.recorder import FlightRecorder, MemoryRecorder, Recorded
 
-    own = effects_of(effects)
+    extra = effects_of(effects)
     kind, _, log = plant.partition(":")
     check_start(plant, identified, (*attitude, *rate, *velocity))
     path = None if rrd is None else Path(rrd)
@@ -140,8 +140,8 @@ def fly(
             seed=seed,
             initial=initial,
             gains=gains,
-            effects=own,
-            held=_held(arm),
+            effects=extra,
+            held=_table_state(arm),
             lockstep=lockstep,
             tell=say,
         )
@@ -268,7 +268,7 @@ def balance(
     return session.run(machine, rrd=path, tell=say, watch=watch)
 
 
-def _held(arm: str | None) -> Held | None:
+def _table_state(arm: str | None) -> Held | None:
     from twin.errors import UnknownName
     from twin.plant.guard.guarded import Held
 

@@ -115,7 +115,7 @@ class RunVerb:
 
         if self.others:
             return self._fly_several()
-        self._check_alone()
+        self._check_single()
         broken: TwinError | Stopped | None = None
         try:
             run = self._fly()
@@ -174,7 +174,7 @@ class RunVerb:
                 say=tell,
             )
 
-    def _check_alone(self) -> None:
+    def _check_single(self) -> None:
         from twin.errors import UsageError
 
         for option, given in (("--radio", self.radio), ("--each", self.each)):
@@ -188,8 +188,12 @@ class RunVerb:
         from twin.formation import fly_formation
         from twin.report.outcomes import flown_together
 
-        alone = {"--arm": self.arm, "--identified": self.identified, "--lockstep": self.lockstep}
-        refused = [option for option, given in alone.items() if given]
+        of_single = {
+            "--arm": self.arm,
+            "--identified": self.identified,
+            "--lockstep": self.lockstep,
+        }
+        refused = [option for option, given in of_single.items() if given]
         if self.plant != "sim" or refused:
             option = "--plant " + self.plant if self.plant != "sim" else refused[0]
             raise UsageError(
@@ -216,7 +220,7 @@ class RunVerb:
                 self.controller,
                 radio=self.radio or "",
                 each={name: common for name in names}
-                | {n: common | own for n, own in each.items()},
+                | {n: common | settings for n, settings in each.items()},
                 gains=_gains(self.gains),
                 reference=self.reference,
                 estimator=self.estimator,
@@ -237,12 +241,14 @@ class RunVerb:
                     f"recorded in {self.rrd}: look at it with `twin view {self.rrd}`, "
                     f"and at one machine's log with `twin show {self.rrd}#{names[0]}`"
                 )
-        asked = next((run.outcome.asked for run in result.runs.values() if run.outcome.asked), 0)
-        if asked not in (0, signal.SIGINT):
+        signalled = next(
+            (run.outcome.asked for run in result.runs.values() if run.outcome.asked), 0
+        )
+        if signalled not in (0, signal.SIGINT):
             from twin.stop import Stopped
 
-            raise Stopped(asked)
-        return 0 if result.ended == "done" or asked else 1
+            raise Stopped(signalled)
+        return 0 if result.ended == "done" or signalled else 1
 
     def kept(self) -> str:
         """What a run leaves on disk that was stopped before its law started."""

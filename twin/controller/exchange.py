@@ -333,9 +333,9 @@ class WheeledBody:
         acceleration = rotate(conjugate(error), goal.acceleration_body)
         moment = self.moment + np.einsum("nj,ji->ni", estimate.stage_position, self.slides)
         gravity = cross(moment, -self.gravity * vertical_body(estimate.attitude))
-        whole = np.einsum("ij,nj->ni", inertia, turning) + self.wheels.momentum(estimate)
+        momentum = np.einsum("ij,nj->ni", inertia, turning) + self.wheels.momentum(estimate)
         wanted = np.einsum("ij,nj->ni", inertia, cross(turning, rate) + acceleration)
-        return cross(whole, turning) + gravity - wanted
+        return cross(momentum, turning) + gravity - wanted
 
 
 def fixed_axes(platform: Platform, law: str) -> Array:
@@ -396,8 +396,8 @@ def follow_momentum(
     """
     inertia, rate = exchange.inertia, estimate.rate_body
     # einsum rather than @: a row's last bits must not depend on how many runs there are.
-    own = np.einsum("ij,nj->ni", inertia, rate)
-    error = own - np.einsum("ij,...j->...i", inertia, target.rate_body)
+    angular = np.einsum("ij,nj->ni", inertia, rate)
+    error = angular - np.einsum("ij,...j->...i", inertia, target.rate_body)
     ahead = np.einsum("ij,...j->...i", inertia, target.acceleration_body)
-    whole = own + exchange.momentum(estimate)
-    return error, gain * error - cross(rate, whole) - ahead
+    momentum = angular + exchange.momentum(estimate)
+    return error, gain * error - cross(rate, momentum) - ahead

@@ -32,9 +32,9 @@ def coasted(
     angle = angle + moving * (rate + 0.5 * moving * braking)
     rate = np.where(until <= time, 0.0, rate + moving * braking)
     breaks = (rate == 0.0) & (np.abs(torque) > static)
-    left = np.where(breaks, time - moving, 0.0)
+    remaining = np.where(breaks, time - moving, 0.0)
     starting = (torque - dry * np.sign(torque)) / inertia
-    return angle + 0.5 * left**2 * starting, rate + left * starting
+    return angle + 0.5 * remaining**2 * starting, rate + remaining * starting
 
 
 @dataclass
@@ -92,17 +92,17 @@ class RateLoops:
         Returns:
             Mean acceleration in each step, (n, steps, g) [rad/s^2].
         """
-        held = np.empty((len(self.angle), steps, len(self.drives)))
+        mean = np.empty((len(self.angle), steps, len(self.drives)))
         periods = round(step / self._period)
         reach = acceleration * self._period
         for number in range(steps):
             angle, rate = self.angle, self.rate
             for _ in range(periods):
                 self._tick(target, load, reach)
-            held[:, number] = (self.rate - rate) / step
+            mean[:, number] = (self.rate - rate) / step
             # the joint has that acceleration all through the step: its angle is the drive's
             self._shift(angle + 0.5 * step * (rate + self.rate) - self.angle)
-        return held
+        return mean
 
     def _shift(self, by: Array) -> None:
         self.angle = self.angle + by
@@ -116,11 +116,11 @@ class RateLoops:
         rate = np.where(self._encoder > 0.0, (shown - self._shown) / self._period, self.rate)
         self._shown = shown
         direct = self._proportional * (self._wish - rate)
-        asked = direct + self._integral * (self._goal - shown)
-        torque = self._limited(asked)
+        demanded = direct + self._integral * (self._goal - shown)
+        torque = self._limited(demanded)
         with np.errstate(divide="ignore", invalid="ignore"):
             back = shown + (torque - direct) / self._integral
-        self._goal = np.where((torque != asked) & (self._integral > 0.0), back, self._goal)
+        self._goal = np.where((torque != demanded) & (self._integral > 0.0), back, self._goal)
         self.angle, self.rate = coasted(
             self.angle,
             self.rate,

@@ -177,7 +177,7 @@ def _keep_only(
         if len(within):
             where = f"{entry.name} ({entry.path.name})"
             begins_at, ends_at = float(within[0]), float(within[-1])
-            timeline = timeline.one_run(begins_at, ends_at, selection.file, where)
+            timeline = timeline.single_run(begins_at, ends_at, selection.file, where)
         first = max(int(np.searchsorted(shown, start - FOLLOWED)) - 1, 0)
         last = int(np.searchsorted(shown, stop, side="right"))
         if entry.is_of_whole:

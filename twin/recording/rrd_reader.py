@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 SCHEMA = 2
 """Newest version; a reader refuses a newer one. It counts up when an old reader would misread."""
-OF_ONE_MACHINE = 1
+SINGLE_MACHINE = 1
 """Version of a recording of one machine. One of several has a tree of entities for each, with a
 provenance that says of each what that of a single machine says; before, streams had one tree."""
 
@@ -114,10 +114,10 @@ def _chosen(path: Path, name: str, start: str) -> tuple[str, str]:
     problem = f"holds {len(ids)} recordings" if not start else f"has no recording {start!r}"
     if start and fitting:
         problem = f"has {len(fitting)} recordings that begin {start!r}"
-    raise _Refused(problem, _one_of(name, [one[:SHOWN] for one in ids]))
+    raise _Refused(problem, _choice_of(name, [one[:SHOWN] for one in ids]))
 
 
-def _one_of(name: str, parts: Iterable[str]) -> str:
+def _choice_of(name: str, parts: Iterable[str]) -> str:
     return f"name one of {', '.join(f'{name}#{part}' for part in parts)}"
 
 
@@ -185,7 +185,7 @@ class _Parts:
             return "/"
         if chosen not in machines:
             problem = f"has no machine {chosen!r}" if chosen else "holds several machines"
-            raise _Refused(problem, _one_of(self.name, machines), tuple(machines))
+            raise _Refused(problem, _choice_of(self.name, machines), tuple(machines))
         self.facts |= {**machines[chosen], "name": chosen}
         return f"/{rr.escape_entity_path_part(chosen)}/"
 

@@ -24,7 +24,7 @@ USUALLY = 0.5
 """Share of the rows at least that follow one another by such a counter."""
 EVEN = 0.2
 """Share of the usual step by which most steps of a clock differ at most."""
-MOST_LISTED = 3
+LISTED_CLOCKS = 3
 """Clocks that an error proposes."""
 
 
@@ -35,9 +35,9 @@ def is_count(time: Array) -> bool:
 
 def counted(count: Array) -> tuple[Array | None, str]:
     """A counter of samples from 0, without its wraps; else None, and why it is none."""
-    whole = count == np.round(count)
-    if not whole.all():
-        return None, f"holds {count[~whole][0]:g}, which is no count of samples"
+    integral = count == np.round(count)
+    if not integral.all():
+        return None, f"holds {count[~integral][0]:g}, which is no count of samples"
     steps = np.diff(count)
     if (steps < 0.0).any():
         modulus = next((wrap for wrap in WRAPS if wrap > count.max()), None)
@@ -95,7 +95,7 @@ def clocks_among(file: NumberFile, names: Sequence[str]) -> list[str]:
             called.append(name)
         elif np.mean(np.abs(steps - usual) < EVEN * usual) > 0.5:
             even.append(name)
-    return (called or even)[:MOST_LISTED]
+    return (called or even)[:LISTED_CLOCKS]
 
 
 @dataclass(frozen=True)
@@ -124,9 +124,9 @@ class Timeline:
             time = time - self.late
         return Series(time, np.empty((len(time), 0)), (), "1")
 
-    def rows_between(self, start: float, stop: float, beside: int) -> tuple[int, int]:
-        """The first and the last row of the file in a time [s], widened by so many rows `beside`
-        them within `span`. Where no row is in that time, the nearest one."""
+    def rows_between(self, start: float, stop: float, margin: int) -> tuple[int, int]:
+        """The first and the last row of the file in a time [s], widened by `margin` rows on either
+        side within `span`. Where no row is in that time, the nearest one."""
         (mine,) = np.nonzero(self.has)
         if self.span is not None:
             mine = mine[np.searchsorted(self.row_of(mine), self.span[0]) :]
@@ -137,9 +137,9 @@ class Timeline:
             among = np.argmin(np.maximum(start - time, time - stop), keepdims=True)
         first, last = (int(row) for row in self.row_of(mine[among[[0, -1]]]))
         low, high = self.span or (0, np.iinfo(np.intp).max)
-        return max(first - beside, low, 0), min(last + beside, high)
+        return max(first - margin, low, 0), min(last + margin, high)
 
-    def one_run(self, start: float, stop: float, file: NumberFile, where: str) -> "Timeline":
+    def single_run(self, start: float, stop: float, file: NumberFile, where: str) -> "Timeline":
         """Without rows beyond a step back of the clock.
 
         A part is of the first run of the clock that has rows in it. Where the part ends within

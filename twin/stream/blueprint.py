@@ -625,7 +625,7 @@ def blueprint(
         pairs = [view for stream in predicted for view in _pair(stream, known)]
         compared = rrb.Grid(*pairs, grid_columns=2, name="measured, predicted, residual")
         shown = rrb.Tabs(compared, flight, active_tab=0)
-    return _arranged(_view(platform.title, *_seen(platform)), shown, remarks)
+    return _arranged(_view(platform.title, *_viewpoint(platform)), shown, remarks)
 
 
 def layout_of_several(machines: Mapping[str, Placed], *, remarks: bool = False) -> rrb.Blueprint:
@@ -637,7 +637,7 @@ def layout_of_several(machines: Mapping[str, Placed], *, remarks: bool = False) 
         if placed.platform is None:
             continue
         tabs.append(_flight(placed.platform, placed.streams, name, tree_of(name)))
-        center, back = _seen(placed.platform)
+        center, back = _viewpoint(placed.platform)
         eyes.append((center + placed.origin, back))
         for other in list(machines)[:number]:
             title = f"attitude of {name} relative to {other} [deg]"
@@ -766,7 +766,7 @@ def _pair(
     return both, _graph(title, entity(residual))
 
 
-def _seen(platform: Platform) -> tuple[Array, Array]:
+def _viewpoint(platform: Platform) -> tuple[Array, Array]:
     """What the MJCF's own viewer looks at, and from there to where it stands, (3,) each [m]."""
     model = load_mjcf(platform.model_path)
     azimuth, elevation = np.radians([model.vis.global_.azimuth, model.vis.global_.elevation])

@@ -11,7 +11,7 @@ from typing import Any
 
 from twin.library import findable
 from twin.platform import Platform
-from twin.recording.rrd_reader import OF_ONE_MACHINE
+from twin.recording.rrd_reader import SINGLE_MACHINE
 
 
 def provenance(
@@ -25,7 +25,7 @@ def provenance(
         command: the command line; this process's own unless given.
     """
     return {
-        "schema": OF_ONE_MACHINE,
+        "schema": SINGLE_MACHINE,
         "kind": "run",
         "platform": findable(platform.folder, platform.name),
         "platform_files": hashes_of(platform.folder),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from twin.platform import Platform
 from twin.recording.recording import Recording
 from twin.recording.rrd import RrdFile, scalars, tree_of
-from twin.recording.rrd_reader import OF_ONE_MACHINE
+from twin.recording.rrd_reader import SINGLE_MACHINE
 from twin.stream.blueprint import (
     SAID,
     WORLD,
@@ -194,7 +194,7 @@ def write_recording(
         RecordingError: the file cannot be written.
     """
     file = RunFile(Path(path))
-    facts = {**recording.provenance, "schema": OF_ONE_MACHINE}
+    facts = {**recording.provenance, "schema": SINGLE_MACHINE}
     headers = {name: Header(s.columns, s.unit) for name, s in recording.items()}
     file.start(
         platform,
