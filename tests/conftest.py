@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from tests.seeds import seed_of
 from tests.signals import NUMBERS
 from tests.wall_clock import patient_drivers, pytest_runtest_protocol  # noqa: F401 (for all)
 from twin.check import motion
@@ -31,8 +32,9 @@ STARTED = time.monotonic()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """A way to see how often a test holds whose case is drawn."""
+    """Ways to see how often a test holds whose case is drawn."""
     parser.addoption("--draws", type=int, default=1, help="repeat each test that draws its seed")
+    parser.addoption("--seed", type=int, help="draw other cases than those of this code")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -206,11 +208,12 @@ def flight_of() -> Callable[..., Recording]:
 
 
 @pytest.fixture
-def drawn_seed() -> int:
-    """Another one each time, printed; `--draws N` repeats each test that takes it."""
-    seed = int(np.random.default_rng().integers(2**31))
-    print("seed", seed)
-    return seed
+def drawn_seed(request: pytest.FixtureRequest) -> int:
+    """Another one for each test and each change of the code, printed (`tests/seeds.py`).
+
+    `--draws N` repeats each test that takes it, and `--seed N` draws others.
+    """
+    return seed_of(request)
 
 
 @pytest.fixture

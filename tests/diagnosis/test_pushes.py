@@ -55,10 +55,9 @@ def sads() -> Platform:
 
 
 @pytest.fixture
-def draw() -> np.random.Generator:
-    seed = np.random.SeedSequence().entropy
-    print("seed", seed)
-    return np.random.default_rng(seed)
+def draw(drawn_seed: int) -> np.random.Generator:
+    """Of the test's seed."""
+    return np.random.default_rng(drawn_seed)
 
 
 def flown(

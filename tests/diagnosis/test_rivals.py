@@ -1,8 +1,8 @@
 """An only cause is held against its rivals as they are when fitted, not as its fit shows them."""
 
-import numpy as np
 import pytest
 
+from tests.seeds import seed_of
 from twin.clock import SimulatedClock
 from twin.controller import load_controller
 from twin.diagnosis.baseline import baseline_of
@@ -18,10 +18,9 @@ from twin.stream.recorder import MemoryRecorder
 
 
 @pytest.fixture(scope="module")
-def state() -> SearchState:
+def state(request: pytest.FixtureRequest) -> SearchState:
     """Of slow slews that rub a little; drag does nearly the same."""
-    seed = int(np.random.SeedSequence().generate_state(1)[0])
-    print("seed", seed)
+    seed = seed_of(request)
     platform = load_platform("sads")
     rubbing = effect_named("bearing_viscous_friction")(damping=0.001)
     memory = MemoryRecorder(platform)

@@ -53,11 +53,9 @@ def flown(sads) -> Callable[..., Recording]:
 
 
 @pytest.fixture
-def draw() -> np.random.Generator:
-    """Another one each time, its seed printed."""
-    seed = np.random.SeedSequence().entropy
-    print("seed", seed)
-    return np.random.default_rng(seed)
+def draw(drawn_seed: int) -> np.random.Generator:
+    """Of the test's seed."""
+    return np.random.default_rng(drawn_seed)
 
 
 @pytest.fixture

@@ -113,9 +113,7 @@ def test_latency_delays_the_arrival_and_not_the_stamp(sads):
     assert np.array_equal(value, truth[: len(value)]), "a late sample must be the one it was"
 
 
-def test_noise_bias_dropouts_quantisation_and_saturation_are_those_stated(sads):
-    seed = np.random.SeedSequence().generate_state(1)[0]
-    print("seed", seed)
+def test_noise_bias_dropouts_quantisation_and_saturation_are_those_stated(sads, drawn_seed: int):
     noisy = with_gyro(
         sads,
         noise=np.array([0.02, 0.01, 0.005]),
@@ -123,8 +121,8 @@ def test_noise_bias_dropouts_quantisation_and_saturation_are_those_stated(sads):
         dropout=0.2,
         resolution=1e-3,
     )
-    readings = flown(noisy, 100, runs=range(64), seed=int(seed))
-    true = flown(perfect(sads), 100, runs=range(64), seed=int(seed))
+    readings = flown(noisy, 100, runs=range(64), seed=drawn_seed)
+    true = flown(perfect(sads), 100, runs=range(64), seed=drawn_seed)
     value = np.concatenate([r.streams["gyro"].value for r, _ in readings], axis=1)
     exact = np.concatenate([r.streams["gyro"].value for r, _ in true], axis=1)
     valid = np.concatenate([r.streams["gyro"].valid for r, _ in readings], axis=1)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.seeds import seed_of
 from twin import rotation
 from twin.clock import SimulatedClock
 from twin.controller import load_controller
@@ -32,10 +33,9 @@ def sads() -> Platform:
 
 
 @pytest.fixture(scope="module")
-def log(sads) -> Recording:
-    """30 s of a multisine, its seed printed."""
-    seed = int(np.random.SeedSequence().generate_state(1)[0])
-    print("seed", seed)
+def log(sads, request: pytest.FixtureRequest) -> Recording:
+    """30 s of a multisine."""
+    seed = seed_of(request)
     memory = MemoryRecorder(sads)
     fly(
         SimulatedPlant(sads, seed=seed),

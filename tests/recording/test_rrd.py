@@ -18,10 +18,10 @@ from twin.stream.runfile import write_recording
 FACTS = {"schema": SINGLE_MACHINE, "platform": "sads", "seed": 3, "note": "näher als 1 µm"}
 
 
-def fresh_rng() -> np.random.Generator:
-    seed = int(np.random.SeedSequence().generate_state(1)[0])
-    print("seed", seed)
-    return np.random.default_rng(seed)
+@pytest.fixture
+def rng(drawn_seed: int) -> np.random.Generator:
+    """Of the test's seed."""
+    return np.random.default_rng(drawn_seed)
 
 
 def any_floats(rng: np.random.Generator, *shape: int) -> np.ndarray:
@@ -65,16 +65,16 @@ def rerun(*words: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
 
 
-def test_what_is_written_is_read_to_the_last_bit(tmp_path: Path):
-    recording = any_recording(fresh_rng())
+def test_what_is_written_is_read_to_the_last_bit(tmp_path: Path, rng):
+    recording = any_recording(rng)
     write_recording(recording, tmp_path / "a.rrd")
     copy = read_recording(tmp_path / "a.rrd")
     assert_same(recording, copy)
     assert copy.repairs == ()
 
 
-def test_rerun_verifies_the_file(tmp_path: Path):
-    write_recording(any_recording(fresh_rng()), tmp_path / "a.rrd")
+def test_rerun_verifies_the_file(tmp_path: Path, rng):
+    write_recording(any_recording(rng), tmp_path / "a.rrd")
     verified = rerun("rrd", "verify", tmp_path / "a.rrd")
     assert verified.returncode == 0, verified.stderr
 
@@ -99,8 +99,7 @@ def test_earlier_repairs_travel_with_the_recording(tmp_path: Path):
     assert dict(copy.provenance) == FACTS
 
 
-def test_a_file_cut_at_any_byte_holds_all_that_was_written_before_the_cut(tmp_path: Path):
-    rng = fresh_rng()
+def test_a_file_cut_at_any_byte_holds_all_that_was_written_before_the_cut(tmp_path: Path, rng):
     whole, cut = tmp_path / "whole.rrd", tmp_path / "cut.rrd"
     file = RrdFile(whole)
     file.provenance(FACTS)
@@ -210,8 +209,8 @@ def test_a_missing_file_is_named(tmp_path: Path):
     assert refused(tmp_path / "a.rrd") == "there is no such recording; check the path"
 
 
-def test_reading_leaves_no_copy_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    write_recording(any_recording(fresh_rng()), tmp_path / "a.rrd")
+def test_reading_leaves_no_copy_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rng):
+    write_recording(any_recording(rng), tmp_path / "a.rrd")
     cut = tmp_path / "cut.rrd"
     cut.write_bytes((tmp_path / "a.rrd").read_bytes()[:-1000])
     scratch = tmp_path / "scratch"
@@ -227,16 +226,15 @@ def _rerun(*words: str) -> None:
     subprocess.run(command, check=True, capture_output=True, timeout=PATIENCE)
 
 
-def test_a_file_that_reruns_tools_arranged_anew_reads_as_before(tmp_path: Path):
-    rng = fresh_rng()
+def test_a_file_that_reruns_tools_arranged_anew_reads_as_before(tmp_path: Path, rng):
     recording = any_recording(rng)
     write_recording(recording, tmp_path / "a.rrd")
     _rerun("optimize", str(tmp_path / "a.rrd"), "-o", str(tmp_path / "b.rrd"))
     assert_same(read_recording(tmp_path / "a.rrd"), read_recording(tmp_path / "b.rrd"))
 
 
-def test_of_two_recordings_in_a_file_one_is_chosen_by_its_name(tmp_path: Path):
-    recordings = [any_recording(fresh_rng(), rows) for rows in (20, 30)]
+def test_of_two_recordings_in_a_file_one_is_chosen_by_its_name(tmp_path: Path, rng):
+    recordings = [any_recording(rng, rows) for rows in (20, 30)]
     for name, recording in zip("ab", recordings, strict=True):
         write_recording(recording, tmp_path / f"{name}.rrd")
     _rerun("merge", *(str(tmp_path / f"{n}.rrd") for n in "ab"), "-o", str(tmp_path / "two.rrd"))
@@ -249,7 +247,9 @@ def test_of_two_recordings_in_a_file_one_is_chosen_by_its_name(tmp_path: Path):
         assert one["gyro"].value.tobytes() == recording["gyro"].value.tobytes()
 
 
-def test_a_file_that_ends_the_process_of_reruns_reader_is_refused_and_the_next_is_read(tmp_path):
+def test_a_file_that_ends_the_process_of_reruns_reader_is_refused_and_the_next_is_read(
+    tmp_path, rng
+):
     """Arrow's names end at a zero byte, and Rerun's reader aborts where one stands inside."""
     import rerun as rr
 
@@ -259,6 +259,6 @@ def test_a_file_that_ends_the_process_of_reruns_reader_is_refused_and_the_next_i
     file.close()
     with pytest.raises(RecordingError, match="nothing of a recording that could be used"):
         read_recording(tmp_path / "bad.rrd")
-    recording = any_recording(fresh_rng(), rows=5)
+    recording = any_recording(rng, rows=5)
     write_recording(recording, tmp_path / "good.rrd")
     assert_same(recording, read_recording(tmp_path / "good.rrd"))

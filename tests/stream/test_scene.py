@@ -165,10 +165,8 @@ def vectors_of(platform: Platform) -> Vectors:
     return Vectors(platform, load_mjcf(platform.model_path), "/world/bus")
 
 
-def test_arrows_point_along_the_momentum_and_the_torque_of_gravity(sads):
-    seed = int(np.random.default_rng().integers(1 << 31))
-    print(f"seed {seed}")
-    draw = np.random.default_rng(seed)
+def test_arrows_point_along_the_momentum_and_the_torque_of_gravity(sads, drawn_seed: int):
+    draw = np.random.default_rng(drawn_seed)
     time = np.arange(4.0)
     attitude = rotation.from_rotation_vector(draw.normal(0.0, 0.3, (4, 3)))
     rate, speed = draw.normal(0.0, 0.1, (4, 3)), draw.normal(0.0, 10.0, (4, len(sads.wheels)))
