@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.noise.cleaning import cleaned
-from twin.noise.stuck import dead_axes, stuck_rows
+from twin.noise.stuck import dead_axes, range_ends, stuck_rows
 from twin.recording import Recording, Series
 
 
@@ -43,6 +43,17 @@ def test_such_rows_are_left_out_and_said(swing, draw):
         "1000 of 6000 samples of gyro, from 10 to 19.99 s, have y stuck at one value while the "
         "other axes scatter, and are not used",
     )
+
+
+def test_an_axis_that_is_stuck_at_its_largest_value_is_not_at_the_end_of_its_range(swing, draw):
+    whole = swing(draw, 1e-3)
+    # the noise makes the largest of the rows near the top of the swing the one that stays
+    first = 500 + int(whole.value[500:3000, 1].argmax())
+    bad = stuck_at(whole, 1, slice(first, first + 500))
+    assert bad.value[:, 1].max() > bad.value[first + 500, 1]
+    assert not range_ends(bad).rows.any()
+    (sentence,) = cleaned(Recording({"gyro": bad}, {})).repairs
+    assert "have y stuck at one value" in sentence
 
 
 @pytest.mark.parametrize("rows", [slice(0, 6000), slice(300, 6000)])

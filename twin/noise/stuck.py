@@ -371,6 +371,7 @@ def range_ends(series: Series) -> RangeEnds:
             if abs(end) < LARGE * peak or high[column] == low[column]:
                 continue
             # a row in which all columns repeat is of a sensor that hung
+            at = _without_leaps(value[:, column], at)
             if _is_end(value[:, column], at & ~stuck, at_ends[:, :, column], noise[column], peak):
                 rows |= at
                 ends.append(float(end))
@@ -413,6 +414,24 @@ def _is_end(column: Array, at: Mask, ends: Mask, noise: float, peak: float) -> b
     usual = usual_run(runs_of(others[:, None])[1])
     repeats = np.maximum(lengths - usual, 0.0).sum()
     return bool(repeats >= usual * max(MIN_CLIPPED, repeats_needed(chance, len(at))))
+
+
+def _without_leaps(column: Array, at: Mask) -> Mask:
+    """Rows (m,) at an extreme value, without stretches after which a column (m,) leaps away.
+
+    A rate comes back into the range where it left it; an axis that was stuck goes on elsewhere.
+    """
+    first, length = runs_of(at[:, None])
+    first, length = first[at[first]], length[at[first]]
+    after = first + length
+    inside = after < len(at)
+    step = np.abs(np.diff(column))
+    others = step[~at[1:] & ~at[:-1]].max(initial=0.0)
+    kept = at.copy()
+    for begin, end in zip(first[inside], after[inside], strict=True):
+        if end - begin > MIN_CLIPPED and step[end - 1] > LEAP * others:
+            kept[begin:end] = False
+    return kept
 
 
 def _lengths(rows: Mask) -> Rows:
