@@ -298,7 +298,8 @@ def _reasoned(
         ):
             state = whole
         elif (by_segments.explanation.effects and not by_segments.residual_test.doubtful) or (
-            state is None and in_part
+            # neither the baseline nor these causes follow the whole logs
+            state is None and whole is None and in_part
         ):
             baseline, state = segments, by_segments
         else:
