@@ -274,3 +274,15 @@ def test_wheel_speeds_are_printed_in_rpm_and_written_in_rad_per_second():
     assert "w1 0 to 3000 rpm" in contents_words(contents)
     (stream,) = contents_document(contents)["streams"]
     assert stream["unit"] == "rad/s"
+
+
+@pytest.mark.parametrize(("unit", "times"), [("mm", 1e3), ("cm", 1e2)])
+def test_a_path_on_a_floor_that_no_thruster_can_bend_is_of_another_unit(unit: str, times: float):
+    platform = load_platform("kentucky_planar")
+    log = open_log(platform.folder / "logs" / "mission")
+    place = replace(log["position"], value=times * log["position"].value)
+    wrong = replace(log, streams={**log.streams, "position": place})
+    said = [one for one in contents_of("", wrong, platform).findings if "position shows" in one]
+    assert len(said) == 1, unit
+    assert "the thrusters of kentucky_planar give at most" in said[0]
+    assert not any("position shows" in one for one in contents_of("", log, platform).findings)

@@ -58,6 +58,11 @@ OF_PARTS = {
 """Streams that only a machine with such parts has."""
 BEYOND = 10.0
 """Times what a part can do at which its unit is doubted."""
+BEND = 5.0
+"""Over which a path on a floor is held against what thrusters can do, either side [s]: long beside
+the noise of a camera."""
+EVEN = 0.1
+"""Of that time, by which its two sides may differ."""
 BEYOND_STOP = np.radians(1.0)
 """By how much a stop may give way, or a level be off, before a log cannot be true of it [rad]."""
 LOOK = "`twin show` tells what is read wrongly"
@@ -544,6 +549,7 @@ def check_possible(recording: Recording, platform: Platform) -> None:
             motion was off.
     """
     _check_sizes(recording, platform)
+    _check_place(recording, platform)
     _check_clocks(recording, platform)
     _check_alive(recording)
     if turns_about_all_axes(platform):
@@ -570,6 +576,27 @@ def _check_sizes(recording: Recording, platform: Platform) -> None:
                 f"{platform.name} can at most {able:.3g} {series.unit}: it looks like "
                 f"m{series.unit}, read as {series.unit}; state its unit in log.toml"
             )
+
+
+def _check_place(recording: Recording, platform: Platform) -> None:
+    """On a floor, no path bends ten times more than all thrusters together can bend it."""
+    if "position" not in recording or not platform.thrusters or not platform.base.planar:
+        return
+    series = recording["position"]
+    lag = max(int(np.searchsorted(series.time - series.time[0], BEND)), 1)
+    if len(series) <= 2 * lag:
+        return
+    time, value = series.time, series.value
+    bend = np.linalg.norm(value[2 * lag :] - 2.0 * value[lag:-lag] + value[: -2 * lag], axis=1)
+    even = np.abs(time[2 * lag :] - 2.0 * time[lag:-lag] + time[: -2 * lag]) < EVEN * BEND
+    reached = float(bend[even].max(initial=0.0)) / BEND**2
+    able = sum(thruster.force_limit for thruster in platform.thrusters) / platform.mass
+    if reached > BEYOND * able:
+        raise ImpossibleLog(
+            f"{recording.source}: position shows {reached:.3g} m/s^2 over {2.0 * BEND:g} s, where "
+            f"the thrusters of {platform.name} give at most {able:.3g} m/s^2: it looks like mm or "
+            "cm, read as m; state its unit in log.toml"
+        )
 
 
 def _check_clocks(recording: Recording, platform: Platform) -> None:
