@@ -584,19 +584,24 @@ class Engine:
         return [*([needless] if needless else []), *((i,) for i in weakest if (i,) != needless)]
 
     def against_rivals(self, state: SearchState) -> SearchState:
-        """The best of an only cause and its rivals, each fitted in its place: a rival's column
-        along the motion with the cause predicts less than its fit gains."""
+        """The best of a set and of the sets with a rival in the place of a cause, each fitted: a
+        rival's column along the motion with the cause predicts less than its fit gains. Of several
+        causes, only rivals that the screen prefers are fitted."""
         explanation, search = state.explanation, state.search
-        if not explanation.follows or explanation.laws or len(explanation.effects) != 1:
+        if not explanation.follows or explanation.laws or not explanation.effects:
             return state
-        nearest: dict[str, int] = {}
-        near = max(SETTINGS.near, SETTINGS.near_share * search.evidence(explanation.own))
-        for other, behind in search.instead(explanation.own, 0):
-            if behind < near and len(nearest) < SETTINGS.rivals:
-                nearest.setdefault(search.screen.traces[other].label, other)
+        near = 0.0
+        if len(explanation.effects) == 1:
+            near = max(SETTINGS.near, SETTINGS.near_share * search.evidence(explanation.own))
+        nearest: dict[tuple[int, str], tuple[int, ...]] = {}
+        for index in explanation.own:
+            for other, behind in search.instead(explanation.own, index):
+                if behind < near and len(nearest) < SETTINGS.rivals:
+                    rival = index, search.screen.traces[other].label
+                    nearest.setdefault(rival, (*without(explanation.own, index), other))
         tried = [state]
-        for other in nearest.values():
-            there = self._moved(_Move(state, (other,)), state)
+        for chosen in nearest.values():
+            there = self._moved(_Move(state, chosen), state)
             if there is not None and there.explanation.converged and there.explanation.effects:
                 tried.append(there)
         return min(tried, key=self._score)
