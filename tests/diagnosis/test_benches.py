@@ -75,6 +75,7 @@ def readings(rng: np.random.Generator, **streams: np.ndarray) -> Recording:
     )
 
 
+@pytest.mark.slow
 def test_a_coast_down_of_a_wheel_has_its_three_frictions_to_within_their_intervals(
     bench: Platform, drawn_seed: int
 ):

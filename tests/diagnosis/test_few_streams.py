@@ -24,6 +24,7 @@ def test_gyro_and_accelerometer_are_enough_though_nothing_tells_the_heading(flig
     assert found.verdict == "healthy"
 
 
+@pytest.mark.slow
 def test_a_friction_is_named_and_sized_by_motion_capture_alone(flight_of, drawn_seed):
     damping = float(np.random.default_rng(drawn_seed).uniform(0.06, 0.15))
     hidden = f"bearing_viscous_friction={damping}"

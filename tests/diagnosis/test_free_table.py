@@ -43,6 +43,7 @@ def test_a_table_that_floats_free_is_healthy_and_its_wheels_are_not_blamed(
     assert found.baseline.base.held_moment == "Jzz"
 
 
+@pytest.mark.slow(40)
 def test_a_friction_of_a_table_that_floats_free_has_the_size_that_goes_with_the_stated_inertia(
     table: Platform, floating: Callable[..., Recording], drawn_seed: int
 ):

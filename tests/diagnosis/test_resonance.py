@@ -53,6 +53,7 @@ def test_a_panel_is_named_alone_at_whatever_frequency(hanging, drawn_seed):
     assert hidden.label in (cause.effect.label, *(tie.label for tie in cause.ties))
 
 
+@pytest.mark.slow
 def test_a_panel_that_hardly_changes_the_mean_squares_is_named_by_its_line(hanging):
     hidden = a_panel(np.random.default_rng(1357113302))
     log = moved(able(hanging, hidden), (hidden,), LENGTH, seed=1357113302, law=Kicks())

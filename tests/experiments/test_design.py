@@ -71,7 +71,7 @@ def test_forecast_intervals_agree_with_the_scatter_of_noisy_flights_within_15_pe
 ):
     platform = load_platform("sads")
     errors, forecast = [], None
-    for seed in range(60):
+    for seed in range(30):
         log, _ = design.run.attempt(platform, seed=100 + seed)
         linear = linearised(log.without_truth(), platform)
         p = len(linear.base.names)

@@ -37,6 +37,7 @@ def test_a_scale_factor_of_the_gyro_is_named_and_sized():
     is_named_and_sized(effect, SEED)
 
 
+@pytest.mark.slow
 def test_a_wheel_far_from_its_stated_inertia_is_sized_along_the_motion_that_it_makes():
     """Along the one without it a wheel that is e heavier looks e / (1 + e) heavier."""
     rng = np.random.default_rng(SEED)

@@ -26,6 +26,7 @@ def diagnosed(name: str, seed: int) -> tuple[Diagnosis, Cause]:
     return found, own[0]
 
 
+@pytest.mark.slow
 def test_wheel_speeds_that_come_late_are_found_to_be_and_nothing_else():
     found, cause = diagnosed("late wheels", SEED)
     assert found.verdict == "explained"

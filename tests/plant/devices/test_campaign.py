@@ -12,7 +12,7 @@ from benchmarks.fault_devices import SUBJECTS, session
 
 @pytest.mark.slow
 @pytest.mark.wall_clock
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", SUBJECTS)
 def test_random_faults_give_reasons_and_no_wrong_value(name, seed):
     found = session(name, seed)

@@ -145,11 +145,10 @@ def hash_of(text: str) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(("name", "law", "reference"), FLIGHTS)
-def test_it_does_so_with_any_two_effects_of_their_usual_size(name, law, reference, seed):
+def test_it_does_so_with_any_two_effects_of_their_usual_size(name, law, reference):
     """Drawn among those that the machine can have; what leaves it no chance is no false alarm."""
-    rng = np.random.default_rng([hash_of(name + law), seed])
+    rng = np.random.default_rng([hash_of(name + law), 0])
     names = effect_names()
     drawn: list[str] = []
     while len(drawn) < 2:
@@ -162,7 +161,7 @@ def test_it_does_so_with_any_two_effects_of_their_usual_size(name, law, referenc
         except TwinError:
             continue
         drawn.append(effect)
-    print(f"seed {seed}, effects {drawn}")
-    outcome, reasons, remarks = flown(name, law, reference, seed, ",".join(drawn), 60.0)
+    print(f"effects {drawn}")
+    outcome, reasons, remarks = flown(name, law, reference, 0, ",".join(drawn), 60.0)
     assert not outcome.reason or "leans by" in outcome.reason, (drawn, outcome.reason)
     assert len(reasons) < 3, (drawn, reasons[:3])
