@@ -205,7 +205,7 @@ def session(seed: int) -> dict[str, Any]:
                 undetected = len(checked.false)
                 counters = bench.hardware.counters["feather"]
                 damaged = counters.bad_checksums + counters.resyncs
-                told = bench.told()
+                told = bench.messages()
                 again = _again(bench) if ended == "safe_stop" else []
             if file is not None:
                 problems += _missing(file, checked)

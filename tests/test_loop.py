@@ -151,7 +151,7 @@ def test_the_loop_is_its_parts_called_in_turn(sads):
         estimate = estimator.update(estimate, plant.read(now))
         command, state = law.update(state, estimate, reference.at(now), now)
         applied.append(plant.write(command))
-        estimate = estimator.told(estimate, applied[-1])
+        estimate = estimator.with_command(estimate, applied[-1])
     recording = memory.recording()
     for name in applied[0]:
         rows = np.concatenate([command[name] for command in applied])

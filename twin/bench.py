@@ -62,7 +62,7 @@ class LockstepTime(HostTime):
         self._port: Port | None = None
         self._said = self._before = 0
 
-    def now(self) -> float:
+    def time(self) -> float:
         return _BEGIN + self._now
 
     def sleep(self, seconds: float) -> None:
@@ -130,7 +130,7 @@ class LockstepClock(Clock):
 
     def ticks(self, period: float, duration: float) -> Iterator[float]:
         for number in range(last_tick(period, duration) + 1):
-            self._host.sleep(self._start + number * period - self._host.now())
+            self._host.sleep(self._start + number * period - self._host.time())
             self._tick()
             yield number * period
 
@@ -239,7 +239,7 @@ class Bench(Plant):
 
     def begin_anew(self) -> Clock:
         """Count time from 0 again, armed as it is; the clock whose first tick is the next one."""
-        return self._clock(self._host.now() + self.platform.tick)
+        return self._clock(self._host.time() + self.platform.tick)
 
     def _rest(self, ticks: int) -> None:
         """Renew what keeps it at rest until tick 0: a board may wait less for its first set-point.
@@ -249,7 +249,7 @@ class Bench(Plant):
         tick, zero, host = self.platform.tick, self.hardware.zero, self._host
         for number in range(-ticks, 0):
             stop.check()
-            host.sleep(zero + number * tick - host.now())
+            host.sleep(zero + number * tick - host.time())
             self.write({})
 
     def _clock(self, zero: float) -> Clock:
@@ -261,12 +261,12 @@ class Bench(Plant):
         """Read for `WATCHED` seconds, up to the tick of that number."""
         tick = self.platform.tick
         first = last - int(np.ceil(WATCHED / tick))
-        self._watch(first, last, self._host.now() - first * tick)
+        self._watch(first, last, self._host.time() - first * tick)
 
     def watch_on(self) -> None:
         """Read for `WATCHED` seconds more, in the same time as before."""
         tick, zero = self.platform.tick, self.hardware.zero
-        first = int(np.ceil((self._host.now() - zero) / tick))
+        first = int(np.ceil((self._host.time() - zero) / tick))
         self._watch(first, first + int(np.ceil(WATCHED / tick)), zero)
 
     def _watch(self, first: int, last: int, zero: float) -> None:
@@ -274,19 +274,19 @@ class Bench(Plant):
         tick, host = self.platform.tick, self._host
         for number in range(first, last + 1):
             stop.check()
-            host.sleep(zero + number * tick - host.now())
+            host.sleep(zero + number * tick - host.time())
             self.read(number * tick)
 
     def late(self, time: float) -> float:
         """How long ago its time `time` was, by the host's clock [s]."""
-        return self._host.now() - self.hardware.zero - time
+        return self._host.time() - self.hardware.zero - time
 
     def remark(self, sentence: str) -> None:
         """Say this at the end, once, however often it comes."""
         self._remarks = [item for item in self._remarks if item[:20] != sentence[:20]]
         self._remarks.append(sentence)
 
-    def told(self) -> list[str]:
+    def messages(self) -> list[str]:
         """What devices, line and guard have to say of the time since the last call."""
         lines = [*dict.fromkeys(self.hardware.notes()), *self._remarks]
         lines += [f"{name}: {c.words()}" for name, c in self.hardware.counters.items()]
@@ -360,7 +360,7 @@ class Bench(Plant):
         sensor = self.platform.sensors.get(stream)
         if sensor is None:
             return False
-        age = self.guard.seen.now - self.hardware.counts[stream].newest
+        age = self.guard.seen.time - self.hardware.counts[stream].newest
         return age > max(_SILENT, 5.0 / sensor.rate + sensor.latency)
 
     def _note(self) -> None:

@@ -519,7 +519,7 @@ def prepare(
     observer = load_estimator(estimator or usual_estimator(machine))
     law = driver or _law(controller, gains, machine, simulated=bench is None or lockstep, tell=tell)
     if kind != "replay":  # whose log may show more than the machine
-        _check_seen(law, estimator or usual_estimator(machine), observer, machine)
+        _check_observable(law, estimator or usual_estimator(machine), observer, machine)
     asked = reference or law.reference
     followed = asked if isinstance(asked, Reference) else parse_reference(asked)
     if duration is None and kind != "replay":
@@ -547,15 +547,15 @@ def _table_end(followed: Reference, law: AnyController) -> float | None:
 
 
 def _check_within_stop(
-    machine: Platform, asked: str | Reference, followed: Reference, length: float
+    machine: Platform, reference: str | Reference, followed: Reference, length: float
 ) -> None:
     if machine.base.kind != "ball" or not np.isfinite(machine.stop_angle):
         return
     lean = float(np.max(machine.lean(followed.at(np.linspace(0.0, length, 1000)).attitude)))
     if lean > machine.stop_angle:
         raise UsageError(
-            f"reference {asked!r} leans {machine.name} by {np.degrees(lean):.3g} deg, beyond the "
-            f"stop at {np.degrees(machine.stop_angle):.3g} deg; give smaller angles"
+            f"reference {reference!r} leans {machine.name} by {np.degrees(lean):.3g} deg, beyond "
+            f"the stop at {np.degrees(machine.stop_angle):.3g} deg; give smaller angles"
         )
 
 
@@ -574,7 +574,9 @@ _SHOWN_BY = {
 """What a law may need, and the streams of a body on a ball that tell it."""
 
 
-def _check_seen(law: AnyController, name: str, estimator: Estimator, machine: Platform) -> None:
+def _check_observable(
+    law: AnyController, name: str, estimator: Estimator, machine: Platform
+) -> None:
     """That the law needs nothing which no sensor tells the estimator.
 
     Raises:
@@ -650,10 +652,10 @@ def _by_gyros(platform: Platform, wanted: Command) -> bool:
     return turned and constant_gyros(platform)
 
 
-def _same(one: object, other: object) -> bool:
-    if not isinstance(one, dict) or not isinstance(other, dict) or one.keys() != other.keys():
+def _same(first: object, other: object) -> bool:
+    if not isinstance(first, dict) or not isinstance(other, dict) or first.keys() != other.keys():
         return False
-    return all(np.array_equal(one[key], other[key], equal_nan=True) for key in one)
+    return all(np.array_equal(first[key], other[key], equal_nan=True) for key in first)
 
 
 def _open_loop(

@@ -63,14 +63,14 @@ class FlightProgress:
     PERIOD = 0.5
     """Between two lines [s of the wall]."""
 
-    def __init__(self, duration: float, *, at_most: bool = False) -> None:
+    def __init__(self, duration: float, *, may_end_early: bool = False) -> None:
         """Nothing is logged yet.
 
         Args:
             duration: of the flight [s].
-            at_most: it may end before.
+            may_end_early: it may end before.
         """
-        self._duration, self._most = duration, "at most " if at_most else ""
+        self._duration, self._most = duration, "at most " if may_end_early else ""
         self._began = self._logged = time.monotonic()
 
     def collect(self, tick: Tick) -> None:
@@ -288,11 +288,11 @@ class _Cycle:
         self._last = count
         return count > before
 
-    def sense(self, now: float) -> None:
+    def sense(self, tick_time: float) -> None:
         """Read and estimate; of several machines the tick is where it would be alone."""
         member = self.member
         self.relative = {}
-        self._now = now if self._last < 0 else self._last * member.plant.platform.tick
+        self._now = tick_time if self._last < 0 else self._last * member.plant.platform.tick
         self._reading = member.plant.read(self._now)
         self._clock.lap("read")
         self._estimate = member.estimator.update(self._estimate, self._reading)
@@ -326,14 +326,14 @@ class _Cycle:
             tell_mistake(member.controller, platform, problem)
             raise
         if estimate.awaited:
-            wanted = _where_seen(wanted, estimate, plant)
+            wanted = _hold_unmeasured(wanted, estimate, plant)
         self._clock.lap("control")
         try:
             applied = plant.write(wanted)
         except (CommandError, UnknownName) as problem:
             tell_refused(member.controller, platform, problem)
             raise
-        self._estimate = member.estimator.told(estimate, applied)
+        self._estimate = member.estimator.with_command(estimate, applied)
         if self._place is not None:
             self._place.command(self._estimate.attitude, applied)
         self._wanted, self._applied, self._truth = wanted, applied, None
@@ -382,11 +382,11 @@ class _Cycle:
         done, plant = self.member.controller.finished(self._state), self.member.plant
         return done is not None and all(done[run] or run in plant.stopped for run in range(plant.n))
 
-    def outcome(self, asked: int, halted: str) -> Outcome:
+    def outcome(self, signal: int, halted: str) -> Outcome:
         """How it ended; `halted` says why, where nothing of its own ended it."""
         plant, estimate, estimator = self.member.plant, self._estimate, self.member.estimator
         ended, reason = self.ended, self.reason
-        if asked or (halted and ended is Ended.done):
+        if signal or (halted and ended is Ended.done):
             ended, reason = Ended.safe_stop, halted
         if ended is Ended.done and plant.stopped:
             ended = Ended.degraded
@@ -399,7 +399,7 @@ class _Cycle:
             self._now,
             dict(plant.stopped),
             self._clock.timing,
-            asked,
+            signal,
             remarks,
             stated,
         )
@@ -412,7 +412,7 @@ def _by(number: int) -> str:
     return f"stopped by {stop.name_of(number)}"
 
 
-def _where_seen(wanted: Command, estimate: Estimate, plant: Plant) -> Command:
+def _hold_unmeasured(wanted: Command, estimate: Estimate, plant: Plant) -> Command:
     """Stages that nobody has seen stay; laws take them to stand at 0, and would send them there."""
     unseen, move = estimate.awaited.get("stage_position"), "command_stage_position"
     if unseen is None or move not in wanted:

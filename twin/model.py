@@ -180,7 +180,7 @@ def compile_model(platform: Platform) -> Machine:
 
     for effect in on_body:
         effect.edit_model(model, platform)
-    _tell_frames_apart(model)
+    _mark_distinct_frames(model)
     stated = MassProperties(platform.mass, platform.inertia, platform.center_of_mass_offset)
     try:
         set_mass_properties(model, base_body, stated)
@@ -332,10 +332,10 @@ def set_constants(model: mujoco.MjModel) -> None:
     0.4 mN m, more than a balanced machine has left.
     """
     mujoco.mj_setConst(model, mujoco.MjData(model))
-    _tell_frames_apart(model)
+    _mark_distinct_frames(model)
 
 
-def _tell_frames_apart(model: mujoco.MjModel) -> None:
+def _mark_distinct_frames(model: mujoco.MjModel) -> None:
     turned = (model.body_iquat[:, 1:] != 0.0).any(axis=1)
     apart = turned | (model.body_ipos != 0.0).any(axis=1)
     model.body_sameframe[apart] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE

@@ -88,7 +88,7 @@ def count_of(readings: list[Reading], name: str) -> int:
 def test_what_the_simulated_sensors_give_comes_over_each_line(astros, on_bench):
     with on_bench(initial=TILTED) as bench:
         readings = watched(bench, 3.0, gyro=200, accelerometer=200, stage_position=20)
-        told = bench.told()
+        told = bench.messages()
     alone = SimulatedPlant(astros, seed=3, initial=TILTED)
     # the emulation's time 0 was before the connection
     simulated = [alone.read(number * astros.tick) for number in range(len(readings) + 900)]

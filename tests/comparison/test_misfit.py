@@ -64,7 +64,7 @@ def test_a_gap_may_leave_a_stream_without_any_sample_in_a_segment(
     body = body_of(compile_model(pendulum), log, motion_of(log, pendulum))
     problem = Problem([body], base_parameters(body.machine))
     now = fit(problem, problem.start(problem.base.as_stated, [np.zeros(len(body.bias_scale))]))
-    left = body.cells.gather(now.innovations.left()[0])
+    left = body.cells.gather(now.innovations.residuals_of_logs()[0])
     segments = set(range(body.grid.segments))
     assert segments - set(body.outputs[1].segment.tolist()), "the gap holds a whole segment"
     assert 1.0 <= correlation_time(problem, [left]) < 2.0

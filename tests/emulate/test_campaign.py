@@ -77,7 +77,9 @@ def test_no_session_believes_what_is_false_or_leaves_an_actuator_on():
             for sample in near.hear(wire.carry(said, now, matched=True), now):
                 if sample.stream == "gyro":
                     assert sample.value in true, (seed, now, "a false value passed all checks")
-            reasons |= {sentence.split(": ", 1)[1].split(" (")[0] for sentence in near.told()}
+            reasons |= {
+                sentence.split(": ", 1)[1].split(" (")[0] for sentence in near.event_sentences()
+            }
         # the host is dead; a main loop that hangs does so for 0.8 s at most
         dead = round((0.8 + VALID_MS * 1e-3 + 0.5) / STEP)
         for step in range(dead):

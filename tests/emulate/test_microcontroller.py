@@ -93,7 +93,7 @@ def test_a_host_that_falls_silent_leaves_the_stage_held_by_its_ramp():
     died = bench.stages.position[0]
     bench.run(2.0)
     assert bench.near.state is FarEndState.safe
-    assert bench.near.told()[-1] == (
+    assert bench.near.event_sentences()[-1] == (
         "bench: no new set-point came in time on channel 3; it is safe"
     )
     # 0.2 s of validity at 20 mm/s, and 2 mm of braking at 0.1 m/s^2
@@ -129,7 +129,7 @@ def test_armed_and_never_told_anything_it_is_safe_again():
     bench = Bench().armed()
     bench.run(0.6)
     assert bench.near.state is FarEndState.safe
-    assert "channel 255" in bench.near.told()[-1]
+    assert "channel 255" in bench.near.event_sentences()[-1]
 
 
 @pytest.mark.parametrize("valid_ms", [0, 501])
@@ -137,7 +137,7 @@ def test_a_set_point_without_an_end_in_sight_is_refused(valid_ms: int):
     bench = Bench().armed()
     bench.tell(valid_ms=valid_ms, dipole=[1.0, 0.0, 0.0])
     bench.run(0.01)
-    assert "refused" in bench.near.told()[-1]
+    assert "refused" in bench.near.event_sentences()[-1]
     np.testing.assert_array_equal(bench.micro.dipole, 0.0)
 
 
@@ -248,7 +248,7 @@ def test_a_fault_must_be_acknowledged_before_it_can_be_armed_again():
     bench.micro.inject("fault", 2.0)
     bench.run(0.02)
     assert bench.near.state is FarEndState.fault
-    assert bench.near.told()[-1] == "bench: LIMIT (2)"
+    assert bench.near.event_sentences()[-1] == "bench: LIMIT (2)"
     bench.say(bench.near.arm(500, HOST + bench.now))
     assert bench.near.state is FarEndState.fault
     bench.say(bench.near.disarm(HOST + bench.now))

@@ -160,7 +160,7 @@ def scores(found: Identification, logs: list[Recording]) -> np.ndarray:
     model = found.base.model(now.at.theta)
     columns = []
     for body, start in zip(bodies, now.at.starts, strict=True):
-        path = body.rollouts.paths(model, start.one())
+        path = body.rollouts.paths(model, start.batched())
         late = "wheel_speed" if body.inputs.wheels_predicted else "attitude"
         columns.append(
             np.concatenate([clock_lag(body, path, late), scale_factor(body, path, "gyro")], axis=-1)

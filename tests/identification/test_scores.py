@@ -27,7 +27,7 @@ def added_to(
     machine = compile_model(campaign.stated)
     body = body_of(machine, log.without_truth(), motion_of(log, campaign.stated))
     now = found.fit.innovations
-    path = body.rollouts.paths(found.base.model(now.at.theta), now.at.starts[0].one())
+    path = body.rollouts.paths(found.base.model(now.at.theta), now.at.starts[0].batched())
     more = columns(body, path)
     added = Problem([body], found.base).with_columns(now, [more])
     count = more.shape[-1]

@@ -30,7 +30,7 @@ def test_a_hanging_body_has_its_mass_moment_along_gravity(moment):
 
 
 def test_a_table_that_would_lie_on_its_stop_starts_just_before_it():
-    attitude = hanging(np.array([1e-3, 0.0, -1e-4]), most=0.5)
+    attitude = hanging(np.array([1e-3, 0.0, -1e-4]), largest_tilt=0.5)
     assert vertical_body(attitude[None])[0, 2] == pytest.approx(np.cos(0.5))
 
 

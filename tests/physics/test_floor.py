@@ -170,7 +170,7 @@ def test_a_prediction_of_a_machine_on_a_floor_follows_its_equations_of_motion(
     ends = true[1:]
     none = np.zeros((len(true), 0))
     start = States(true[:, :3], true[:, 3:], none, none)
-    path = body.rollouts.paths(machine.model, start.one())
+    path = body.rollouts.paths(machine.model, start.batched())
     count = len(ends)
     place = np.linalg.norm(path.position[0, :count, -1, :2] - ends[:, :2], axis=1).max()
     agrees("prediction on a floor: place after 10 s", float(place), 5e-6, "m")
@@ -185,7 +185,7 @@ def test_the_neighbours_of_a_path_on_a_floor_follow_from_its_equations(
     paths, carried = body.rollouts.around(machine.model, body.start)
     x = body.start.width
     shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
-    rolled = body.rollouts.paths(machine.model, body.start.one().moved(shifts))
+    rolled = body.rollouts.paths(machine.model, body.start.batched().moved(shifts))
     differenced = carried_states(np.moveaxis(rolled[1:].less(rolled[:1]), 0, -1) / STEP)
     assert np.abs(carried - differenced).max() < 5e-6
     assert np.abs(paths.position[0] - rolled.position[0]).max() == 0.0

@@ -63,9 +63,9 @@ def test_the_other_quaternion_of_one_rotation_is_no_step_and_no_change():
 
 def test_a_sample_that_was_long_on_its_way_is_not_believed():
     checks = SampleChecks("imu", {"gyro": StreamLimits(oldest=1.0)})
-    old = checks.judged(Sample("gyro", (0.1,), host_time=10.0), now=11.5)
+    old = checks.judged(Sample("gyro", (0.1,), host_time=10.0), host_time=11.5)
     assert old.reason == "imu: gyro 1.50 s old on arrival, more than 1.00 s"
-    assert checks.judged(Sample("gyro", (0.2,), host_time=10.0), now=10.5).valid
+    assert checks.judged(Sample("gyro", (0.2,), host_time=10.0), host_time=10.5).valid
 
 
 def test_what_a_device_refuses_itself_stays_refused_with_its_reason():

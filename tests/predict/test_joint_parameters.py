@@ -24,7 +24,7 @@ def test_slopes_by_damping_and_stiffness_are_those_of_the_prediction():
         for sign in (1.0, -1.0):
             theta = base.as_stated.copy()
             theta[place] += sign * size
-            moved.append(body.rows(body.rollouts.paths(base.model(theta), body.start.one()))[0])
+            moved.append(body.rows(body.rollouts.paths(base.model(theta), body.start.batched()))[0])
         slope = (moved[0] - moved[1]) / (2.0 * size)
         ours = at.linear.shared[..., place]
         error = np.abs(ours - slope).max() / np.abs(slope).max()

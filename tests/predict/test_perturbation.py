@@ -62,7 +62,7 @@ def test_where_a_push_turns_a_body_whatever_its_inertia_a_heavier_one_under_more
     theta = base.as_stated + size * np.eye(len(base.as_stated))[place]
     more = push.copy()
     more[..., body.machine.base_dof] += size * turned
-    path = body.rollouts.paths(base.model(theta), body.start.one(), PathForces(more))
+    path = body.rollouts.paths(base.model(theta), body.start.batched(), PathForces(more))
     rolled = (body.rows(path)[0] - one.linear.residual) / size
     np.testing.assert_allclose(columns[..., place], rolled, atol=2e-3 * np.abs(rolled).max())
     with_it = np.abs(one.linear.shared[..., place] - rolled).max()
@@ -76,7 +76,7 @@ def test_a_forces_column_is_what_a_rollout_with_it_gives(swing: Swings, pendulum
     one = body.linearise(base, base.as_stated, np.zeros(0), body.start)
     columns, jumps = body.force_columns(one, force[..., None])
     path = body.rollouts.paths(
-        base.model(base.as_stated), body.start.one(), PathForces(size * force)
+        base.model(base.as_stated), body.start.batched(), PathForces(size * force)
     )
     rolled = (body.rows(path)[0] - one.linear.residual) / size
     scale = np.abs(rolled).max()
@@ -100,7 +100,7 @@ def test_what_dry_friction_of_a_size_does_to_a_prediction_is_what_a_rollout_with
     size = 2e-3
     friction = Perturbation("dry", "N m", laws=dry(1.0, body).laws, size=size)
     columns, _ = Added.to(body, (friction,)).force_columns(one, np.zeros(1))
-    path = body.rollouts.paths(base.model(base.as_stated), body.start.one(), dry(size, body))
+    path = body.rollouts.paths(base.model(base.as_stated), body.start.batched(), dry(size, body))
     rolled = (body.rows(path)[0] - one.linear.residual) / size
     np.testing.assert_allclose(columns[..., 0], rolled, atol=0.02 * np.abs(rolled).max())
 
@@ -110,7 +110,7 @@ def test_a_lags_column_does_not_see_what_a_law_commands_afterwards(
 ):
     body = predictor(swing(seed=SEED, duration=2.0), pendulum)
     base = base_parameters(body.machine)
-    path = body.rollouts.paths(base.model(base.as_stated), body.start.one())
+    path = body.rollouts.paths(base.model(base.as_stated), body.start.batched())
     lag = Added.to(body, (clock_lag("joint_rate"),))
     instant = body.grid.steps // 2
     later = replace(path, rate=path.rate.copy())

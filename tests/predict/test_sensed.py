@@ -56,7 +56,7 @@ def test_a_forces_column_is_what_a_rollout_with_it_gives(tas2: Body):
     one = tas2.linearise(base, base.as_stated, np.zeros(len(tas2.bias_scale)), tas2.start)
     columns, _ = tas2.force_columns(one, force[..., None])
     path = tas2.rollouts.paths(
-        base.model(base.as_stated), tas2.start.one(), PathForces(size * force)
+        base.model(base.as_stated), tas2.start.batched(), PathForces(size * force)
     )
     rolled = tas2.cells.gather((tas2.rows(path)[0] - one.linear.residual) / size)
     for output, own, other in zip(
@@ -71,7 +71,7 @@ def test_a_forces_column_is_what_a_rollout_with_it_gives(tas2: Body):
 
 def test_the_filters_slope_is_that_of_what_a_sensor_shows(tas2: Body):
     base = base_parameters(tas2.machine)
-    path = tas2.rollouts.paths(base.model(base.as_stated), tas2.start.one())
+    path = tas2.rollouts.paths(base.model(base.as_stated), tas2.start.batched())
     size, x = 1e-6, tas2.start.width
     for output in tas2.outputs:
         if output.sense is None:

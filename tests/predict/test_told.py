@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.platform import load_platform, taken_as_at_rest
-from twin.predict.inputs import as_told
+from twin.predict.inputs import as_commanded
 from twin.recording import Recording, Series
 
 SADS = load_platform("sads")
@@ -25,7 +25,7 @@ def log(*told: float) -> Recording:
 
 def test_nothing_is_commanded_before_the_first_command_and_that_is_said():
     late = log(15.0, 30.0)
-    told = as_told(late, "command_wheel_torque")
+    told = as_commanded(late, "command_wheel_torque")
     np.testing.assert_allclose(told.held_at(np.array([5.0, 14.9, 15.0]))[:, 0], [0.0, 0.0, 0.1])
     said = [line for line in taken_as_at_rest([late], SADS) if "command_wheel_torque" in line]
     assert said == [
@@ -37,11 +37,11 @@ def test_nothing_is_commanded_before_the_first_command_and_that_is_said():
 @pytest.mark.parametrize("first", [4.0, 5.0, 5.3])
 def test_a_command_that_holds_from_the_start_or_nearly_is_taken_as_it_is(first: float):
     usual = log(first, 30.0)
-    assert as_told(usual, "command_wheel_torque") is usual["command_wheel_torque"]
+    assert as_commanded(usual, "command_wheel_torque") is usual["command_wheel_torque"]
     assert not [line for line in taken_as_at_rest([usual], SADS) if "begins" in line]
 
 
 def test_a_single_command_holds_to_the_end():
-    told = as_told(log(20.0), "command_wheel_torque")
+    told = as_commanded(log(20.0), "command_wheel_torque")
     np.testing.assert_allclose(told.held_at(np.array([10.0, 20.0, 64.0]))[:, 0], [0.0, 0.1, 0.1])
     assert told.time[-1] == log(20.0).stop

@@ -186,7 +186,7 @@ def fly(
         row,
         metrics.settle,
         warnings,
-        () if bench is None else tuple(bench.told()),
+        () if bench is None else tuple(bench.messages()),
         last.records,
         None if bench is None else bench.first_use(),
         {} if bench is None else bench.document(),

@@ -175,7 +175,7 @@ class Hardware:
         else:
             lowest = parked(bench.platform)
             lines = gather(bench, lowest if self.action == "park" else 0.0 * lowest, self.action)
-        return {"told": lines, "stage_position": _positions(bench)}, [*lines, *bench.told()]
+        return {"told": lines, "stage_position": _positions(bench)}, [*lines, *bench.messages()]
 
     def _check(self, machine: "Platform") -> None:
         from twin.errors import SafetyError, UnknownName, UsageError

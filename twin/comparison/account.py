@@ -77,7 +77,7 @@ def misfits(problem: Problem, innovations: Innovations) -> tuple[ColumnMisfit, .
     the stream."""
     left = [
         body.cells.gather(rows)
-        for body, rows in zip(problem.bodies, innovations.left(), strict=True)
+        for body, rows in zip(problem.bodies, innovations.residuals_of_logs(), strict=True)
     ]
     return misfits_of(
         problem, left, innovations.columns.shape[1] + sum(s.width for s in innovations.at.starts)
@@ -287,7 +287,7 @@ class Account:
     def left(self) -> list[list[Array]]:
         """Of each log and output (m, k): what is left, in units of the noise."""
         if isinstance(self.prediction, Innovations) and self.prediction.noise.any:
-            rows = self.prediction.left()
+            rows = self.prediction.residuals_of_logs()
         else:
             rows = [
                 exact.linear.residual

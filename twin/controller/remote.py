@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from twin.controller.controller import Controller
 from twin.errors import ControllerError, UsageError
-from twin.plant.devices.link import Channel, FarEndState, Schema, told
+from twin.plant.devices.link import Channel, FarEndState, Schema, sentence_of
 from twin.plant.devices.link.far_end import ALL_CHANNELS, FarEnd
 from twin.platform import Platform
 from twin.signals import STREAMS, Command, Estimate, Target
@@ -100,16 +100,16 @@ class RemoteLaw(Controller[str]):
         self, state: str, estimate: Estimate, target: Target, time: float
     ) -> tuple[Command, str]:
         """Ask, and what is in force then; nobody is asked before the machine has been seen."""
-        now_us = round(time * 1e6)
+        device_us = round(time * 1e6)
         if state or not estimate.valid.all():
             return {}, state
-        self._far.advance(now_us)
+        self._far.advance(device_us)
         values = _values(estimate, target)
         for number, channel in enumerate(self.schema.channels):
             if not channel.commanded:
-                self._far.sample(number, now_us, values[channel.stream], now_us)
+                self._far.sample(number, device_us, values[channel.stream], device_us)
         try:
-            state = self._ask(now_us)
+            state = self._ask(device_us)
         except OSError:
             state = f"{self._name} is gone"
         in_force = {} if state else self._far.setpoint
@@ -244,7 +244,7 @@ class RemoteLaw(Controller[str]):
         if event.value == ALL_CHANNELS:
             return f"{self._name} armed, and said nothing"
         stream = self.schema.channels[round(event.value)].stream
-        return f"{self._name} let its {stream} run out: {told('EXPIRED', event.value)}"
+        return f"{self._name} let its {stream} run out: {sentence_of('EXPIRED', event.value)}"
 
 
 _PLACE = ("estimate_position", "estimate_velocity", "reference_position", "reference_velocity")

@@ -47,7 +47,7 @@ class Estimator(abc.ABC):
     def update(self, estimate: Estimate, reading: Reading) -> Estimate:
         """The estimate at `reading.time`, from all samples that arrived since the last one."""
 
-    def told(self, estimate: Estimate, applied: Command) -> Estimate:
+    def with_command(self, estimate: Estimate, applied: Command) -> Estimate:
         """The same estimate, knowing what is applied from its tick on; most have no use for it."""
         del applied
         return estimate

@@ -393,7 +393,7 @@ class OffsetFilter(Estimator):
             counted=np.zeros(n),
         )
 
-    def told(self, estimate: Estimate, applied: Command) -> GyrostatEstimate:
+    def with_command(self, estimate: Estimate, applied: Command) -> GyrostatEstimate:
         """Remember what wheels and coils will do until the next tick."""
         known = cast(GyrostatEstimate, estimate)
         torque = applied.get("command_wheel_torque", known.torque)

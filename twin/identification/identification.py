@@ -545,7 +545,7 @@ def _misfit(problem: Problem, result: Fit) -> tuple[Misfit, ...]:
     squares: dict[str, float] = {}
     counts: dict[str, int] = {}
     variance: dict[str, float] = {}
-    for body, rows in zip(problem.bodies, result.innovations.left(), strict=True):
+    for body, rows in zip(problem.bodies, result.innovations.residuals_of_logs(), strict=True):
         for output, values in zip(body.outputs, body.cells.gather(rows), strict=True):
             if not output.scatters:
                 continue

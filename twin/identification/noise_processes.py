@@ -107,7 +107,7 @@ def _scales(
     known = dict(noise.scales)
     squares: dict[str, list[float]] = {}
     # what was fitted under other noise moves with it
-    for item, rows in zip(whitened.exact, whitened.left(whitened.step()), strict=True):
+    for item, rows in zip(whitened.exact, whitened.residuals_of_logs(whitened.step()), strict=True):
         for stream, error in item.local.errors.items():
             shown = rows[np.any(error != 0.0, axis=-1)]
             squares.setdefault(stream, []).extend([float(shown @ shown), float(shown.size)])

@@ -109,9 +109,9 @@ def give_each(
             moment = platform.center_of_mass_offset if given is None else given[run]
             key = (moment.tobytes(), *(item.values.tobytes() for item in effects))
             if key not in compiled:
-                own = tuple(stated(effect) for effect in effects)
+                varied = tuple(stated(effect) for effect in effects)
                 compiled[key] = compile_model(
-                    replace(platform, effects=own, center_of_mass_offset=np.array(moment))
+                    replace(platform, effects=varied, center_of_mass_offset=np.array(moment))
                 )
             _set_fields(batch, run, machine.model, compiled[key].model)
             models.append(compiled[key].model)
@@ -120,13 +120,13 @@ def give_each(
     return tuple(stacked(same, platform) for same in zip(*each, strict=True)), models
 
 
-def _set_fields(batch: Batch, run: int, common: mujoco.MjModel, own: mujoco.MjModel) -> None:
+def _set_fields(batch: Batch, run: int, common: mujoco.MjModel, varied: mujoco.MjModel) -> None:
     for name in _fields(common):
-        value = getattr(own, name)
+        value = getattr(varied, name)
         if not np.array_equal(value, getattr(common, name)):
             batch.expand(name)[run] = value
-    if not np.array_equal(own.opt.gravity, common.opt.gravity):
-        batch.expand("opt.gravity")[run] = own.opt.gravity
+    if not np.array_equal(varied.opt.gravity, common.opt.gravity):
+        batch.expand("opt.gravity")[run] = varied.opt.gravity
 
 
 def stacked(effects: Sequence[Effect], platform: Platform) -> Effect:

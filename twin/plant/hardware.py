@@ -162,7 +162,7 @@ class HardwarePlant(Plant):
             for column, part in enumerate(platform.columns(route.stream))
         }
         self._host = host
-        self._zero = host.now()
+        self._zero = host.time()
         self._until = np.inf
         self._applied: Command = {}
 
@@ -206,7 +206,7 @@ class HardwarePlant(Plant):
 
     def read(self, until: float) -> Reading:
         """As `Plant` says; time begins anew with a reading that is not after the one before."""
-        now = self._host.now()
+        now = self._host.time()
         if until <= self._until:
             self._zero = now - until
             self._merged.begin_anew()

@@ -41,14 +41,15 @@ class InitialState:
         return home if self.wheel_speed is None else self.wheel_speed
 
 
-def hanging(moment: Array, most: float = np.inf) -> Array:
-    """Attitudes (..., 4) in which m r (..., 3) hangs straight down, tilted by `most` [rad] at most.
+def hanging(moment: Array, largest_tilt: float = np.inf) -> Array:
+    """Attitudes (..., 4) in which m r (..., 3) hangs straight down.
 
-    The body turns about a level axis; one that would have to turn upside down stays as it is.
+    None is tilted by more than `largest_tilt` [rad]. The body turns about a level axis; one that
+    would have to turn upside down stays as it is.
     """
     across = np.stack([-moment[..., 1], moment[..., 0], np.zeros(moment.shape[:-1])], axis=-1)
     size = np.sqrt(moment[..., 0] ** 2 + moment[..., 1] ** 2)
-    angle = np.minimum(np.arctan2(size, -moment[..., 2]), most)
+    angle = np.minimum(np.arctan2(size, -moment[..., 2]), largest_tilt)
     # the body turns the other way, so that its m r comes to the room's downwards
     return from_rotation_vector((angle / np.where(size > 0.0, size, 1.0))[..., None] * across)
 

@@ -104,17 +104,17 @@ class SampleChecks:
         self._name, self._limits = name, limits
         self._before: dict[tuple[str, str], tuple[tuple[float, ...], int]] = {}
 
-    def judged(self, sample: Sample, now: float | None = None) -> Sample:
+    def judged(self, sample: Sample, host_time: float | None = None) -> Sample:
         """The sample, not valid and with the reason where it cannot be believed.
 
         Args:
             sample: as the device gave it; one that it refuses itself stays refused.
-            now: the host's time [s]; None: its age is not looked at.
+            host_time: the host's time [s]; None: its age is not looked at.
         """
         if not sample.valid:
             return sample
         limits = self._limits.get(sample.stream, _ANY)
-        age = 0.0 if now is None else now - sample.host_time + sample.latency
+        age = 0.0 if host_time is None else host_time - sample.host_time + sample.latency
         doubt = self._doubt(sample, limits)
         if not doubt and age > limits.oldest:
             doubt = f"{age:.2f} s old on arrival, more than {limits.oldest:.2f} s"
@@ -345,9 +345,11 @@ class MotionAgreement:
         else:
             turn = last.value - first.value - to_rotation_vector(by_rate)[:1]
             difference = float(np.abs(turn).max())
-        return difference if difference > self._most(name, first.time, last.time) else 0.0
+        return (
+            difference if difference > self._tolerance_between(name, first.time, last.time) else 0.0
+        )
 
-    def _most(self, name: str, first: float, last: float) -> float:
+    def _tolerance_between(self, name: str, first: float, last: float) -> float:
         """By what the turns may differ between two times [rad]."""
         sensor, rate, passed = self._sensors[name], self._sensors[self._rate], last - first
         fastest, way = 0.0, 0.0

@@ -157,7 +157,7 @@ class MassMoment:
         self,
         machine: Machine,
         stated: Array,
-        own: Sequence[mujoco.MjModel],
+        models: Sequence[mujoco.MjModel],
         effects: Sequence[Effect],
     ) -> None:
         """Of runs that stand anywhere.
@@ -165,12 +165,12 @@ class MassMoment:
         Args:
             machine: of all runs.
             stated: (3,) or (n, 3) m r with every joint at its zero [kg m].
-            own: (n,) model of each run, or the one of all.
+            models: (n,) model of each run, or the one of all.
             effects: of all runs at once.
         """
         model, self._stated = machine.model, stated
-        of_model = {id(item): _carried(item, machine.base_body) for item in own}
-        pairs = [of_model[id(item)] for item in own]
+        of_model = {id(item): _carried(item, machine.base_body) for item in models}
+        pairs = [of_model[id(item)] for item in models]
         axes, arms = (np.stack(part) for part in zip(*pairs, strict=True))
         joints = _joints(model, machine.base_body)
         slides = model.jnt_type[joints] == _SLIDE
@@ -275,7 +275,7 @@ class Truth:
         self,
         machine: Machine,
         offset: Array | None = None,
-        own: Sequence[mujoco.MjModel] = (),
+        models: Sequence[mujoco.MjModel] = (),
         effects: Sequence[Effect] | None = None,
     ) -> None:
         """Of runs of one machine.
@@ -284,7 +284,7 @@ class Truth:
             machine: of all runs.
             offset: (3,) or (n, 3) m r with every joint at its zero [kg m]; None: as the platform
                 states.
-            own: (n,) model of each run, where they differ.
+            models: (n,) model of each run, where they differ.
             effects: of all runs at once; None: the machine's.
         """
         nq = machine.model.nq
@@ -310,13 +310,13 @@ class Truth:
             for stream, columns in self._columns.items()
             if not isinstance(columns, np.ndarray) or columns.size
         }
-        self._derived = derived_streams(machine, own)
+        self._derived = derived_streams(machine, models)
         self._shown = [name for name in ("position", "velocity") if machine.place_qpos.size]
         stated = machine.platform.center_of_mass_offset
         self._mass_moment = MassMoment(
             machine,
             stated if offset is None else offset,
-            own or (machine.model,),
+            models or (machine.model,),
             machine.effects if effects is None else effects,
         )
         self._inertia = _inertia_law(machine)

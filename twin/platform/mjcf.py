@@ -50,13 +50,13 @@ def check_files(path: Path) -> tuple[bytes, ...]:
         PlatformError: a document type, XML that is not well formed, or a file outside the folder
             of `path`, with its line.
     """
-    seen: dict[Path, bytes] = {}
-    _check(path, path.parent.resolve(), seen)
-    return tuple(seen.values())
+    visited: dict[Path, bytes] = {}
+    _check(path, path.parent.resolve(), visited)
+    return tuple(visited.values())
 
 
-def _check(path: Path, folder: Path, seen: dict[Path, bytes]) -> None:
-    if path.resolve() in seen or not path.exists():  # of a missing file MuJoCo tells
+def _check(path: Path, folder: Path, visited: dict[Path, bytes]) -> None:
+    if path.resolve() in visited or not path.exists():  # of a missing file MuJoCo tells
         return
     _check_regular(path, path)
     directories: set[str] = {""}
@@ -108,7 +108,7 @@ def _check(path: Path, folder: Path, seen: dict[Path, bytes]) -> None:
             text = file.read(LARGEST + 1)
         if len(text) > LARGEST:
             raise PlatformError(path, "holds more than 8 MiB", "keep meshes in files of their own")
-        seen[path.resolve()] = text
+        visited[path.resolve()] = text
         parser.Parse(text, True)
     except expat.ExpatError as problem:
         text = expat.ErrorString(problem.code)
@@ -130,7 +130,7 @@ def _check(path: Path, folder: Path, seen: dict[Path, bytes]) -> None:
             if element and target.exists():
                 _check_regular(target, path, line)
             if element in _MODELS:
-                _check(target, folder, seen)
+                _check(target, folder, visited)
 
 
 def _check_regular(target: Path, path: Path, line: int | None = None) -> None:

@@ -111,7 +111,7 @@ class Body:
         self.inputs = Inputs(self.machine, recording)
         self.grid = grid
         senses = senses_of(machine, grid.step, self.inputs.field_world)
-        told = self._told()
+        told = self._command_streams()
         streams = tuple(dict.fromkeys((*self._predicted(), *senses, *told)))
         self.outputs, width = outputs_of(
             recording,
@@ -154,14 +154,16 @@ class Body:
         following.pushes = pushes
         return following
 
-    def with_noise_of(self, left: Sequence[Array]) -> "Body":
+    def with_noise_of(self, residuals: Sequence[Array]) -> "Body":
         """The same log, its noise found again in what a prediction leaves; itself where it is as
         large as it was taken to be.
 
         Args:
-            left: residuals (m, k) of each output.
+            residuals: (m, k) of each output.
         """
-        outputs = tuple(o.with_noise_of(part) for o, part in zip(self.outputs, left, strict=True))
+        outputs = tuple(
+            o.with_noise_of(part) for o, part in zip(self.outputs, residuals, strict=True)
+        )
         pairs = zip(outputs, self.outputs, strict=True)
         if all(np.allclose(new.noise, old.noise, rtol=CHANGED, atol=0.0) for new, old in pairs):
             return self
@@ -286,7 +288,7 @@ class Body:
 
     def nominal(self, model: mujoco.MjModel) -> list[Array]:
         """Residuals (m, k) of each output under a model, from the smoothed starts."""
-        path = self.rollouts.paths(model, self.start.one())
+        path = self.rollouts.paths(model, self.start.batched())
         return [output.residual(path, self.grid.step)[0] for output in self.outputs]
 
     def rows(self, path: States) -> Array:
@@ -385,7 +387,7 @@ class Body:
         base = SHOWN.get(self.machine.platform.base.kind, ("attitude", "gyro"))
         return (*base, *wheels, "gimbal_angle")
 
-    def _told(self) -> dict[str, Series]:
+    def _command_streams(self) -> dict[str, Series]:
         """Streams that follow from the commands alone, and how they should be."""
         platform, inputs, edges = self.machine.platform, self.inputs, self.grid.edges
         result: dict[str, Series] = {}

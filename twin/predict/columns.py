@@ -148,7 +148,9 @@ def slopes_of(effect: Effect, platform: Platform) -> tuple[Perturbation, ...]:
     def force(body: Body) -> Array:
         if not _as_counted(effect, body):
             return _input_force(effect, body) / value
-        return (_told(after, body) - _told(before, body)) / float(ends[1] - ends[0])
+        return (_commanded_force(after, body) - _commanded_force(before, body)) / float(
+            ends[1] - ends[0]
+        )
 
     def rest(body: Body) -> Array:
         return _input_force(effect, body) - value * force(body)
@@ -161,7 +163,7 @@ def _as_counted(effect: Effect, body: Body) -> bool:
     return body.inputs.stage_course is None or body.inputs.counted_with(effect)
 
 
-def _told(effect: Effect, body: Body) -> Array:
+def _commanded_force(effect: Effect, body: Body) -> Array:
     """What the machine was driven with by stages that went as an effect on the command has them,
     less what the log says."""
     if body.inputs.stage_course is None:

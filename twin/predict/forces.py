@@ -355,10 +355,10 @@ def _with(effect: BodyEffect, body: Body, turn: Array | None) -> Machine:
     return machine
 
 
-def _alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
+def _alike(first: mujoco.MjModel, other: mujoco.MjModel) -> bool:
     """Whether two models differ in their steps at most."""
     stored: list[bytes] = []
-    for model in (one, other):
+    for model in (first, other):
         model = copy.copy(model)
         model.opt.timestep = 1.0
         buffer = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)

@@ -174,7 +174,7 @@ class Innovations:
         """The unknowns after a change of them, the states at their best for it."""
         return self.at.moved(change, self.chains)
 
-    def left(self, step: Array | None = None) -> list[Array]:
+    def residuals_of_logs(self, step: Array | None = None) -> list[Array]:
         """(S, N) what is left of each log's rows when its states are at their best.
 
         Args:
@@ -232,7 +232,7 @@ class Problem:
         if strengths is None:
             strengths = np.zeros(len(self.perturbations))
         own = tuple(
-            np.pad(bias, (0, len(self._own_scale(log)) - len(bias)))
+            np.pad(bias, (0, len(self._scale_of_log(log)) - len(bias)))
             for log, bias in enumerate(biases)
         )
         return Unknowns(theta, own, tuple(body.start for body in self.bodies), strengths)
@@ -291,7 +291,7 @@ class Problem:
         biases, turns = np.split(at.biases[log], [len(self.bodies[log].bias_scale)])
         return biases, np.concatenate([turns, at.strengths])
 
-    def _own_scale(self, log: int) -> Array:
+    def _scale_of_log(self, log: int) -> Array:
         """(b,) 1 sigma of a log's own unknowns."""
         spreads = [rest.spread for rest in self._rests[log]]
         return np.concatenate([self.bodies[log].bias_scale, spreads])
@@ -406,7 +406,7 @@ class Problem:
             cluster.append(np.full(len(rows), -1))
         first, before = p, 0
         for log, (body, link, bias) in enumerate(zip(self.bodies, links, at.biases, strict=True)):
-            rows = np.concatenate([link.rows, _prior(bias, self._own_scale(log), p, added)])
+            rows = np.concatenate([link.rows, _prior(bias, self._scale_of_log(log), p, added)])
             own = np.zeros((len(rows), 1 + width))
             own[:, : 1 + p] = rows[:, : 1 + p]
             own[:, 1 + first : 1 + first + len(bias)] = rows[:, 1 + p : 1 + p + len(bias)]
@@ -558,4 +558,4 @@ def _path(problem: Problem, innovations: Innovations, log: int) -> States:
         force = push.force.copy()
         force[..., base] += np.einsum("sij,stj->sti", alike, smoothed_torque(innovations, log))
         push = replace(push, force=force)
-    return body.rollouts.paths(problem.base.model(innovations.at.theta), start.one(), push)
+    return body.rollouts.paths(problem.base.model(innovations.at.theta), start.batched(), push)

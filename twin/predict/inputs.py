@@ -40,7 +40,7 @@ FREE = 1.3
 motor turned it."""
 
 
-def as_told(recording: Recording, stream: str) -> Series:
+def as_commanded(recording: Recording, stream: str) -> Series:
     """A command from the motion's start to the log's end, where it has few rows or late ones."""
     series = recording[stream]
     late = begins_late(recording, stream)
@@ -438,14 +438,14 @@ class Inputs:
         place, _ = self.stage_course.otherwise(effect)
         return bool(self._rounded(self._error(place, self.stage_seen)).all())
 
-    def _followed(self, place: Series, rate: Series, seen: Series) -> tuple[Series, Series]:
+    def _followed(self, place: Series, rate: Series, measured: Series) -> tuple[Series, Series]:
         """Position and rate, moved to where the stages were measured."""
-        error = self._error(place, seen)
+        error = self._error(place, measured)
         rounded = self._rounded(error)
         if rounded.all():
             return place, rate
         # where it rests as told that is known better than it is counted
-        moved = place.interpolated_at(seen.time) - place.interpolated_at(seen.time - RESTED)
+        moved = place.interpolated_at(measured.time) - place.interpolated_at(measured.time - RESTED)
         rested = np.abs(moved) < STILL
         error = replace(error, value=np.where(rested & rounded, 0.0, error.value))
         digit = 0.0 if self._counter is None else self._counter.resolution
@@ -456,8 +456,8 @@ class Inputs:
             replace(rate, value=rate.value + left_rate.value),
         )
 
-    def _error(self, place: Series, seen: Series) -> Series:
-        return replace(seen, value=seen.value - place.interpolated_at(seen.time))
+    def _error(self, place: Series, measured: Series) -> Series:
+        return replace(measured, value=measured.value - place.interpolated_at(measured.time))
 
     def _rounded(self, error: Series) -> NDArray[np.bool_]:
         """(m, stages) which readings may be rounded from where they should be."""
@@ -518,7 +518,7 @@ class Inputs:
         if width == 0 or name not in recording:
             return None
         told = name.startswith("command_")
-        series = as_told(recording, name) if told else recording[name]
+        series = as_commanded(recording, name) if told else recording[name]
         if len(series) < 2:
             return None
         if len(series.columns) != width:

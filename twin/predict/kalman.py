@@ -450,9 +450,9 @@ def blocked(linear: Linearised, local: Local, length: float = LENGTH) -> tuple[L
     )
 
 
-def _taller(rows: Array, least: int) -> Array:
+def _taller(rows: Array, height: int) -> Array:
     """(S, N, k) with so many rows at least."""
-    return np.pad(rows, ((0, 0), (0, max(least - rows.shape[1], 0)), (0, 0)))
+    return np.pad(rows, ((0, 0), (0, max(height - rows.shape[1], 0)), (0, 0)))
 
 
 @dataclass(frozen=True)

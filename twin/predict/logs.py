@@ -610,11 +610,11 @@ def _check_clocks(recording: Recording, platform: Platform) -> None:
     for name in (*OF_MOTION, *platform.commands, *(s for two in OF_PARTS.values() for s in two)):
         if name == shows or name not in recording or len(recording[name]) == 0:
             continue
-        if said := apart(recording, name, shows):
+        if said := no_shared_time(recording, name, shows):
             raise ImpossibleLog(f"{recording.source}: {said}")
 
 
-def apart(recording: Recording, name: str, other: str) -> str:
+def no_shared_time(recording: Recording, name: str, other: str) -> str:
     """That two streams share no time, as a sentence; empty where they do."""
     time, main = recording[name].time, recording[other].time
     # what was commanded before still holds

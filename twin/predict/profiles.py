@@ -52,17 +52,17 @@ class Course:
         there, _ = self.otherwise(effect)
         return there.interpolated_at(time) - self.place.interpolated_at(time)
 
-    def sized(self, effect: Effect, seen: Series) -> Effect:
+    def sized(self, effect: Effect, measured: Series) -> Effect:
         """An effect on the command, of the size that leaves least of what counters show; as it is
         where they show none of it.
 
         Args:
             effect: one number, of some size.
-            seen: positions as measured [m].
+            measured: positions as measured [m].
         """
-        error, sized = from_mean(seen.value - self.place.interpolated_at(seen.time)), effect
+        error, sized = from_mean(measured.value - self.place.interpolated_at(measured.time)), effect
         for _ in range(SIZED):
-            mark = from_mean(self.less(sized, seen.time))
+            mark = from_mean(self.less(sized, measured.time))
             power = float(np.sum(np.square(mark)))
             share = float(np.sum(mark * error)) / power if power > 0.0 else 0.0
             sized = sized.with_values(np.clip(share * sized.values, *sized.bounds()))
@@ -72,7 +72,7 @@ class Course:
 
     def otherwise(self, effect: Effect) -> tuple[Series, Series]:
         """Positions [m] and rates [m/s] with an effect on the command."""
-        return _told_otherwise(self, effect)
+        return _profile_with(self, effect)
 
 
 def from_mean(values: Array) -> Array:
@@ -81,7 +81,7 @@ def from_mean(values: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _told_otherwise(course: Course, effect: Effect) -> tuple[Series, Series]:
+def _profile_with(course: Course, effect: Effect) -> tuple[Series, Series]:
     machine = replace(course.machine, effects=(*course.machine.effects, effect))
     name, start = "command_stage_position", course.place.value[0]
     return profile(machine, name, course.command, start)
@@ -135,23 +135,25 @@ def profile(
     )
 
 
-def less_drive_faults(machine: Machine, series: Series, there: Series, seen: Series) -> Series:
+def less_drive_faults(
+    machine: Machine, series: Series, commanded: Series, measured: Series
+) -> Series:
     """What gimbals' angles (m, gimbals) are beside their command, and no fault explains [rad].
 
     Args:
         machine: compiled.
         series: the commanded rates.
-        there: the angles that they lead to.
-        seen: the measured angles.
+        commanded: the angles that they lead to.
+        measured: the measured angles.
     """
     kinds = [k for k in catalogue() if issubclass(k, SeriesEffect) and k.acts_on == STREAM]
     gimbals = [gimbal.name for gimbal in machine.platform.gimbals]
-    error = from_mean(seen.value - there.interpolated_at(seen.time))
+    error = from_mean(measured.value - commanded.interpolated_at(measured.time))
     left = error
     # one of each kind on each gimbal, which is felt there alone
     faults: list[list[Effect]] = [[kind.typical(name) for name in gimbals] for kind in kinds]
     for _ in range(ROUNDS):
-        marks = [_mark(machine, every, series, there, seen.time) for every in faults]
+        marks = [_mark(machine, every, series, commanded, measured.time) for every in faults]
         sizes = np.stack(
             [
                 nnls(np.stack([mark[:, i] for mark in marks], axis=1), error[:, i])[0]
@@ -164,16 +166,16 @@ def less_drive_faults(machine: Machine, series: Series, there: Series, seen: Ser
             [_sized(fault, float(item)) for fault, item in zip(every, size, strict=True)]
             for every, size in zip(faults, sizes, strict=True)
         ]
-    return replace(seen, value=left)
+    return replace(measured, value=left)
 
 
 def _mark(
-    machine: Machine, faults: Sequence[Effect], series: Series, there: Series, time: Array
+    machine: Machine, faults: Sequence[Effect], series: Series, commanded: Series, time: Array
 ) -> Array:
     """(m, gimbals) [rad]."""
     faulty = replace(machine, effects=(*machine.effects, *faults))
     astray = profile(faulty, STREAM, series)[0]
-    return from_mean(astray.interpolated_at(time) - there.interpolated_at(time))
+    return from_mean(astray.interpolated_at(time) - commanded.interpolated_at(time))
 
 
 def _sized(fault: Effect, size: float) -> Effect:

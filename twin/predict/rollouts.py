@@ -109,19 +109,19 @@ class Rollouts:
         """
         check()
         if is_gyrostat(self.machine, model):
-            path, position, velocity = self._paths(model, start.one(), push)
+            path, position, velocity = self._paths(model, start.batched(), push)
             if not self._contacts or not _leans(self.machine, path.position, TOUCH):
                 beside = self._beside(model, path, position, velocity, push)
                 if beside is not None:
                     return beside
         x = start.width
         if is_planar(self.machine, model) and not self._contacts:
-            path, _, _ = self._paths(model, start.one(), push)
+            path, _, _ = self._paths(model, start.batched(), push)
             beside = self._beside_on_floor(model, path, push)
             if beside is not None:
                 return beside
         shifts = np.concatenate([np.zeros((1, x)), STEP * np.eye(x)])[:, None, :]
-        paths = self.paths(model, start.one().moved(shifts), push)
+        paths = self.paths(model, start.batched().moved(shifts), push)
         return paths, carried_states(np.moveaxis(paths[1:].less(paths[:1]), 0, -1) / STEP)
 
     def _beside(

@@ -365,7 +365,7 @@ class Output:
             return rotation.to_rotation_vector(error) / self.sigma
         return (self.value - predicted) / self.sigma
 
-    def with_noise_of(self, left: Array) -> "Output":
+    def with_noise_of(self, residual: Array) -> "Output":
         """Its noise found again, in what a prediction leaves.
 
         A control law that answers to noise, and the rounding of what moves slowly, look like more
@@ -373,11 +373,11 @@ class Output:
         platform.toml states is not believed: it may be what the model lacks.
 
         Args:
-            left: (m, k) residual of a prediction that follows the log.
+            residual: (m, k) of a prediction that follows the log.
         """
         if self.stated or not self.scatters:
             return self
-        noise, worth = noise_left(self.time, self.value, left * self.noise)
+        noise, worth = noise_left(self.time, self.value, residual * self.noise)
         noise, worth = with_claim(self.claimed, noise, worth, len(self.time))
         noise = np.minimum(noise, np.maximum(self.claimed, self.noise))
         return replace(self, noise=noise, worth=np.where(noise != self.noise, worth, self.worth))
@@ -425,7 +425,7 @@ def outputs_of(
     streams: Sequence[str],
     senses: Mapping[str, Sense],
     course: Course | None,
-    told: Mapping[str, Series],
+    commanded: Mapping[str, Series],
     shaking: Shaking,
 ) -> tuple[tuple[Output, ...], int]:
     """The streams that a recording has, and how many rows each grid instant is given.
@@ -437,7 +437,7 @@ def outputs_of(
         streams: to look for, in this order.
         senses: of those among them that are no part of the state.
         course: that stages were told to take, if they are among them.
-        told: of those that follow from commands alone.
+        commanded: of those that follow from commands alone.
         shaking: variance (m, 1) or (m, k) that what moves adds to a stream at some instants.
     """
     outputs: list[Output] = []
@@ -484,7 +484,7 @@ def outputs_of(
                 slot,
                 senses.get(name),
                 stages,
-                told.get(name),
+                commanded.get(name),
                 None if shaken is None else shaken[inside],
             )
         )

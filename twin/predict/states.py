@@ -53,7 +53,7 @@ class States:
         rows = int(np.prod(self.rate.shape[:-1]))
         return States(*(part.reshape(rows, part.shape[-1]) for part in self._parts))
 
-    def one(self) -> "States":
+    def batched(self) -> "States":
         """With a leading axis of length 1."""
         return self[None]
 

@@ -150,7 +150,7 @@ def _filtered(
         estimate = replace(estimate, moment=start, spread=spread)
         for time in np.arange(0.0, plant.duration, platform.tick):
             estimate = estimator.update(estimate, plant.read(float(time)))
-            estimate = estimator.told(estimate, plant.write({}))
+            estimate = estimator.with_command(estimate, plant.write({}))
         known = estimate
     assert known is not None
     return known

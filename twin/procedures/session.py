@@ -177,7 +177,7 @@ class BalancingSession:
             # last, for a machine on its bench moves from now on
             stack.enter_context(plant)
             if simulated:
-                observers.append(FlightProgress(self.duration, at_most=True))
+                observers.append(FlightProgress(self.duration, may_end_early=True))
             if isinstance(plant, Bench) and watch is not None:
                 observers.append(stack.enter_context(watch(plant, self.duration)))
             commands = {"command_stage_position", *_DAMPING}
@@ -197,7 +197,7 @@ class BalancingSession:
             idle.pop("command_stage_position", None)
             plant.write(idle)
             if isinstance(plant, Bench):
-                tell("\n".join(plant.told()))
+                tell("\n".join(plant.messages()))
         return Balanced(machine, self, target, outcome, procedure.lab.notes, rrd)
 
     def _start(self, machine: Platform, target: float) -> tuple[Array, Array]:

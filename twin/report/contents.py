@@ -20,10 +20,10 @@ from twin.noise.tachometer import with_signs
 from twin.platform import Platform, beyond_stated, check_columns, in_order_of, taken_as_at_rest
 from twin.predict.logs import (
     ImpossibleLog,
-    apart,
     check_possible,
     check_within_stop,
     motion_of,
+    no_shared_time,
     usable,
 )
 from twin.recording import Recording, Series
@@ -142,7 +142,7 @@ def _disjoint_streams(recording: Recording) -> list[str]:
     if not names:
         return []
     longest = max(names, key=lambda name: np.ptp(recording[name].time))
-    said = [apart(recording, name, longest) for name in names if name != longest]
+    said = [no_shared_time(recording, name, longest) for name in names if name != longest]
     return [f"{item[0].upper()}{item[1:]}." for item in said if item]
 
 

@@ -97,16 +97,16 @@ class StreamRows:
         cycles = [t.cycle for t in ticks if t.cycle is not None]
         if len(cycles) == len(ticks):
             blocks["loop_time"] = self._values(stamps, every, cycles)
-        seen = [i for i, t in enumerate(ticks) if t.estimate.valid[run]]
-        if seen:
-            estimates = [ticks[i].estimate for i in seen]
+        valid = [i for i, t in enumerate(ticks) if t.estimate.valid[run]]
+        if valid:
+            estimates = [ticks[i].estimate for i in valid]
             for name, values in (
                 ("estimate_attitude", [e.attitude for e in estimates]),
                 ("estimate_rate", [e.rate_body for e in estimates]),
                 ("estimate_gyro_bias", [e.gyro_bias for e in estimates]),
             ):
-                blocks[name] = self._values(stamps, seen, values)
-            blocks |= self._quantities(stamps, seen, estimates)
+                blocks[name] = self._values(stamps, valid, values)
+            blocks |= self._quantities(stamps, valid, estimates)
         for name in blocks:
             if name not in self.headers:
                 unit = stream_named(name).unit
@@ -121,7 +121,7 @@ class StreamRows:
         return bool(np.isfinite(own).all())
 
     def _quantities(
-        self, stamps: Sequence[bytes], seen: Sequence[int], estimates: Sequence[Estimate]
+        self, stamps: Sequence[bytes], valid: Sequence[int], estimates: Sequence[Estimate]
     ) -> dict[str, Block]:
         """What an estimator states beside the motion; it states the same names at each tick."""
         if not estimates[0].quantities():
@@ -134,7 +134,7 @@ class StreamRows:
             if first.value is not None:
                 streams[f"estimate_{name}"] = [row.value for row in rows if row.value is not None]
             for stream, values in streams.items():
-                blocks[stream] = self._values(stamps, seen, values)
+                blocks[stream] = self._values(stamps, valid, values)
                 self.headers[stream] = Header(first.columns, first.unit)
         return blocks
 

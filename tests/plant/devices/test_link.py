@@ -24,7 +24,7 @@ from twin.plant.devices.link import (
     checksum,
     packed,
     rows_in_a_frame,
-    told,
+    sentence_of,
 )
 from twin.plant.devices.link.frame import stuff, unstuff
 
@@ -244,9 +244,9 @@ def test_random_and_mutated_bytes_raise_nothing_and_the_next_good_frame_is_heard
 
 
 def test_events_are_told_in_a_sentence():
-    assert told("EXPIRED", 2.0) == "no new set-point came in time on channel 2; it is safe"
-    assert told("HOT", 91.5) == "HOT (91.5)"
-    assert told("{x}", 1.0) == "{x} (1)", "a firmware's code is no template"
+    assert sentence_of("EXPIRED", 2.0) == "no new set-point came in time on channel 2; it is safe"
+    assert sentence_of("HOT", 91.5) == "HOT (91.5)"
+    assert sentence_of("{x}", 1.0) == "{x} (1)", "a firmware's code is no template"
 
 
 def test_the_document_lists_every_message_event_and_the_longest_payload():

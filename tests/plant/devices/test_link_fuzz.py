@@ -70,4 +70,4 @@ def test_our_end_makes_something_of_any_bytes_without_raising(pieces: list[bytes
         for sample in near.hear(piece, 0.01 * number):
             assert len(sample.value) == 3
             assert sample.valid == all(abs(x) < float("inf") for x in sample.value)
-    near.told()
+    near.event_sentences()

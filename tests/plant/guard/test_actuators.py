@@ -38,7 +38,7 @@ def watched(
             return fault
         command_now = np.zeros((1, width))
         command_now[0, 0] = told(now)
-        monitor.told({command: command_now})
+        monitor.take_command({command: command_now})
     return ""
 
 

@@ -25,7 +25,7 @@ class HostTime(abc.ABC):
     """It goes on by itself."""
 
     @abc.abstractmethod
-    def now(self) -> float:
+    def time(self) -> float:
         """Monotonic [s]."""
 
     @abc.abstractmethod
@@ -46,7 +46,7 @@ class WallTime(HostTime):
 
     wall = True
 
-    def now(self) -> float:
+    def time(self) -> float:
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
@@ -113,20 +113,22 @@ class ClockFit:
         """Bin -> device and host time of its tightest bound from below."""
         self._late: dict[int, tuple[float, float]] = {}
 
-    def exchange(self, sent: float, received_there: float, sent_there: float, back: float) -> None:
+    def exchange(
+        self, sent: float, device_received: float, device_sent: float, back: float
+    ) -> None:
         """One question and its answer: host, device, device, host [s]."""
         number = int(back // _BIN)
-        _keep(self._early, number, (received_there, sent), side=1.0)
-        _keep(self._late, number, (sent_there, back), side=-1.0)
+        _keep(self._early, number, (device_received, sent), side=1.0)
+        _keep(self._late, number, (device_sent, back), side=-1.0)
         for bounds in (self._early, self._late):
             for old in [n for n in bounds if n < number - WINDOW / _BIN]:
                 del bounds[old]
-        self.estimate = _line(self._early, self._late, sent_there)
+        self.estimate = _line(self._early, self._late, device_sent)
         if self.estimate is None:
             self.restarts += 1
-            self._early = {number: (received_there, sent)}
-            self._late = {number: (sent_there, back)}
-            self.estimate = _line(self._early, self._late, sent_there)
+            self._early = {number: (device_received, sent)}
+            self._late = {number: (device_sent, back)}
+            self.estimate = _line(self._early, self._late, device_sent)
 
     def arrival(self, device_time: float, host_time: float) -> None:
         """Something stamped `device_time` came at `host_time` [s]."""
@@ -152,7 +154,7 @@ def _line(
     slow, fast = _rates(below, above)
     if slow > fast:
         return None
-    lowest, highest = _least(below, slow, fast), -_least(-above, slow, fast)
+    lowest, highest = _lowest(below, slow, fast), -_lowest(-above, slow, fast)
     if lowest > highest + _ROUNDING:
         return None
     return ClockEstimate(
@@ -174,7 +176,7 @@ def _rates(below: Array, above: Array) -> tuple[float, float]:
     return float(slow), float(fast)
 
 
-def _least(points: Array, slow: float, fast: float) -> float:
+def _lowest(points: Array, slow: float, fast: float) -> float:
     """Lowest value at 0 of a line over all points (x, y), at any rate in between."""
     lowest = np.inf
     for _ in range(_ROUNDS):

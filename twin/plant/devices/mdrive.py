@@ -276,15 +276,15 @@ class Tracker:
             return min(allowed, here)
         return max(allowed, here) if self._blocked < 0 else allowed
 
-    def want(self, target: int, now: float) -> None:
+    def want(self, target: int, host_time: float) -> None:
         """Go there as soon as it stands; what was wanted before is forgotten."""
-        self._pending = (target, now)
+        self._pending = (target, host_time)
 
     def drop(self) -> None:
         """Nothing is wanted any more."""
         self._pending = None
 
-    def order(self, now: float) -> int | None:
+    def order(self, host_time: float) -> int | None:
         """The target that should be sent to the drive now, and counts as given; None: nothing."""
         if self.moving or self.stopping or self.lost:
             return None
@@ -292,16 +292,16 @@ class Tracker:
             (target, wanted), self._pending = self._pending, None
             # a loop wants the same in every tick: that is no new order, and must not renew the old
             if target != self._target:
-                if now - wanted > _FRESH:
+                if host_time - wanted > _FRESH:
                     return None
-                return self._give(target, now)
-        if self.position == self._target or now - self._given < _PATIENCE:
+                return self._give(target, host_time)
+        if self.position == self._target or host_time - self._given < _PATIENCE:
             return None
         if self._orders >= _ORDERS:
             self.notes.append(f"{self.name}: does not move, {_ORDERS} orders were in vain")
             self.rest(self.position)
             return None
-        self._given = now
+        self._given = host_time
         self._orders += 1
         return self._target
 
@@ -384,9 +384,9 @@ class Tracker:
             self._blocked = 1 if code == 83 else -1
             self._pending = None
 
-    def _give(self, target: int, now: float) -> int:
+    def _give(self, target: int, host_time: float) -> int:
         self._start, self._target = self.position, target
-        self._given, self._orders = now, 1
+        self._given, self._orders = host_time, 1
         return target
 
     def _longest(self) -> float:
@@ -555,11 +555,11 @@ class MDrive(Device):
         if _COMMAND not in command:
             return {}
         applied = np.empty(len(self.stages))
-        now = time.monotonic()
+        host_time = time.monotonic()
         with self._lock:
             for k, stage in enumerate(self.stages):
                 target = stage.allow(stage.settings.steps(float(command[_COMMAND][k])))
-                stage.want(target, now)
+                stage.want(target, host_time)
                 applied[k] = stage.settings.metres(target)
         return {_COMMAND: applied}
 
@@ -610,8 +610,8 @@ class MDrive(Device):
                 self._line.tell(stage.settings.address, "SL 0", mode)
             self._stopped.set()
         self._turn = (self._turn + 1) % len(self.stages)
-        now = time.monotonic()
-        if now < self._silent_until[self._turn]:
+        host_time = time.monotonic()
+        if host_time < self._silent_until[self._turn]:
             time.sleep(0.005)
             return
         self._serve(self._turn)
@@ -622,7 +622,7 @@ class MDrive(Device):
         stage, mode = self.stages[k], self._modes[k]
         address = stage.settings.address
         reason = self._look(k)
-        now = self._line.heard
+        host_time = self._line.heard
         if reason and not stage.lost and not self._misses[k]:
             # once more, at once: a corrupt answer must not cost a sample
             reason = self._look(k)
@@ -636,10 +636,10 @@ class MDrive(Device):
             reason = f"{stage.name}: is not homed"
         part, latency = stage.settings.part, self._line.wire
         if reason:
-            self._queue.put(missing(_STREAM, 1, now, f"{self.name}: {reason}", part))
+            self._queue.put(missing(_STREAM, 1, host_time, f"{self.name}: {reason}", part))
             return
         value = (stage.settings.metres(stage.position),)
-        self._queue.put(Sample(_STREAM, value, now, latency=latency, part=part))
+        self._queue.put(Sample(_STREAM, value, host_time, latency=latency, part=part))
         with self._lock:
             order = stage.order(time.monotonic()) if self.armed else None
         if order is not None:
@@ -664,7 +664,9 @@ class MDrive(Device):
             )
         position, moving, failing = answer[:3]
         apart = abs(answer[-1] - position)
-        if not self.settings.checksum and apart > self._apart(stage, moving or stage.moving):
+        if not self.settings.checksum and apart > self._travel_between(
+            stage, moving or stage.moving
+        ):
             return f"{stage.name}: two readings disagree, {position} and {answer[-1]}"
         if failing:
             # reading clears it: asked again, a drive whose answer was lost would say 0
@@ -704,7 +706,7 @@ class MDrive(Device):
         """Ask the others first."""
         self._silent_until[k] = time.monotonic() + (_SILENT if len(self.stages) > 1 else 0.0)
 
-    def _apart(self, stage: Tracker, moving: int | bool) -> int:
+    def _travel_between(self, stage: Tracker, moving: int | bool) -> int:
         """How far a stage can go between two numbers of one answer [microsteps]."""
         return math.ceil(0.02 * stage.settings.rate(stage.settings.speed)) if moving else 0
 
@@ -725,7 +727,7 @@ class MDrive(Device):
     def _fail(self, reason: str) -> None:
         self.fault, self.armed = reason, False
         self._stopped.set()
-        now = time.monotonic()
+        host_time = time.monotonic()
         for stage in self.stages:
             stage.homed = False
-            self._queue.put(missing(_STREAM, 1, now, reason, stage.settings.part))
+            self._queue.put(missing(_STREAM, 1, host_time, reason, stage.settings.part))

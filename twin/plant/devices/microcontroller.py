@@ -28,7 +28,7 @@ from twin.plant.devices.device import (
     missing,
 )
 from twin.plant.devices.host_time import WALL, ClockEstimate, HostTime
-from twin.plant.devices.link import Channel, FarEndState, Schema, told
+from twin.plant.devices.link import Channel, FarEndState, Schema, sentence_of
 from twin.plant.devices.link import ParserCounters as LinkCounters
 from twin.plant.devices.link.near_end import NearEnd
 from twin.plant.devices.port import SLICE, Port
@@ -194,10 +194,10 @@ class Microcontroller(Device):
         self.connect()
         assert self._port is not None
         self._end_workers()
-        port, now = self._port, self._host.now()
+        port, host_time = self._port, self._host.time()
         self._outbox.clear()
         self._queue.take()
-        self._complained = self._asked = now
+        self._complained = self._asked = host_time
         self._workers = [
             Worker(f"{self._name} reader", lambda: self._listen(port), self._fail),
             Worker(f"{self._name} writer", lambda: self._speak(port), self._fail),
@@ -221,11 +221,13 @@ class Microcontroller(Device):
         if self._end.state is FarEndState.fault:
             raise self._error(_FAULT, "look at the machine, then disarm it")
         self._end.last_event = None
-        sequence = self._say(lambda now: self._end.arm(greeting.longest_valid_ms, now))
+        sequence = self._say(lambda host_time: self._end.arm(greeting.longest_valid_ms, host_time))
         self._wait(lambda: self._has_heard(sequence))
         if self._end.state is not FarEndState.armed:
             event = self._end.last_event
-            reason = told(event.code, event.value) if event else f"no answer within {_ANSWER} s"
+            reason = (
+                sentence_of(event.code, event.value) if event else f"no answer within {_ANSWER} s"
+            )
             raise self._error(f"it was not armed ({reason})", "connect anew")
         self._held.clear()
         self._unheard.clear()
@@ -262,10 +264,10 @@ class Microcontroller(Device):
             self._held[stream] = channel.sent(value)
         if self._held:
             sequence = self._say(
-                lambda now: self._end.setpoints(self._held, self._valid_ms, now),
+                lambda host_time: self._end.setpoints(self._held, self._valid_ms, host_time),
                 self.settings.valid_for,
             )
-            self._unheard.append((sequence, self._host.now()))
+            self._unheard.append((sequence, self._host.time()))
         return dict(self._held)
 
     def safe_stop(self, floating: bool) -> None:
@@ -296,17 +298,17 @@ class Microcontroller(Device):
         self._port = None
 
     def _greet(self, port: Port) -> None:
-        came, start, asked = 0, self._host.now(), -np.inf
+        came, start, asked = 0, self._host.time(), -np.inf
         while self._end.greeting is None:
-            now = self._host.now()
-            if now - start > _GREETING:
+            host_time = self._host.time()
+            if host_time - start > _GREETING:
                 raise self._error(*self._no_greeting(came))
-            if now - asked > _GREETING / 8:
-                asked = now
-                port.write(self._end.greet(now))
+            if host_time - asked > _GREETING / 8:
+                asked = host_time
+                port.write(self._end.greet(host_time))
             data = self._host.read(port, 0.05)
             came += len(data)
-            self._end.hear(data, self._host.now())
+            self._end.hear(data, self._host.time())
         greeting = self._end.greeting
         self.identity = greeting.name
         if greeting.schema_hash != self._schema.hash:
@@ -330,19 +332,19 @@ class Microcontroller(Device):
 
     def _listen(self, port: Port) -> None:
         data = port.read(SLICE)
-        now = self._host.now()
+        host_time = self._host.time()
         with self._lock:
-            samples = self._end.hear(data, now) if data else []
+            samples = self._end.hear(data, host_time) if data else []
         for sample in samples:
             self._queue.put(sample)
-        if now - self._asked >= self.settings.clock_period:
-            self._asked = now
+        if host_time - self._asked >= self.settings.clock_period:
+            self._asked = host_time
             self._say(self._end.ask_time, self.settings.clock_period)
         self._count()
         port.dealt_with += len(data)
-        self._watch(now)
+        self._watch(host_time)
 
-    def _watch(self, now: float) -> None:
+    def _watch(self, host_time: float) -> None:
         """What the frames, or their absence, say of the far end."""
         end = self._end
         if end.restarted:
@@ -354,14 +356,16 @@ class Microcontroller(Device):
             # where the last is that it was armed, what it said since was lost on the line
             why = _WHY_LOST
             if event is not None and event.code != "ARMED":
-                why = told(event.code, event.value)
+                why = sentence_of(event.code, event.value)
             self._disarmed = f" ({why})"
         if end.events:
             self._tell()
-        if now - max(end.heard, self._complained) > self.settings.silence:
-            self._complained = now
+        if host_time - max(end.heard, self._complained) > self.settings.silence:
+            self._complained = host_time
             self.counters.timeouts += 1
-            self._give_up(now, f"{self._name}: nothing heard for {now - end.heard:.2f} s")
+            self._give_up(
+                host_time, f"{self._name}: nothing heard for {host_time - end.heard:.2f} s"
+            )
 
     def _speak(self, port: Port) -> None:
         frame = self._outbox.take(SLICE)
@@ -371,7 +375,7 @@ class Microcontroller(Device):
     def _say(self, make: Callable[[float], bytes], lifetime: float = np.inf) -> int:
         """Send what `make` makes of the time; the sequence of its last frame."""
         with self._lock:
-            frame = make(self._host.now())
+            frame = make(self._host.time())
             sequence = self._end.last_sequence
             if self._host.wall or self._port is None:
                 posted = self._outbox.post(frame, lifetime)
@@ -396,7 +400,7 @@ class Microcontroller(Device):
         """Set-points that are not acknowledged in time may come late: then none is sent."""
         while self._unheard and self._has_heard(self._unheard[0][0]):
             self._unheard.popleft()
-        if self._unheard and self._host.now() - self._unheard[0][1] > self.settings.valid_for:
+        if self._unheard and self._host.time() - self._unheard[0][1] > self.settings.valid_for:
             self.safe_stop(floating=True)
             raise self._error(
                 f"it has not acknowledged a set-point for {self.settings.valid_for:g} s; it was "
@@ -409,14 +413,14 @@ class Microcontroller(Device):
         return answered >= 0 and (answered - sequence) & 0xFFFF < 0x8000
 
     def _wait(self, done: Callable[[], bool], longest: float = _ANSWER) -> bool:
-        until = self._host.now() + longest
-        while not done() and not self.fault and self._host.now() < until:
+        until = self._host.time() + longest
+        while not done() and not self.fault and self._host.time() < until:
             self._host.sleep(0.002)
         return done()
 
     def _tell(self) -> None:
         with self._lock:
-            self.notes.extend(self._end.told())
+            self.notes.extend(self._end.event_sentences())
 
     def _count(self) -> None:
         seen, counters = self._end.parser.counters, self.counters
@@ -424,16 +428,16 @@ class Microcontroller(Device):
         counters.bad_checksums = seen.bad_checksum
         counters.resyncs = seen.malformed + seen.bad_version
 
-    def _give_up(self, now: float, reason: str) -> None:
+    def _give_up(self, host_time: float, reason: str) -> None:
         for stream, width in self.streams.items():
-            self._queue.put(missing(stream, width, now, reason))
+            self._queue.put(missing(stream, width, host_time, reason))
 
     def _fail(self, reason: str) -> None:
         self.armed = False
         self.fault = self.fault or reason
         if self._port is not None:
             self._port.unread = True
-        self._give_up(self._host.now(), reason)
+        self._give_up(self._host.time(), reason)
 
     def _end_workers(self) -> None:
         for worker in self._workers:

@@ -253,10 +253,10 @@ class Mti(SensorSession):
 
     def _listen(self, port: Port) -> None:
         received = port.read(_QUIET)
-        now = time.monotonic()
+        host_time = time.monotonic()
         for message in self._parser.feed(received) if received else self._parser.idle():
             if message.identifier == MessageId.DATA:
-                self._measured(message, now, port.byte_time)
+                self._measured(message, host_time, port.byte_time)
             elif message.identifier == MessageId.WAKE_UP:
                 self.notes.append(f"{self.name}: restarted by itself, and was configured again")
                 port.write(encode(XbusMessage(MessageId.WAKE_UP_ACKNOWLEDGE)))
@@ -265,7 +265,7 @@ class Mti(SensorSession):
             elif message.identifier in (MessageId.ERROR, MessageId.WARNING) and message.data:
                 self.notes.append(f"{self.name}: reports {_complaint(message.data[0])}")
 
-    def _measured(self, message: XbusMessage, now: float, byte_time: float) -> None:
+    def _measured(self, message: XbusMessage, host_time: float, byte_time: float) -> None:
         items = decode_data(message.data)
         if items is None:
             # it passed the checksum by chance
@@ -291,7 +291,7 @@ class Mti(SensorSession):
             if abs(step - (1 + missed) / max(self._settings.rates.values())) > _SLIP:
                 self._promptest.forget()
             if not doubt:
-                now = self._promptest.host(device_time, now - latency) + latency
+                host_time = self._promptest.host(device_time, host_time - latency) + latency
         for kind, name in self._streams.items():
             if kind not in values:
                 continue
@@ -300,7 +300,7 @@ class Mti(SensorSession):
                 Sample(
                     name,
                     value,
-                    now,
+                    host_time,
                     latency=latency,
                     device_time=device_time,
                     valid=not doubt,

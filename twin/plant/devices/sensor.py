@@ -120,16 +120,16 @@ class SensorSession(Device):
     def _work(self) -> None:
         assert self._port is not None
         self._listen(self._port)
-        now = time.monotonic()
-        if now - self._heard > self._silence:
+        host_time = time.monotonic()
+        if host_time - self._heard > self._silence:
             self.counters.timeouts += 1
-            reason = f"{self.name}: nothing usable for {now - self._heard:.2f} s"
-            self._heard = now
-            self._give_up(now, reason)
+            reason = f"{self.name}: nothing usable for {host_time - self._heard:.2f} s"
+            self._heard = host_time
+            self._give_up(host_time, reason)
 
-    def _give_up(self, now: float, reason: str) -> None:
+    def _give_up(self, host_time: float, reason: str) -> None:
         for stream, width in self.streams.items():
-            self._queue.put(missing(stream, width, now, reason))
+            self._queue.put(missing(stream, width, host_time, reason))
 
     def _fail(self, reason: str) -> None:
         self.fault = reason

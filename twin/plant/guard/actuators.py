@@ -70,7 +70,7 @@ _STRIKES = 3
 """Comparisons in a row that must fail."""
 
 
-class _Told(NamedTuple):
+class _Commanded(NamedTuple):
     """A command, from when on it holds, and what it had amounted to by then."""
 
     time: float
@@ -109,27 +109,27 @@ class _Integral:
         self._noise, self._lag = noise, lag
         self._window = max(_WINDOW, 4.0 / rate)
         self._long = max(_LONG, 10.0 / rate)
-        self._told = deque[_Told]()
+        self._commands = deque[_Commanded]()
         self._samples = deque[_Sample]()
         self._apart = self._weak = 0
         self._fitted = -math.inf
         self.fault = ""
 
-    def told(self, time: float, value: float) -> None:
+    def command(self, time: float, value: float) -> None:
         """From now on it is told so."""
         integral = way = 0.0
-        if self._told:
-            last = self._told[-1]
+        if self._commands:
+            last = self._commands[-1]
             passed = max(time - last.time, 0.0)
             integral = last.integral + passed * last.value
             way = last.way + passed * abs(last.value)
-        self._told.append(_Told(time, value, integral, way))
-        while len(self._told) > 2 and self._told[1].time < time - self._long - 1.0:
-            self._told.popleft()
+        self._commands.append(_Commanded(time, value, integral, way))
+        while len(self._commands) > 2 and self._commands[1].time < time - self._long - 1.0:
+            self._commands.popleft()
 
     def read(self, time: float, value: float) -> None:
         """It read so."""
-        told = next((item for item in reversed(self._told) if item.time <= time), None)
+        told = next((item for item in reversed(self._commands) if item.time <= time), None)
         if told is None:
             return
         passed = time - told.time
@@ -256,7 +256,7 @@ class ActuatorMonitor:
                 for gimbal in platform.gimbals
             ]
 
-    def told(self, applied: Command) -> None:
+    def take_command(self, applied: Command) -> None:
         """This holds from the last reading on."""
         move = applied.get("command_stage_position")
         if move is not None:
@@ -264,7 +264,7 @@ class ActuatorMonitor:
         for (command, _), parts in self._integrals.items():
             if command in applied:
                 for part, value in zip(parts, applied[command][0].tolist(), strict=True):
-                    part.told(self._now, value)
+                    part.command(self._now, value)
 
     def take(self, reading: Reading) -> str:
         """Compare what one tick brought; why it must stop, a sentence, or nothing."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from twin.errors import SafetyError, UsageError
 from twin.plant.guard.actuators import ActuatorMonitor
-from twin.plant.guard.rules import GuardSettings, Rules, Seen, Watchdog
+from twin.plant.guard.rules import GuardSettings, Observed, Rules, Watchdog
 from twin.plant.limits import Limits
 from twin.plant.plant import Plant
 from twin.signals import Command, Reading, Samples
@@ -59,7 +59,7 @@ class Guarded(Plant):
         self.n = 1
         self.stopped = {}
         self.phase = GuardPhase.disarmed
-        self.seen = Seen(self.platform)
+        self.seen = Observed(self.platform)
         self.settings = settings
         self._plant, self._calibrated = plant, calibrated
         self._rules = Rules(self.platform, settings)
@@ -220,8 +220,8 @@ class Guarded(Plant):
             self._make_safe()
         else:
             self._applied = applied
-            self.seen.told(applied, self.platform.tick)
-            self._monitor.told(applied)
+            self.seen.add_wheel_torque(applied, self.platform.tick)
+            self._monitor.take_command(applied)
         return dict(self._applied)
 
     def truth(self) -> dict[str, Samples]:

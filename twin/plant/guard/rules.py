@@ -42,12 +42,12 @@ _SIGMAS = 8.0
 """Of that noise: two readings at 100 Hz for a year differ by less."""
 
 
-class Seen:
+class Observed:
     """The newest valid samples of one machine."""
 
     def __init__(self, platform: Platform) -> None:
-        """Nothing has been seen."""
-        self.now = 0.0
+        """Nothing has been observed."""
+        self.time = 0.0
         """Of the last reading [s]."""
         self.newest: dict[str, tuple[float, Array]] = {}
         """Stream -> time and value (columns,) of its newest valid sample."""
@@ -65,8 +65,8 @@ class Seen:
 
     def take(self, reading: Reading) -> None:
         """Note what one tick brought; where time begins anew, what was seen is dated back."""
-        if reading.time <= self.now:
-            self._date_back(self.now + self._platform.tick - reading.time)
+        if reading.time <= self.time:
+            self._date_back(self.time + self._platform.tick - reading.time)
         for name, samples in reading.streams.items():
             good = np.flatnonzero(samples.valid[0])
             if good.size:
@@ -79,11 +79,11 @@ class Seen:
                 elif name == "wheel_speed":
                     self._momentum = self._inertia * new[1]
                 self.newest[name] = new
-        self.now = reading.time
+        self.time = reading.time
         for name in self._needed:
             self._stale[name] = 0 if self._is_fresh(name) else self._stale[name] + 1
 
-    def told(self, applied: Command, duration: float) -> None:
+    def add_wheel_torque(self, applied: Command, duration: float) -> None:
         """Count what a wheel torque adds until its speed is measured again."""
         torque = applied.get("command_wheel_torque")
         if torque is not None:
@@ -95,7 +95,7 @@ class Seen:
 
     def age(self, stream: str) -> float:
         """Of its newest valid sample [s]; inf before the first."""
-        return self.now - self.newest[stream][0] if stream in self.newest else np.inf
+        return self.time - self.newest[stream][0] if stream in self.newest else np.inf
 
     @property
     def stage_position(self) -> Array | None:
@@ -275,21 +275,21 @@ class Rules:
             [wheel.momentum_limit for wheel in platform.wheels]
         )
 
-    def limited(self, wanted: Command, seen: Seen, *, floating: bool) -> Command:
+    def limited(self, wanted: Command, observed: Observed, *, floating: bool) -> Command:
         """The nearest allowed command, each channel (1, columns).
 
         Args:
             wanted: finite, of channels that the machine has.
-            seen: with the stages' positions, if `wanted` moves them.
+            observed: with the stages' positions, if `wanted` moves them.
             floating: whether the rules of a floating machine hold.
         """
         allowed: Command = {}
         for name, value in wanted.items():
             match name:
                 case "command_stage_position":
-                    allowed[name] = self._stages(value[0], seen, floating=floating)[None]
+                    allowed[name] = self._stages(value[0], observed, floating=floating)[None]
                 case "command_wheel_torque":
-                    allowed[name] = self._wheels(value[0], seen)[None]
+                    allowed[name] = self._wheels(value[0], observed)[None]
                 case "command_gimbal_rate":
                     allowed[name] = self._noted("rate", value, self._limits.gimbal_rate(value))
                 case "command_dipole":
@@ -303,8 +303,8 @@ class Rules:
                     allowed[name] = self._noted("torque", value, self._limits.joint_torque(value))
         return allowed
 
-    def _stages(self, wanted: Array, seen: Seen, *, floating: bool) -> Array:
-        place = seen.stage_position
+    def _stages(self, wanted: Array, observed: Observed, *, floating: bool) -> Array:
+        place = observed.stage_position
         assert place is not None
         target = self._noted("stroke", wanted, np.clip(wanted, self._lowest, self._highest))
         # outside the margins it may stay or come back, but is not thrown back
@@ -323,21 +323,21 @@ class Rules:
         base = float(self._platform.center_of_mass_offset[2])
         return base + float(stage_position @ self._moment[:, 2])
 
-    def _wheels(self, wanted: Array, seen: Seen) -> Array:
+    def _wheels(self, wanted: Array, observed: Observed) -> Array:
         limit = np.array([wheel.torque_limit for wheel in self._platform.wheels])
         torque = self._noted("torque", wanted, np.clip(wanted, -limit, limit))
-        tick, momentum = self._platform.tick, seen.wheel_momentum
+        tick, momentum = self._platform.tick, observed.wheel_momentum
         # one that is beyond its share is let down, but not braked for it
         most = np.maximum((self._most_momentum - momentum) / tick, 0.0)
         least = np.minimum((-self._most_momentum - momentum) / tick, 0.0)
         return self._noted("momentum", torque, np.clip(torque, least, most))
 
-    def _scaled(self, rule: str, lead: Array, most: float, size: float) -> Array:
+    def _scaled(self, rule: str, lead: Array, limit: float, size: float) -> Array:
         """A move cut to the share that is allowed, towards where the stages are, in whole steps."""
-        if size <= most * (1.0 + 1e-12):
+        if size <= limit * (1.0 + 1e-12):
             return lead
         self.count[rule] += 1
-        lead = lead * (most / size)
+        lead = lead * (limit / size)
         steps = np.where(self._resolution > 0.0, self._resolution, 1.0)
         return np.where(self._resolution > 0.0, np.trunc(lead / steps) * steps, lead)
 

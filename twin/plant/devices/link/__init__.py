@@ -11,7 +11,7 @@ from twin.plant.devices.link.messages import MESSAGES as MESSAGES
 from twin.plant.devices.link.messages import FarEndState as FarEndState
 from twin.plant.devices.link.messages import Flag as Flag
 from twin.plant.devices.link.messages import MessageType as MessageType
-from twin.plant.devices.link.messages import told as told
+from twin.plant.devices.link.messages import sentence_of as sentence_of
 from twin.plant.devices.link.payloads import ArmRequest as ArmRequest
 from twin.plant.devices.link.payloads import Event as Event
 from twin.plant.devices.link.payloads import Hello as Hello

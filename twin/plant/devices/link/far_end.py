@@ -31,7 +31,7 @@ _MS = 1000
 class FarEnd:
     """The state machine of one far end. Clocks are its own, microseconds, 32 bits."""
 
-    def __init__(self, schema: Schema, name: str, longest_valid_ms: int, now_us: int) -> None:
+    def __init__(self, schema: Schema, name: str, longest_valid_ms: int, device_us: int) -> None:
         """Begin: safe, not greeted, a greeting on its way."""
         self.schema = schema
         self.state = FarEndState.safe
@@ -49,23 +49,23 @@ class FarEnd:
         """Channel -> when its set-point runs out [us]; `ALL_CHANNELS` before the first one."""
         self._sequence = 0
         self._out: list[bytes] = []
-        self._send(MessageType.hello, self._hello, now_us)
+        self._send(MessageType.hello, self._hello, device_us)
 
-    def receive(self, data: bytes, now_us: int) -> None:
+    def receive(self, data: bytes, device_us: int) -> None:
         """Bytes of the host; what they ask for waits in `take`."""
-        self.advance(now_us)
+        self.advance(device_us)
         # frame by frame, so that an answer acknowledges its own question
         for piece in data.split(b"\0")[:-1]:
-            self._hear(piece + b"\0", now_us)
+            self._hear(piece + b"\0", device_us)
         self.parser.feed(data.rsplit(b"\0", 1)[-1])
 
-    def advance(self, now_us: int) -> None:
+    def advance(self, device_us: int) -> None:
         """Let set-points run out."""
-        over = [c for c, until in self._until.items() if (now_us - until) % _CLOCK < _CLOCK // 2]
+        over = [c for c, until in self._until.items() if (device_us - until) % _CLOCK < _CLOCK // 2]
         if over:
             self._make_safe()
             first = ALL_CHANNELS if ALL_CHANNELS in over else min(over)
-            self.event("EXPIRED", first, now_us)
+            self.event("EXPIRED", first, device_us)
 
     def take(self) -> bytes:
         """What it has said since the last call."""
@@ -77,82 +77,82 @@ class FarEnd:
         """Of the last frame that was made."""
         return (self._sequence - 1) & 0xFFFF
 
-    def sample(self, channel: int, time_us: int, value: Array, now_us: int) -> None:
+    def sample(self, channel: int, time_us: int, value: Array, device_us: int) -> None:
         """Send values (columns,) of a measured channel that were true at `time_us`."""
         rows = SampleRows(channel, (time_us % _CLOCK,), value[None])
-        self._send(MessageType.samples, rows.packed(self.schema), now_us)
+        self._send(MessageType.samples, rows.packed(self.schema), device_us)
 
-    def event(self, code: str, value: float, now_us: int) -> None:
+    def event(self, code: str, value: float, device_us: int) -> None:
         """Tell the host something."""
         self.last_event = Event(code, value)
-        self._send(MessageType.event, self.last_event.packed(), now_us)
+        self._send(MessageType.event, self.last_event.packed(), device_us)
 
     def skip(self, frames: int) -> None:
         """Lose the next frames: their numbers are never sent."""
         self._sequence = (self._sequence + frames) & 0xFFFF
 
-    def fault(self, code: str, value: float, now_us: int) -> None:
+    def fault(self, code: str, value: float, device_us: int) -> None:
         """Be safe until a DISARM acknowledges it."""
         self._make_safe()
         self.state = FarEndState.fault
-        self.event(code, value, now_us)
+        self.event(code, value, device_us)
 
-    def _hear(self, packet: bytes, now_us: int) -> None:
+    def _hear(self, packet: bytes, device_us: int) -> None:
         for frame in self.parser.feed(packet):
             match frame.type:
                 case MessageType.hello:
-                    self._greeted(Hello.unpacked(frame.payload), now_us)
+                    self._greeted(Hello.unpacked(frame.payload), device_us)
                 case MessageType.timesync:
                     asked = TimeSync.unpacked(frame.payload)
-                    answer = TimeSync(asked.host_ns, now_us % _CLOCK).packed()
-                    self._send(MessageType.timesync, answer, now_us)
+                    answer = TimeSync(asked.host_ns, device_us % _CLOCK).packed()
+                    self._send(MessageType.timesync, answer, device_us)
                 case MessageType.arm:
-                    self._arm(ArmRequest.unpacked(frame.payload), now_us)
+                    self._arm(ArmRequest.unpacked(frame.payload), device_us)
                 case MessageType.setpoint:
-                    self._told(frame, now_us)
+                    self._set_point(frame, device_us)
                 case MessageType.disarm:
                     self._make_safe()
                     self.state = FarEndState.safe
-                    self.event("SAFE", 0.0, now_us)
+                    self.event("SAFE", 0.0, device_us)
                 case _:
                     self._make_safe()
-                    self.event("SAFE", 0.0, now_us)
+                    self.event("SAFE", 0.0, device_us)
 
-    def _greeted(self, hello: Hello, now_us: int) -> None:
+    def _greeted(self, hello: Hello, device_us: int) -> None:
         # who greets begins anew: what the last host armed is not this one's
         self._make_safe()
         same = hello.schema_hash == self.schema.hash
         self.flags = Flag.greeted if same else Flag(0)
-        self._send(MessageType.hello, self._hello, now_us)
+        self._send(MessageType.hello, self._hello, device_us)
         if not same:
-            self.event("SCHEMA", 0.0, now_us)
+            self.event("SCHEMA", 0.0, device_us)
 
-    def _arm(self, arm: ArmRequest, now_us: int) -> None:
+    def _arm(self, arm: ArmRequest, device_us: int) -> None:
         if arm.schema_hash != self.schema.hash or Flag.greeted not in self.flags:
-            self.event("SCHEMA", 0.0, now_us)
+            self.event("SCHEMA", 0.0, device_us)
         elif self.state is FarEndState.fault:
-            self.event("FAULTED", 0.0, now_us)
+            self.event("FAULTED", 0.0, device_us)
         elif not 0 < arm.valid_for_ms <= self._longest:
-            self.event("VALUE", ALL_CHANNELS, now_us)
+            self.event("VALUE", ALL_CHANNELS, device_us)
         else:
             self._make_safe()
             self.state = FarEndState.armed
-            self._until[ALL_CHANNELS] = now_us + _MS * arm.valid_for_ms
-            self.event("ARMED", 0.0, now_us)
+            self._until[ALL_CHANNELS] = device_us + _MS * arm.valid_for_ms
+            self.event("ARMED", 0.0, device_us)
 
-    def _told(self, frame: Frame, now_us: int) -> None:
+    def _set_point(self, frame: Frame, device_us: int) -> None:
         wish = SetPoint.unpacked(frame.payload, self.schema)
         if self.state is not FarEndState.armed:
-            self.event("UNARMED", MessageType.setpoint, now_us)
+            self.event("UNARMED", MessageType.setpoint, device_us)
         elif (
             frame.payload[1]
             or not 0 < wish.valid_for_ms <= self._longest
             or not np.isfinite(wish.value).all()
         ):
-            self.event("VALUE", wish.channel, now_us)
+            self.event("VALUE", wish.channel, device_us)
         else:
             self._until.pop(ALL_CHANNELS, None)
-            self._until[wish.channel] = now_us + _MS * wish.valid_for_ms
+            self._until[wish.channel] = device_us + _MS * wish.valid_for_ms
             self.setpoint[wish.channel] = wish.value
             self.heard[wish.channel] = frame.last_received
             self.flags |= Flag.live
@@ -165,8 +165,8 @@ class FarEnd:
         self.setpoint.clear()
         self.heard.clear()
 
-    def _send(self, kind: MessageType, payload: bytes, now_us: int) -> None:
+    def _send(self, kind: MessageType, payload: bytes, device_us: int) -> None:
         heard = self.parser.last_sequence or 0
-        frame = Frame(kind, payload, self._sequence, now_us, heard, self.state, self.flags)
+        frame = Frame(kind, payload, self._sequence, device_us, heard, self.state, self.flags)
         self._sequence = (self._sequence + 1) & 0xFFFF
         self._out.append(packed(frame))

@@ -136,6 +136,6 @@ EVENTS: dict[str, str] = {
 """Codes that the link itself uses, and what they mean; a firmware adds its own faults."""
 
 
-def told(code: str, value: float) -> str:
+def sentence_of(code: str, value: float) -> str:
     """The sentence of an event; the code itself where it is a firmware's own."""
     return EVENTS[code].format(value=value) if code in EVENTS else f"{code} ({value:g})"

@@ -11,7 +11,7 @@ import numpy as np
 from twin.plant.devices.device import Sample
 from twin.plant.devices.host_time import ClockFit
 from twin.plant.devices.link.frame import Frame, Parser, packed
-from twin.plant.devices.link.messages import FarEndState, Flag, MessageType, told
+from twin.plant.devices.link.messages import FarEndState, Flag, MessageType, sentence_of
 from twin.plant.devices.link.payloads import (
     ArmRequest,
     Event,
@@ -57,39 +57,41 @@ class NearEnd:
         self._newest: dict[int, int] = {}
         self._asked: dict[int, float] = {}
 
-    def greet(self, now: float) -> bytes:
+    def greet(self, host_time: float) -> bytes:
         """Say who is there, behind a zero that ends whatever stood on the line."""
         return b"\0" + self._frame(
-            MessageType.hello, Hello(self.schema.hash, 0, "twin").packed(), now
+            MessageType.hello, Hello(self.schema.hash, 0, "twin").packed(), host_time
         )
 
-    def ask_time(self, now: float) -> bytes:
+    def ask_time(self, host_time: float) -> bytes:
         """Begin an exchange of clocks."""
-        mark = int(now * 1e9)
-        self._asked = {k: t for k, t in self._asked.items() if now - t < 1.0} | {mark: now}
-        return self._frame(MessageType.timesync, TimeSync(mark).packed(), now)
+        mark = int(host_time * 1e9)
+        self._asked = {k: t for k, t in self._asked.items() if host_time - t < 1.0} | {
+            mark: host_time
+        }
+        return self._frame(MessageType.timesync, TimeSync(mark).packed(), host_time)
 
-    def arm(self, valid_for_ms: int, now: float) -> bytes:
+    def arm(self, valid_for_ms: int, host_time: float) -> bytes:
         """Ask it to take set-points."""
         return self._frame(
-            MessageType.arm, ArmRequest(self.schema.hash, valid_for_ms).packed(), now
+            MessageType.arm, ArmRequest(self.schema.hash, valid_for_ms).packed(), host_time
         )
 
-    def disarm(self, now: float) -> bytes:
+    def disarm(self, host_time: float) -> bytes:
         """Tell it to take none, and acknowledge its fault."""
-        return self._frame(MessageType.disarm, b"", now)
+        return self._frame(MessageType.disarm, b"", host_time)
 
-    def safe_stop(self, now: float) -> bytes:
+    def safe_stop(self, host_time: float) -> bytes:
         """Tell it to be safe, at once."""
-        return self._frame(MessageType.safe_stop, b"", now)
+        return self._frame(MessageType.safe_stop, b"", host_time)
 
-    def setpoints(self, command: Mapping[str, Array], valid_for_ms: int, now: float) -> bytes:
+    def setpoints(self, command: Mapping[str, Array], valid_for_ms: int, host_time: float) -> bytes:
         """A frame for each stream, values (columns,) in SI."""
         return b"".join(
             self._frame(
                 MessageType.setpoint,
                 SetPoint(self.schema.number_of(stream), valid_for_ms, value).packed(self.schema),
-                now,
+                host_time,
             )
             for stream, value in command.items()
         )
@@ -99,11 +101,11 @@ class NearEnd:
         """Of the last frame that was made."""
         return (self._sequence - 1) & 0xFFFF
 
-    def hear(self, data: bytes, now: float) -> list[Sample]:
-        """What came in at `now`: the samples in it."""
+    def hear(self, data: bytes, host_time: float) -> list[Sample]:
+        """What came in at `host_time`: the samples in it."""
         samples: list[Sample] = []
         for frame in self.parser.feed(data):
-            self.heard = now
+            self.heard = host_time
             self.state = _STATES.get(frame.state, FarEndState.fault)
             if frame.flags & Flag.greeted:
                 self.answered = frame.last_received
@@ -116,34 +118,34 @@ class NearEnd:
                     if frame.flags & Flag.greeted or self._is_answer(frame):
                         self.greeting = Hello.unpacked(frame.payload)
                 case MessageType.timesync:
-                    self._exchanged(TimeSync.unpacked(frame.payload), frame, device_us, now)
+                    self._exchanged(TimeSync.unpacked(frame.payload), frame, device_us, host_time)
                 case MessageType.event:
                     event = Event.unpacked(frame.payload)
-                    self.events.append((now, event))
+                    self.events.append((host_time, event))
                     self.last_event = event
                 case _:
-                    samples += self._sampled(frame, device_us, now)
+                    samples += self._sampled(frame, device_us, host_time)
             if self.clock.estimate is not None:
-                self.clock.arrival(device_us * 1e-6, now)
+                self.clock.arrival(device_us * 1e-6, host_time)
         return samples
 
-    def told(self) -> list[str]:
+    def event_sentences(self) -> list[str]:
         """Sentences of the events since the last call."""
-        sentences = [f"{self._name}: {told(e.code, e.value)}" for _, e in self.events]
+        sentences = [f"{self._name}: {sentence_of(e.code, e.value)}" for _, e in self.events]
         self.events.clear()
         return sentences
 
     def _is_answer(self, frame: Frame) -> bool:
         return frame.last_received == self.last_sequence
 
-    def _exchanged(self, sync: TimeSync, frame: Frame, device_us: int, now: float) -> None:
+    def _exchanged(self, sync: TimeSync, frame: Frame, device_us: int, host_time: float) -> None:
         sent = self._asked.pop(sync.host_ns, None)
         if sent is None:
             return
         received = device_us + _ahead(sync.received_us - frame.time_us)
-        self.clock.exchange(sent, received * 1e-6, device_us * 1e-6, now)
+        self.clock.exchange(sent, received * 1e-6, device_us * 1e-6, host_time)
 
-    def _sampled(self, frame: Frame, device_us: int, now: float) -> list[Sample]:
+    def _sampled(self, frame: Frame, device_us: int, host_time: float) -> list[Sample]:
         rows = SampleRows.unpacked(frame.payload, self.schema)
         stream = self.schema.channels[rows.channel].stream
         samples: list[Sample] = []
@@ -153,17 +155,17 @@ class NearEnd:
                 self.stale += 1
                 continue
             self._newest[rows.channel] = stamp
-            samples.append(self._sample(stream, value, stamp * 1e-6, now))
+            samples.append(self._sample(stream, value, stamp * 1e-6, host_time))
         return samples
 
-    def _sample(self, stream: str, value: Array, device_time: float, now: float) -> Sample:
+    def _sample(self, stream: str, value: Array, device_time: float, host_time: float) -> Sample:
         finite = bool(np.isfinite(value).all())
         line = self.clock.estimate
-        latency = 0.0 if line is None else max(now - line.host(device_time), 0.0)
+        latency = 0.0 if line is None else max(host_time - line.host(device_time), 0.0)
         return Sample(
             stream,
             tuple(value.tolist()),
-            now,
+            host_time,
             latency=latency,
             device_time=device_time,
             valid=finite,
@@ -175,9 +177,9 @@ class NearEnd:
         self._unwrapped += _ahead(time_us - self._unwrapped)
         return self._unwrapped
 
-    def _frame(self, kind: MessageType, payload: bytes, now: float) -> bytes:
+    def _frame(self, kind: MessageType, payload: bytes, host_time: float) -> bytes:
         last = self.parser.last_sequence or 0
-        frame = Frame(kind, payload, self._sequence, int(now * 1e6), last, self.state)
+        frame = Frame(kind, payload, self._sequence, int(host_time * 1e6), last, self.state)
         self._sequence = (self._sequence + 1) & 0xFFFF
         return packed(frame)
 
