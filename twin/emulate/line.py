@@ -15,12 +15,21 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Self
 
-from twin.emulate.emulated import BURST, LINE_FAULTS, EmulatedDevice, Fault, Wire
+from twin.emulate.emulated import (
+    BURST,
+    LINE_FAULTS,
+    Emulated,
+    EmulatedDevice,
+    EmulatedPeer,
+    Fault,
+    Wire,
+)
+from twin.emulate.packets import PacketServer
+from twin.emulate.served import Served
 from twin.errors import DeviceError, TwinError, UsageError
 from twin.processes import beginning
 from twin.stop import LOOK, ignore, until
@@ -109,8 +118,8 @@ class _Terminal:
         os.close(self._slave)
 
 
-class Server:
-    """The loop's state of one line; time runs from `start`, or in lockstep from 0."""
+class Server(Served):
+    """A device on a line."""
 
     def __init__(
         self,
@@ -123,31 +132,14 @@ class Server:
         lockstep: bool = False,
     ) -> None:
         """Open the terminal; `start` [s] is the monotonic clock at the emulation's time 0."""
+        super().__init__(device, faults, LINE_FAULTS, start=start, lockstep=lockstep)
         self._device, self._link = device, link
-        self._granted = 0.0 if lockstep else None
         self._early = b""
         self._heard = self._said = 0
-        self._start = start
-        of_device = [fault for fault in faults if fault.kind not in LINE_FAULTS]
-        self._wire = Wire([fault for fault in faults if fault.kind in LINE_FAULTS], seed)
-        self._pending = sorted(
-            of_device + [f for f in self._wire.faults if f.kind == "power_cycle"],
-            key=lambda f: f.start,
-        )
+        self._wire = Wire(self._of_wire, seed)
         self._to_device, self._to_host = PacedQueue(), PacedQueue()
         self._terminal: _Terminal | None = _Terminal(link)
         self._stepped: float | None = None
-        self.stalled = 0.0
-        """The longest time for which it was not run [s]."""
-
-    def add(self, fault: Fault) -> None:
-        """Let it happen, counted from now."""
-        fault = replace(fault, start=self._time() + fault.start)
-        if fault.kind in LINE_FAULTS:
-            self._wire.faults.append(fault)
-        if fault.kind not in LINE_FAULTS or fault.kind == "power_cycle":
-            self._pending.append(fault)
-            self._pending.sort(key=lambda each: each.start)
 
     def go_on(self, until: float, sent: int) -> tuple[float, int]:
         """In lockstep: hear what was sent, then let time pass until it says something."""
@@ -161,7 +153,6 @@ class Server:
         return self._granted, self._said
 
     def step(self) -> tuple[bytes, bytes]:
-        """Bytes sent to the host, and bytes received by the device."""
         now = self._time()
         before = now if self._stepped is None or self._granted is not None else self._stepped
         self._stepped = now
@@ -199,23 +190,18 @@ class Server:
 
     @property
     def watched(self) -> list[int]:
-        """What becomes readable when the host says something; empty while it is unplugged."""
         return [] if self._terminal is None else [self._terminal.master]
 
-    def _time(self) -> float:
-        return time.monotonic() - self._start if self._granted is None else self._granted
-
-    def _happen(self, instant: float) -> None:
-        while self._pending and self._pending[0].start <= instant:
-            fault = self._pending.pop(0)
-            if fault.kind == "power_cycle":
-                self._device.power_cycle(instant)
-            else:
-                self._device.inject(fault.kind, fault.value)
-        unplugged = self._wire.active("unplug", instant) is not None
-        if unplugged and self._terminal is not None:
+    def close(self) -> None:
+        if self._terminal is not None:
             self._terminal.close()
             self._terminal = None
+
+    def _happen(self, instant: float) -> None:
+        super()._happen(instant)
+        unplugged = self._wire.active("unplug", instant) is not None
+        if unplugged and self._terminal is not None:
+            self.close()
             self._to_device.clear()
             self._to_host.clear()
         elif not unplugged and self._terminal is None:
@@ -225,7 +211,9 @@ class Server:
 _START = 60.0
 """Longest wait for the process [s]: it may have a machine to compile."""
 
-MadeDevices = Callable[[], Mapping[str, EmulatedDevice]]
+MadeDevices = Callable[[], Mapping[str, Emulated]]
+Link = Path | str
+"""A symbolic link to a terminal, or the URL of a port of a network."""
 
 
 class EmulatedLines:
@@ -234,7 +222,7 @@ class EmulatedLines:
     def __init__(
         self,
         devices: MadeDevices,
-        links: Mapping[str, Path],
+        links: Mapping[str, Link],
         faults: Sequence[Fault] = (),
         *,
         seed: int = 0,
@@ -246,7 +234,8 @@ class EmulatedLines:
         Args:
             devices: makes them by their names, in the process where they will live; what they
                 share, they share there.
-            links: will name their ports; the first name's is the device of faults without one.
+            links: will name their ports, or are the URLs of a network's; the first name's is
+                the device of faults without one.
             faults: counted from the start.
             seed: of the faults.
             log: takes the raw bytes of all directions.
@@ -383,7 +372,7 @@ class _Alone:
 
 def _serve(
     devices: MadeDevices,
-    links: Mapping[str, Path],
+    links: Mapping[str, Link],
     faults: tuple[Fault, ...],
     seed: int,
     log: Path | None,
@@ -400,10 +389,23 @@ def _serve(
         pipe.send(mistake)
         return
     start = time.monotonic()
-    servers: dict[str, Server] = {}
-    for name, link in links.items():
-        of_device = tuple(fault for fault in faults if (fault.device or first) == name)
-        servers[name] = Server(made[name], link, of_device, seed, start=start, lockstep=lockstep)
+    servers: dict[str, Served] = {}
+    try:
+        for name, link in links.items():
+            of_device = tuple(fault for fault in faults if (fault.device or first) == name)
+            device, lone = made[name], (of_device, seed)
+            match device:
+                case EmulatedDevice():
+                    servers[name] = Server(
+                        device, Path(link), *lone, start=start, lockstep=lockstep
+                    )
+                case EmulatedPeer():
+                    servers[name] = PacketServer(device, str(link), *lone, start=start)
+                case _:
+                    raise AssertionError(type(device))
+    except TwinError as mistake:
+        pipe.send(mistake)
+        return
     pipe.send("ready")
     with open(log, "wb", buffering=0) if log else open(os.devnull, "wb") as record:
         while True:
@@ -416,7 +418,9 @@ def _serve(
                     if isinstance(order, Fault):
                         servers[order.device or first].add(order)
                     else:
-                        pipe.send(servers[first].go_on(*order))
+                        server = servers[first]
+                        assert isinstance(server, Server)
+                        pipe.send(server.go_on(*order))
             except (EOFError, OSError):
                 return
             if lockstep:

@@ -18,15 +18,18 @@ from typing import Generic, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.emulate.emulated import EmulatedDevice, Fault
-from twin.emulate.line import EmulatedLines
+from twin.emulate.cameras import EmulatedNatNet, EmulatedVicon
+from twin.emulate.emulated import Emulated, EmulatedDevice, Fault
+from twin.emulate.line import EmulatedLines, Link
 from twin.emulate.machine import DeviceValue, EmulatedMachine, Share, SimulatedMachine
 from twin.emulate.mdrive import Axis, EmulatedDrive, EmulatedMDrives
 from twin.emulate.microcontroller import EmulatedMicrocontroller
 from twin.emulate.mti import EmulatedMti
+from twin.emulate.packets import free_port
 from twin.emulate.replayed import ReplayedDevice, Said
 from twin.emulate.solar2 import EmulatedSolar2
 from twin.errors import UnknownName, UsageError
+from twin.plant.devices.cameras import CameraSettings, NatNetSettings, ViconSettings
 from twin.plant.devices.device import Device, DeviceSettings
 from twin.plant.devices.host_time import HostTime
 from twin.plant.devices.link import Schema
@@ -192,12 +195,12 @@ class Devices:
     said: Mapping[str, tuple[Said, ...]]
     """By devices that say again what they said once."""
 
-    def __call__(self) -> dict[str, EmulatedDevice]:
+    def __call__(self) -> dict[str, Emulated]:
         """Switched on, at time 0."""
         machine = self.machine.simulated()
         return {name: self._made(name, machine) for name in self.settings}
 
-    def _made(self, name: str, machine: SimulatedMachine) -> EmulatedDevice:
+    def _made(self, name: str, machine: SimulatedMachine) -> Emulated:
         settings, share = self.settings[name], machine.share(name)
         if name in self.said:
             return ReplayedDevice(self.said[name], baud=settings.baud)
@@ -223,6 +226,10 @@ class Devices:
                 return AttachedMti(settings, share)
             case Solar2Settings():
                 return AttachedSolar2(settings, share)
+            case NatNetSettings():
+                return EmulatedNatNet(settings, share)
+            case ViconSettings():
+                return EmulatedVicon(settings, share)
             case _:
                 raise UsageError(f"{name}: there is no emulation of {type(settings).__name__}")
 
@@ -279,7 +286,12 @@ class EmulatedPlatform:
 
     def __enter__(self) -> Self:
         self._folder = tempfile.TemporaryDirectory(prefix="twin-")
-        links = {name: Path(self._folder.name) / name for name in self._setup.devices}
+        links = {
+            name: f"udp://127.0.0.1:{free_port()}"
+            if isinstance(settings, CameraSettings)
+            else Path(self._folder.name) / name
+            for name, settings in self._setup.devices.items()
+        }
         try:
             line = EmulatedLines(
                 self._devices, links, self._faults, seed=self._seed, lockstep=self.lockstep
@@ -308,7 +320,7 @@ class EmulatedPlatform:
         return 0.0 if self._line is None else self._line.stalled
 
     @property
-    def ports(self) -> dict[str, Path]:
+    def ports(self) -> dict[str, Link]:
         """Where each device can be opened, by its name; while it runs."""
         return self.line.links
 
@@ -364,8 +376,8 @@ def _at(setup: HardwareSetup, ports: Mapping[str, str]) -> HardwareSetup:
 def _sampled(platform: Platform, setup: HardwareSetup) -> Platform:
     """The machine with its sensors sampled as the devices on them do it.
 
-    An MTi has rates of its own. A SOLAR-2 has its angles ready at all times: it measures at each
-    physics step, and is asked when it is.
+    An MTi has rates of its own, and so have cameras. A SOLAR-2 has its angles ready at all
+    times: it measures at each physics step, and is asked when it is.
     """
     sensors = dict(platform.sensors)
     for route in setup.measured:
@@ -374,6 +386,8 @@ def _sampled(platform: Platform, setup: HardwareSetup) -> Platform:
             continue
         if isinstance(settings, MtiSettings):
             sensors[route.stream] = replace(sensor, rate=float(settings.rates[route.source]))
+        elif isinstance(settings, CameraSettings):
+            sensors[route.stream] = replace(sensor, rate=float(settings.rate))
         elif isinstance(settings, Solar2Settings):
             sensors[route.stream] = replace(sensor, rate=1.0 / platform.step)
     return replace(platform, sensors=sensors)

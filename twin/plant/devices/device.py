@@ -81,6 +81,10 @@ class Counters:
     """Times that bytes were skipped to find the next message."""
     timeouts: int = 0
     """Answers, or messages of a stream, that did not come in time."""
+    strangers: int = 0
+    """Packets of a network that came from another address, or without the key."""
+    repeats: int = 0
+    """Packets that came twice, late or out of order."""
     overflows: int = 0
     """Samples thrown away, the oldest first, because nobody fetched them."""
 
@@ -91,6 +95,8 @@ class Counters:
             "gaps": self.gaps,
             "resynchronisations": self.resyncs,
             "silences": self.timeouts,
+            "packets of strangers": self.strangers,
+            "packets repeated or out of order": self.repeats,
             "samples nobody fetched": self.overflows,
         }
         bad = ", ".join(f"{count} {what}" for what, count in wrong.items() if count)

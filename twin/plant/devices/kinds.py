@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 from twin.config import Table
 from twin.errors import UnknownName, UsageError
 from twin.library import Registry
+from twin.plant.devices.cameras import NatNetSettings, ViconSettings
 from twin.plant.devices.device import DeviceSettings
 from twin.plant.devices.link import Channel
 from twin.plant.devices.mdrive import MDriveSettings
@@ -145,31 +146,30 @@ def _mdrive(table: Table, name: str, port: str) -> DeviceSettings:
     return read_settings(MDriveSettings, table, name=name, port=port, drives=drives)
 
 
-def _mti(table: Table, name: str, port: str) -> DeviceSettings:
-    return read_settings(MtiSettings, table, name=name, port=port)
+Read = Callable[[Table, str, str], DeviceSettings]
 
 
-def _solar2(table: Table, name: str, port: str) -> DeviceSettings:
-    return read_settings(Solar2Settings, table, name=name, port=port)
-
-
-def _installed(brought: Any) -> "Read | None":
-    """What reads the settings of a class that an installed package brings."""
-    if not (isinstance(brought, type) and issubclass(brought, DeviceSettings)):
-        return None
-    kind: type[DeviceSettings] = brought
+def _of(kind: type[DeviceSettings]) -> Read:
+    """What reads settings whose fields are the keys of their table."""
     return lambda table, name, port: read_settings(kind, table, name=name, port=port)
 
 
-Read = Callable[[Table, str, str], DeviceSettings]
+def _installed(brought: Any) -> Read | None:
+    """What reads the settings of a class that an installed package brings."""
+    if not (isinstance(brought, type) and issubclass(brought, DeviceSettings)):
+        return None
+    return _of(brought)
+
 
 KINDS: Mapping[str, Read] = Registry(
     "twin.devices",
     {
         "microcontroller": _microcontroller,
         "mdrive": _mdrive,
-        "mti": _mti,
-        "solar2": _solar2,
+        "mti": _of(MtiSettings),
+        "natnet": _of(NatNetSettings),
+        "solar2": _of(Solar2Settings),
+        "vicon": _of(ViconSettings),
     },
     _installed,
 )

@@ -7,6 +7,7 @@ import abc
 import time
 from collections import deque
 from collections.abc import Mapping
+from typing import Generic, Protocol, TypeVar
 
 from twin.errors import CommandError
 from twin.plant.devices.device import (
@@ -21,19 +22,21 @@ from twin.plant.devices.device import (
 from twin.plant.devices.port import Port
 
 
-class SensorSession(Device):
-    """A device that takes no command: opens its port, and reads it in a thread."""
+class Closable(Protocol):
+    """What a session listens to."""
 
-    def __init__(
-        self,
-        name: str,
-        port: str,
-        *,
-        baud: int,
-        stop_bits: int,
-        streams: Mapping[str, int],
-        silence: float,
-    ) -> None:
+    def close(self) -> None:
+        """Release it; raises nothing."""
+        ...
+
+
+AnyPort = TypeVar("AnyPort", bound=Closable)
+
+
+class ListeningSession(Device, Generic[AnyPort]):
+    """A device that takes no command: opens its port, of any kind, and reads it in a thread."""
+
+    def __init__(self, name: str, *, streams: Mapping[str, int], silence: float) -> None:
         """`silence`: so long without a sample [s] means that there is none."""
         self.name = name
         self.streams = streams
@@ -41,15 +44,22 @@ class SensorSession(Device):
         self.counters = Counters()
         self.fault = ""
         self.notes = deque[str](maxlen=100)
-        self._url, self._baud, self._stop_bits = port, baud, stop_bits
         self._silence = silence
         self._queue = SampleQueue(self.counters)
-        self._port: Port | None = None
+        self._port: AnyPort | None = None
         self._worker: Worker | None = None
         self._heard = 0.0
 
     @abc.abstractmethod
-    def _greet(self, port: Port) -> None:
+    def _open(self) -> AnyPort:
+        """Open the port.
+
+        Raises:
+            DeviceError: it cannot be had.
+        """
+
+    @abc.abstractmethod
+    def _greet(self, port: AnyPort) -> None:
         """Make sure that the expected device is there.
 
         Raises:
@@ -57,7 +67,7 @@ class SensorSession(Device):
         """
 
     @abc.abstractmethod
-    def _set_up(self, port: Port) -> None:
+    def _set_up(self, port: AnyPort) -> None:
         """Write the settings, read them back, start the measurement.
 
         Raises:
@@ -65,7 +75,7 @@ class SensorSession(Device):
         """
 
     @abc.abstractmethod
-    def _listen(self, port: Port) -> None:
+    def _listen(self, port: AnyPort) -> None:
         """Read for some milliseconds, and `_keep` what arrived."""
 
     def connect(self) -> None:
@@ -73,7 +83,7 @@ class SensorSession(Device):
             return
         self.close()
         self.fault = ""
-        port = Port(self.name, self._url, baud=self._baud, stop_bits=self._stop_bits)
+        port = self._open()
         try:
             self._greet(port)
         except BaseException:
@@ -139,3 +149,24 @@ class SensorSession(Device):
         if self._worker is not None:
             self._worker.stop()
             self._worker = None
+
+
+class SensorSession(ListeningSession[Port]):
+    """A device that takes no command, on a serial port or its like."""
+
+    def __init__(
+        self,
+        name: str,
+        port: str,
+        *,
+        baud: int,
+        stop_bits: int,
+        streams: Mapping[str, int],
+        silence: float,
+    ) -> None:
+        """`silence`: so long without a sample [s] means that there is none."""
+        super().__init__(name, streams=streams, silence=silence)
+        self._url, self._baud, self._stop_bits = port, baud, stop_bits
+
+    def _open(self) -> Port:
+        return Port(self.name, self._url, baud=self._baud, stop_bits=self._stop_bits)
