@@ -1,4 +1,4 @@
-"""A machine whose attitude comes from cameras in a network, emulated on this computer."""
+"""A machine whose board and cameras are in a network, emulated on this computer."""
 
 from dataclasses import replace
 from pathlib import Path

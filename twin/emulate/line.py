@@ -22,13 +22,14 @@ from typing import Self
 from twin.emulate.emulated import (
     BURST,
     LINE_FAULTS,
+    NETWORK_FAULTS,
     Emulated,
     EmulatedDevice,
     EmulatedPeer,
     Fault,
     Wire,
 )
-from twin.emulate.packets import PacketServer
+from twin.emulate.packets import PacketServer, SealedEnd
 from twin.emulate.served import Served
 from twin.errors import DeviceError, TwinError, UsageError
 from twin.processes import beginning
@@ -69,6 +70,9 @@ class PacedQueue:
 
 BEAT = 0.001
 """Longest that the process sleeps [s]: devices send of themselves."""
+
+Link = Path | str
+"""A symbolic link to a terminal, or the URL of a port of a network."""
 
 _STALL = 0.02
 """When the process was not run for longer, all that waits is taken to have come evenly meanwhile
@@ -124,21 +128,35 @@ class Server(Served):
     def __init__(
         self,
         device: EmulatedDevice,
-        link: Path,
+        link: Link,
         faults: tuple[Fault, ...],
         seed: int,
         *,
         start: float,
         lockstep: bool = False,
     ) -> None:
-        """Open the terminal; `start` [s] is the monotonic clock at the emulation's time 0."""
-        super().__init__(device, faults, LINE_FAULTS, start=start, lockstep=lockstep)
+        """Open the terminal, or the port of a network.
+
+        Args:
+            device: whose end it is.
+            link: names the port.
+            faults: that begin of themselves.
+            seed: of the faults.
+            start: the monotonic clock at the emulation's time 0 [s].
+            lockstep: time goes on as the host lets it.
+
+        Raises:
+            DeviceError: a port of a network that is taken, or has no key.
+        """
+        known = LINE_FAULTS if isinstance(link, Path) else NETWORK_FAULTS
+        super().__init__(device, faults, known, start=start, lockstep=lockstep)
         self._device, self._link = device, link
         self._early = b""
         self._heard = self._said = 0
-        self._wire = Wire(self._of_wire, seed)
+        self._wire = Wire(self._of_wire if isinstance(link, Path) else [], seed)
+        self._seed = seed
         self._to_device, self._to_host = PacedQueue(), PacedQueue()
-        self._terminal: _Terminal | None = _Terminal(link)
+        self._terminal: _Terminal | SealedEnd | None = self._opened()
         self._stepped: float | None = None
 
     def go_on(self, until: float, sent: int) -> tuple[float, int]:
@@ -177,7 +195,10 @@ class Server(Served):
         byte_time = (1 + 8 + self._device.stop_bits) / self._device.baud
         self._heard += len(came)
         self._to_device.send(came, instant, byte_time)
-        matched = self._terminal.baud() == self._device.baud
+        # a network has no rate
+        matched = (
+            isinstance(self._terminal, SealedEnd) or self._terminal.baud() == self._device.baud
+        )
         into = self._wire.carry(self._to_device.arrived(instant), instant, matched=matched)
         sent = self._device.receive(into, instant) if into else b""
         self._to_host.send(sent + self._device.advance(instant), instant, byte_time)
@@ -205,15 +226,23 @@ class Server(Served):
             self._to_device.clear()
             self._to_host.clear()
         elif not unplugged and self._terminal is None:
-            self._terminal = _Terminal(self._link)
+            self._terminal = self._opened()
+
+    def _power_cycle(self, instant: float) -> None:
+        super()._power_cycle(instant)
+        if isinstance(self._terminal, SealedEnd):
+            self._terminal.restart()
+
+    def _opened(self) -> _Terminal | SealedEnd:
+        if isinstance(self._link, Path):
+            return _Terminal(self._link)
+        return SealedEnd(self._link, self._of_wire, self._seed, self._time)
 
 
 _START = 60.0
 """Longest wait for the process [s]: it may have a machine to compile."""
 
 MadeDevices = Callable[[], Mapping[str, Emulated]]
-Link = Path | str
-"""A symbolic link to a terminal, or the URL of a port of a network."""
 
 
 class EmulatedLines:
@@ -343,7 +372,7 @@ class EmulatedLine(EmulatedLines):
     def __init__(
         self,
         device: EmulatedDevice | Callable[[], EmulatedDevice],
-        link: Path,
+        link: Link,
         faults: Sequence[Fault] = (),
         *,
         seed: int = 0,
@@ -396,9 +425,7 @@ def _serve(
             device, lone = made[name], (of_device, seed)
             match device:
                 case EmulatedDevice():
-                    servers[name] = Server(
-                        device, Path(link), *lone, start=start, lockstep=lockstep
-                    )
+                    servers[name] = Server(device, link, *lone, start=start, lockstep=lockstep)
                 case EmulatedPeer():
                     servers[name] = PacketServer(device, str(link), *lone, start=start)
                 case _:

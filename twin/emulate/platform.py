@@ -9,6 +9,7 @@ their lines' rates; they know of this one what comes over the lines.
 """
 
 import pickle
+import secrets
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -37,6 +38,7 @@ from twin.plant.devices.mdrive import MDriveSettings
 from twin.plant.devices.mdrive_line import DriveSettings
 from twin.plant.devices.microcontroller import Microcontroller, MicrocontrollerSettings
 from twin.plant.devices.mti import MtiSettings
+from twin.plant.devices.network import is_network
 from twin.plant.devices.solar2 import Solar2Settings
 from twin.plant.hardware_setup import HardwareSetup
 from twin.plant.initial import InitialState
@@ -286,12 +288,8 @@ class EmulatedPlatform:
 
     def __enter__(self) -> Self:
         self._folder = tempfile.TemporaryDirectory(prefix="twin-")
-        links = {
-            name: f"udp://127.0.0.1:{free_port()}"
-            if isinstance(settings, CameraSettings)
-            else Path(self._folder.name) / name
-            for name, settings in self._setup.devices.items()
-        }
+        folder = Path(self._folder.name)
+        links = {name: self._link(folder, name) for name in self._setup.devices}
         try:
             line = EmulatedLines(
                 self._devices, links, self._faults, seed=self._seed, lockstep=self.lockstep
@@ -301,6 +299,20 @@ class EmulatedPlatform:
             self._folder.cleanup()
             raise
         return self
+
+    def _link(self, folder: Path, name: str) -> Link:
+        """Where a device will be opened: a terminal, or a port of this computer with its key."""
+        settings = self._setup.devices[name]
+        # in lockstep a line's bytes are counted, and a network may lose them
+        if self.lockstep or not is_network(settings.port):
+            return folder / name
+        url = f"udp://127.0.0.1:{free_port()}"
+        if isinstance(settings, CameraSettings):
+            return url
+        key = folder / f"{name}.key"
+        key.touch(0o600)
+        key.write_text(secrets.token_hex(32), encoding="ascii")
+        return f"{url}?key={key}"
 
     def __exit__(self, *error: object) -> None:
         if self._line is not None:

@@ -69,6 +69,9 @@ class Served(abc.ABC):
         while self._pending and self._pending[0].start <= instant:
             fault = self._pending.pop(0)
             if fault.kind == "power_cycle":
-                self._failing.power_cycle(instant)
+                self._power_cycle(instant)
             else:
                 self._failing.inject(fault.kind, fault.value)
+
+    def _power_cycle(self, instant: float) -> None:
+        self._failing.power_cycle(instant)

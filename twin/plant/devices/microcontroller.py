@@ -181,7 +181,7 @@ class Microcontroller(Device):
         self.fault, self.armed = "", False
         self._held.clear()
         self._end = NearEnd(self._schema, self._name)
-        port = Port(self._name, self.settings.port, baud=self.settings.baud)
+        port = Port(self._name, self.settings.port, baud=self.settings.baud, counters=self.counters)
         try:
             self._greet(port)
         except BaseException:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from urllib.parse import parse_qs, urlsplit
 
 from twin.errors import DeviceError
-from twin.plant.devices.device import Counters
+from twin.plant.devices.counters import Counters
 
 SCHEME = "udp"
 _LARGEST = 65535

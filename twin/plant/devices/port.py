@@ -10,11 +10,15 @@ import os
 import time
 from itertools import count
 from pathlib import Path
+from typing import Any
 from urllib.parse import parse_qs, urlencode, urlsplit
 
 import serial
 
 from twin.errors import DeviceError
+from twin.plant.devices.counters import Counters
+from twin.plant.devices.network import SCHEME
+from twin.plant.devices.sealed import SealedLine
 
 SLICE = 0.02
 """Longest that one read of the port blocks [s]: so fast does a session hear that it shall end."""
@@ -35,9 +39,10 @@ _SCHEMES = {
     "rfc2217": False,
     "cp2110": False,
     "loop": False,
+    SCHEME: False,
 }
-"""Kinds of URLs that pyserial knows, and whether they are a port of this computer: then nobody else
-may have it open."""
+"""Kinds of URLs, pyserial's and ours, and whether they are a port of this computer: then nobody
+else may have it open."""
 
 LOG = ".spy"
 """What the name of a line's log ends in."""
@@ -77,8 +82,23 @@ def _logged(device: str, url: str) -> tuple[str, Path | None]:
 class Port:
     """One open line to a device. Reading belongs to one thread; so does writing."""
 
-    def __init__(self, device: str, url: str, *, baud: int, stop_bits: int = 1) -> None:
+    def __init__(
+        self,
+        device: str,
+        url: str,
+        *,
+        baud: int,
+        stop_bits: int = 1,
+        counters: Counters | None = None,
+    ) -> None:
         """Open it, and throw away what had arrived before.
+
+        Args:
+            device: by the laboratory's name, for the sentences.
+            url: path or URL.
+            baud: of the line.
+            stop_bits: of the line.
+            counters: which count what strangers send, where the line is a network.
 
         Raises:
             DeviceError: there is no such port, or it cannot be had.
@@ -93,6 +113,17 @@ class Port:
             raise DeviceError(
                 device, f"cannot open {url}: no such kind of port", f"give a path, or {known}"
             )
+        self.sent = 0
+        """Bytes written."""
+        self.dealt_with = 0
+        """Bytes read that whoever reads has dealt with; counted there."""
+        self.unread = False
+        """Nobody reads it any more: it is gone, or its session has failed."""
+        self.low_latency = False
+        """The adapter passes bytes on at once, instead of up to 16 ms later."""
+        if scheme == SCHEME:
+            self._serial: Any = SealedLine(device, url, counters or Counters(), SLICE)
+            return
         opened, log = _logged(device, url) if scheme == "spy" else (url, None)
         try:
             self._serial = serial.serial_for_url(
@@ -111,14 +142,6 @@ class Port:
             code = errno.EBUSY if code in (errno.EAGAIN, errno.EWOULDBLOCK) else code
             remedy = _REMEDIES.get(code or 0, "check the path or URL, and the baud rate")
             raise DeviceError(device, f"cannot open {url} ({_why(error)})", remedy) from error
-        self.sent = 0
-        """Bytes written."""
-        self.dealt_with = 0
-        """Bytes read that whoever reads has dealt with; counted there."""
-        self.unread = False
-        """Nobody reads it any more: it is gone, or its session has failed."""
-        self.low_latency = False
-        """The adapter passes bytes on at once, instead of up to 16 ms later."""
         # pseudo-terminals refuse with ValueError, network ports do not know the method
         with contextlib.suppress(AttributeError, ValueError, NotImplementedError, OSError):
             self._serial.set_low_latency_mode(True)

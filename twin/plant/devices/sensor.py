@@ -169,4 +169,10 @@ class SensorSession(ListeningSession[Port]):
         self._url, self._baud, self._stop_bits = port, baud, stop_bits
 
     def _open(self) -> Port:
-        return Port(self.name, self._url, baud=self._baud, stop_bits=self._stop_bits)
+        return Port(
+            self.name,
+            self._url,
+            baud=self._baud,
+            stop_bits=self._stop_bits,
+            counters=self.counters,
+        )
