@@ -9,6 +9,7 @@ length. What passes all checks and was never sent is counted beside what the che
 # how much a parser keeps is nobody else's affair
 # pyright: reportPrivateUsage=false
 
+import binascii
 import random
 import struct
 import time
@@ -19,10 +20,12 @@ import numpy as np
 
 from benchmarks.link import SCHEMA
 from benchmarks.measure import table
-from twin.plant.devices.device import Counters
+from twin.plant.devices.bno08x import RvcParser
+from twin.plant.devices.counters import Counters
 from twin.plant.devices.link import Frame, MessageType, Parser, SampleRows, packed
 from twin.plant.devices.mdrive_line import Answer, ExchangeState, checksum
 from twin.plant.devices.solar2 import LineParser, decode_text
+from twin.plant.devices.vn100 import MOTION, BinaryParser
 from twin.plant.devices.xbus import FrameParser, XbusMessage, decode_data, encode
 
 BYTES = 10_000_000
@@ -197,6 +200,66 @@ class Solar2Text(Fuzzed):
         return any(decode_text(line) for line in self.parser.feed(b"\r" + self.good(number)))
 
 
+class Rvc(Fuzzed):
+    """Packets of a BNO08x."""
+
+    name, check = "BNO08x UART-RVC", "1 in 256"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.counters = Counters()
+        self.parser = RvcParser(self.counters)
+
+    def counts(self, number: int) -> tuple[int, ...]:
+        """Index, angles and accelerations that bear its number twice."""
+        return (number % 256, number % 9001, -(number % 9001), 7, number % 997, number % 997, 1000)
+
+    def good(self, number: int) -> bytes:
+        body = struct.pack("<B6h3x", *self.counts(number))
+        return b"\xaa\xaa" + body + bytes([sum(body) % 256])
+
+    def feed(self, data: bytes) -> None:
+        for _, yaw, pitch, roll, x, y, _ in self.parser.feed(data):
+            self.passed += yaw != -pitch or x != y or roll != 7
+        self.most = max(self.most, len(self.parser._buffer))
+        self.refused = self.counters.bad_checksums
+
+    def hears(self, number: int) -> bool:
+        # a header in what came before may take the first with it
+        heard = self.parser.feed(self.good(number) + self.good(number + 1))
+        return self.counts(number + 1) in heard
+
+
+class VectorNav(Fuzzed):
+    """Binary messages of a VN-100."""
+
+    name, check = "VN-100", "1 in 65,536"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.counters = Counters()
+        self.parser = BinaryParser(self.counters, MOTION)
+
+    def payload(self, number: int) -> bytes:
+        """Fields that bear its number twice."""
+        return struct.pack("<Q10f", number, *range(9), number % 9973)
+
+    def good(self, number: int) -> bytes:
+        body = struct.pack("<BH", 1, MOTION) + self.payload(number)
+        return b"\xfa" + body + struct.pack(">H", binascii.crc_hqx(body, 0))
+
+    def feed(self, data: bytes) -> None:
+        for payload in self.parser.feed(data):
+            (number,) = struct.unpack_from("<Q", payload)
+            self.passed += payload != self.payload(number)
+        self.most = max(self.most, len(self.parser._buffer))
+        self.refused = self.counters.bad_checksums
+
+    def hears(self, number: int) -> bool:
+        heard = self.parser.feed(self.good(number) + self.good(number + 1))
+        return self.payload(number + 1) in heard
+
+
 def mutated(subject: Fuzzed, chance: random.Random, first: int, size: int) -> bytes:
     """Good messages, most of them damaged somewhere."""
     out = bytearray()
@@ -255,7 +318,7 @@ def fuzz(subject: Fuzzed, count: int, seed: int) -> tuple[float, int]:
 def run() -> None:
     """Print the table."""
     rows: list[tuple[str, ...]] = []
-    for kind in (OurLink, Xbus, MDriveReplies, Solar2Text):
+    for kind in (OurLink, Xbus, MDriveReplies, Solar2Text, Rvc, VectorNav):
         subject = kind()
         spent, deaf = fuzz(subject, BYTES, seed=1)
         rows.append(

@@ -27,7 +27,7 @@ SEEDS = 40
 """Good lines, one to five messages long, from which the search starts."""
 NEXT = 40_000
 """Number of the good message after a line; none of the seeds bears it."""
-NAMES = "OurLink", "Xbus", "MDriveReplies", "Solar2Text"
+NAMES = "OurLink", "Xbus", "MDriveReplies", "Solar2Text", "Rvc", "VectorNav"
 
 
 def search(name: str, corpus: str) -> None:

@@ -5,13 +5,13 @@ lateness their values have is the simulated sensor's business.
 """
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.emulate.emulated import EmulatedPeer
-from twin.emulate.machine import Share
+from twin.emulate.machine import Share, Simultaneous
 from twin.errors import UnknownName
 from twin.plant.devices.cameras import CameraSettings, NatNetSettings, ViconSettings
 from twin.rotation import conjugate, matrix, multiply, rotate
@@ -36,13 +36,14 @@ FAULTS: Mapping[str, str] = {
 class EmulatedCameras(EmulatedPeer):
     """What both systems have in common: frames of a body that a machine moves."""
 
-    def __init__(self, settings: CameraSettings, share: Share) -> None:
-        """Switch them on."""
+    def __init__(self, settings: CameraSettings, share: Share, sources: Collection[str]) -> None:
+        """Switch them on; `sources` are what the machine shows them."""
+        self._instants = Simultaneous(sources)
         self._settings, self._share = settings, share
         self._frame = 1000
         self._now = 0.0
         self._lost = self._frozen = -1.0
-        self._attitude = np.full(4, np.nan)
+        self._attitude = np.array([1.0, 0.0, 0.0, 0.0])
         self._place = np.array(settings.origin)
         self._shown: tuple[Array, Array] | None = None
 
@@ -66,19 +67,15 @@ class EmulatedCameras(EmulatedPeer):
 
     def advance(self, time: float) -> list[bytes]:
         self._now = time
-        turn = self._settings.room_from_cameras
-        frames: dict[float, None] = {}
+        turn, origin = self._settings.room_from_cameras, np.array(self._settings.origin)
         out: list[bytes] = []
-        for shown in self._share.step({}, time):
-            if shown.time not in frames and frames:
-                out += self._framed(next(reversed(frames)), time)
-            frames[shown.time] = None
-            if shown.source == "attitude":
-                self._attitude = multiply(conjugate(turn), shown.value)
-            elif shown.source == "position":
-                origin = np.array(self._settings.origin)
-                self._place = rotate(conjugate(turn), shown.value) + origin
-        return out + (self._framed(next(reversed(frames)), time) if frames else [])
+        for exposure, values in self._instants.complete(self._share.step({}, time)):
+            if "attitude" in values:
+                self._attitude = multiply(conjugate(turn), values["attitude"])
+            if "position" in values:
+                self._place = rotate(conjugate(turn), values["position"]) + origin
+            out += self._framed(exposure, time)
+        return out
 
     def _framed(self, exposure: float, time: float) -> list[bytes]:
         self._frame += 1
@@ -110,10 +107,14 @@ class EmulatedNatNet(EmulatedCameras):
     listens = True
 
     def __init__(
-        self, settings: NatNetSettings, share: Share, version: tuple[int, int] = (4, 1)
+        self,
+        settings: NatNetSettings,
+        share: Share,
+        sources: Collection[str],
+        version: tuple[int, int] = (4, 1),
     ) -> None:
         """Switch it on; `version` of NatNet."""
-        super().__init__(settings, share)
+        super().__init__(settings, share, sources)
         self._version = version
         self._number = BODIES[""]
         self._changed = False
@@ -189,9 +190,9 @@ class EmulatedVicon(EmulatedCameras):
 
     listens = False
 
-    def __init__(self, settings: ViconSettings, share: Share) -> None:
+    def __init__(self, settings: ViconSettings, share: Share, sources: Collection[str]) -> None:
         """Switch it on."""
-        super().__init__(settings, share)
+        super().__init__(settings, share, sources)
         self._order = settings.order
 
     def receive(self, packet: bytes, time: float) -> list[bytes]:

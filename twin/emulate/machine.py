@@ -7,7 +7,7 @@ single physics steps, so that a set-point acts from the step after it was heard 
 first comes to a time advances it for all of them.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -35,6 +35,25 @@ class DeviceValue(NamedTuple):
     """When it was true [s]."""
     value: Array
     """(columns,) SI, the device's axes and order; not a number where there is none."""
+
+
+class Simultaneous:
+    """Puts together the values of one instant, which come at different times by their latencies."""
+
+    def __init__(self, sources: Collection[str]) -> None:
+        """`sources`: all that belong to an instant, by the device's names."""
+        self._sources = frozenset(sources)
+        self._waiting: dict[float, dict[str, Array]] = {}
+
+    def complete(self, shown: Iterable[DeviceValue]) -> list[tuple[float, dict[str, Array]]]:
+        """Instants [s] of which all has come now, in their order, each with its values."""
+        for each in shown:
+            self._waiting.setdefault(each.time, {})[each.source] = each.value
+        whole = sorted(t for t, known in self._waiting.items() if self._sources <= known.keys())
+        found = [(time, self._waiting[time]) for time in whole]
+        if whole:
+            self._waiting = {t: known for t, known in self._waiting.items() if t > whole[-1]}
+        return found
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from twin.emulate.cameras import EmulatedNatNet, EmulatedVicon
 from twin.emulate.emulated import Emulated, EmulatedDevice, Fault
+from twin.emulate.imus import EmulatedBno08x, EmulatedVn100
 from twin.emulate.line import EmulatedLines, Link
 from twin.emulate.machine import DeviceValue, EmulatedMachine, Share, SimulatedMachine
 from twin.emulate.mdrive import Axis, EmulatedDrive, EmulatedMDrives
@@ -30,6 +31,7 @@ from twin.emulate.packets import free_port
 from twin.emulate.replayed import ReplayedDevice, Said
 from twin.emulate.solar2 import EmulatedSolar2
 from twin.errors import UnknownName, UsageError
+from twin.plant.devices.bno08x import RATE, Bno08xSettings
 from twin.plant.devices.cameras import CameraSettings, NatNetSettings, ViconSettings
 from twin.plant.devices.device import Device, DeviceSettings
 from twin.plant.devices.host_time import HostTime
@@ -40,6 +42,7 @@ from twin.plant.devices.microcontroller import Microcontroller, MicrocontrollerS
 from twin.plant.devices.mti import MtiSettings
 from twin.plant.devices.network import is_network
 from twin.plant.devices.solar2 import Solar2Settings
+from twin.plant.devices.vn100 import Vn100Settings
 from twin.plant.hardware_setup import HardwareSetup
 from twin.plant.initial import InitialState
 from twin.platform import Platform
@@ -206,6 +209,7 @@ class Devices:
         settings, share = self.settings[name], machine.share(name)
         if name in self.said:
             return ReplayedDevice(self.said[name], baud=settings.baud)
+        sources = {each.source for each in self.machine.measured if each.device == name}
         match settings:
             case MicrocontrollerSettings():
                 return EmulatedMicrocontroller(
@@ -229,9 +233,13 @@ class Devices:
             case Solar2Settings():
                 return AttachedSolar2(settings, share)
             case NatNetSettings():
-                return EmulatedNatNet(settings, share)
+                return EmulatedNatNet(settings, share, sources)
             case ViconSettings():
-                return EmulatedVicon(settings, share)
+                return EmulatedVicon(settings, share, sources)
+            case Vn100Settings():
+                return EmulatedVn100(share, sources, settings.baud)
+            case Bno08xSettings():
+                return EmulatedBno08x(share, sources, settings.baud)
             case _:
                 raise UsageError(f"{name}: there is no emulation of {type(settings).__name__}")
 
@@ -388,7 +396,7 @@ def _at(setup: HardwareSetup, ports: Mapping[str, str]) -> HardwareSetup:
 def _sampled(platform: Platform, setup: HardwareSetup) -> Platform:
     """The machine with its sensors sampled as the devices on them do it.
 
-    An MTi has rates of its own, and so have cameras. A SOLAR-2 has its angles ready at all
+    An MTi has rates of its own, as have cameras. A SOLAR-2 has its angles ready at all
     times: it measures at each physics step, and is asked when it is.
     """
     sensors = dict(platform.sensors)
@@ -398,7 +406,9 @@ def _sampled(platform: Platform, setup: HardwareSetup) -> Platform:
             continue
         if isinstance(settings, MtiSettings):
             sensors[route.stream] = replace(sensor, rate=float(settings.rates[route.source]))
-        elif isinstance(settings, CameraSettings):
+        elif isinstance(settings, Bno08xSettings):
+            sensors[route.stream] = replace(sensor, rate=RATE)
+        elif isinstance(settings, CameraSettings | Vn100Settings):
             sensors[route.stream] = replace(sensor, rate=float(settings.rate))
         elif isinstance(settings, Solar2Settings):
             sensors[route.stream] = replace(sensor, rate=1.0 / platform.step)

@@ -19,6 +19,7 @@ from twin.errors import DeviceError, UsageError
 from twin.plant.devices.cameras import NatNetSettings, ViconSettings, decode_vicon
 from twin.plant.devices.natnet import decode_frame, decode_models, decode_server, opened
 
+SEEN = ("attitude", "position")
 ROOM = {"origin": (0.5, -0.25, 1.0), "turn": (0.5, 0.5, 0.5, 0.5)}
 """Cameras whose axes and origin are not the room's."""
 
@@ -29,12 +30,12 @@ def port() -> str:
 
 def natnet(version=(4, 1), **changed):
     made = NatNetSettings(name="cameras", port=port(), body="table", **{**ROOM, **changed})
-    return made, EmulatedNatNet(made, Swing(), version)
+    return made, EmulatedNatNet(made, Swing(), SEEN, version)
 
 
 def vicon(**changed):
     made = ViconSettings(name="cameras", port=port(), body="table", **{**ROOM, **changed})
-    return made, EmulatedVicon(made, Swing())
+    return made, EmulatedVicon(made, Swing(), SEEN)
 
 
 SYSTEMS = {

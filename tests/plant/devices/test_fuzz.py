@@ -2,9 +2,26 @@
 
 import pytest
 
-from benchmarks.fuzz import BLOCK, PIECE, MDriveReplies, OurLink, Solar2Text, Xbus, fuzz
+from benchmarks.fuzz import (
+    BLOCK,
+    PIECE,
+    MDriveReplies,
+    OurLink,
+    Rvc,
+    Solar2Text,
+    VectorNav,
+    Xbus,
+    fuzz,
+)
 
-KEPT = {OurLink: 255, Xbus: 2048 + PIECE, MDriveReplies: 512, Solar2Text: 64}
+KEPT = {
+    OurLink: 255,
+    Xbus: 2048 + PIECE,
+    MDriveReplies: 512,
+    Solar2Text: 64,
+    Rvc: 18,
+    VectorNav: 53,
+}
 """Bytes that each may keep."""
 
 

@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 from twin.config import Table
 from twin.errors import UnknownName, UsageError
 from twin.library import Registry
+from twin.plant.devices.bno08x import Bno08xSettings
 from twin.plant.devices.cameras import NatNetSettings, ViconSettings
 from twin.plant.devices.device import DeviceSettings
 from twin.plant.devices.link import Channel
@@ -20,6 +21,7 @@ from twin.plant.devices.mdrive_line import DriveSettings
 from twin.plant.devices.microcontroller import BOOTLOADER_BAUD, MicrocontrollerSettings
 from twin.plant.devices.mti import MtiSettings
 from twin.plant.devices.solar2 import Solar2Settings
+from twin.plant.devices.vn100 import Vn100Settings
 from twin.signals import STREAMS
 
 Settings = TypeVar("Settings")
@@ -166,10 +168,12 @@ KINDS: Mapping[str, Read] = Registry(
     {
         "microcontroller": _microcontroller,
         "mdrive": _mdrive,
+        "bno08x": _of(Bno08xSettings),
         "mti": _of(MtiSettings),
         "natnet": _of(NatNetSettings),
         "solar2": _of(Solar2Settings),
         "vicon": _of(ViconSettings),
+        "vn100": _of(Vn100Settings),
     },
     _installed,
 )
