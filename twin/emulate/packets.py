@@ -118,8 +118,8 @@ class SealedEnd:
                 data += self._opened(forged, sender, now)
         return data
 
-    def _opened(self, packet: bytes, sender: tuple[str, int], now: float) -> bytes:
-        data = self._seal.opened(packet, now)
+    def _opened(self, packet: bytes, sender: tuple[str, int], arrival: float) -> bytes:
+        data = self._seal.opened(packet, arrival)
         reply = self._seal.reply()
         if reply:
             self._sockets.send(reply, sender)

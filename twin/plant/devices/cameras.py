@@ -124,7 +124,9 @@ class Cameras(ListeningSession[DatagramPort]):
         self.counters.frames += 1
         return True
 
-    def _seen(self, attitude: Array, place: Array, now: float, age: float, stamp: float) -> None:
+    def _keep_body(
+        self, attitude: Array, place: Array, arrival: float, age: float, stamp: float
+    ) -> None:
         """Keep one frame's body, (4,) and (3,) [m] in the cameras' axes."""
         turn = self._camera_settings.room_from_cameras
         origin = np.array(self._camera_settings.origin)
@@ -135,12 +137,12 @@ class Cameras(ListeningSession[DatagramPort]):
             }
         for stream, value in values.items():
             known = tuple(value.tolist())
-            self._keep(Sample(stream, known, now, latency=age, device_time=stamp))
+            self._keep(Sample(stream, known, arrival, latency=age, device_time=stamp))
 
-    def _unseen(self, now: float) -> None:
+    def _keep_lost(self, arrival: float) -> None:
         reason = f"{self.name}: the cameras do not see {self._camera_settings.body}"
         for stream, width in self.streams.items():
-            self._keep(missing(stream, width, now, reason))
+            self._keep(missing(stream, width, arrival, reason))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +169,7 @@ class NatNet(Cameras):
         self._settings = settings
         self._server = CameraServer("", OLDEST, 1)
         self._which = -1
-        self._told = 0.0
+        self._last_sent = 0.0
         """When the server was last told that somebody listens."""
 
     def _open(self) -> DatagramPort:
@@ -233,16 +235,16 @@ class NatNet(Cameras):
         )
 
     def _listen(self, port: DatagramPort) -> None:
-        now = time.monotonic()
-        if now - self._told > _ALIVE:
-            self._told = now
+        clock = time.monotonic()
+        if clock - self._last_sent > _ALIVE:
+            self._last_sent = clock
             port.send(message(NatNetId.keep_alive))
         packets = port.receive(_QUIET)
-        now = time.monotonic()
+        arrival = time.monotonic()
         for packet in packets:
             match opened(packet):
                 case (NatNetId.frame, payload):
-                    self._framed(port, payload, now)
+                    self._framed(port, payload, arrival)
                 case (NatNetId.models, payload):
                     self._renamed(payload)
                 case None:
@@ -256,7 +258,7 @@ class NatNet(Cameras):
         if before != self._which:
             self.notes.append(f"{self.name}: {self._settings.body} is number {self._which} now")
 
-    def _framed(self, port: DatagramPort, payload: bytes, now: float) -> None:
+    def _framed(self, port: DatagramPort, payload: bytes, arrival: float) -> None:
         frame = decode_frame(payload, self._server.version)
         if frame is None:
             self.counters.bad_checksums += 1
@@ -267,7 +269,7 @@ class NatNet(Cameras):
             port.send(message(NatNetId.request_models))
         body = frame.bodies.get(self._which)
         if body is None or not body.tracked or not all(map(math.isfinite, body.attitude)):
-            self._unseen(now)
+            self._keep_lost(arrival)
             return
         waited = (frame.sent - frame.exposure) / self._server.frequency
         stamp = frame.sent / self._server.frequency
@@ -275,8 +277,8 @@ class NatNet(Cameras):
             self.counters.bad_checksums += 1
             return
         # what this computer read late was sent when its stamp says
-        age = waited + now - min(self._promptest.host(stamp, now), now)
-        self._seen(np.array(body.attitude), np.array(body.place), now, age, stamp - waited)
+        age = waited + arrival - min(self._promptest.host(stamp, arrival), arrival)
+        self._keep_body(np.array(body.attitude), np.array(body.place), arrival, age, stamp - waited)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -352,25 +354,25 @@ class Vicon(Cameras):
 
     def _listen(self, port: DatagramPort) -> None:
         packets = port.receive(_QUIET)
-        now = time.monotonic()
+        arrival = time.monotonic()
         for packet in packets:
             decoded = decode_vicon(packet)
             if decoded is None:
                 self.counters.bad_checksums += 1
             elif self._new(decoded[0]):
-                self._measured(decoded[1].get(self._settings.body), now)
+                self._measured(decoded[1].get(self._settings.body), arrival)
 
-    def _measured(self, values: tuple[float, ...] | None, now: float) -> None:
+    def _measured(self, values: tuple[float, ...] | None, arrival: float) -> None:
         # an object that is hidden is absent, or stands at zero without a rotation
         if values is None or not any(values) or not all(map(math.isfinite, values)):
-            self._unseen(now)
+            self._keep_lost(arrival)
             return
         stamp = self._frames.total / self._settings.rate
-        age = self._settings.latency + now - min(self._promptest.host(stamp, now), now)
+        age = self._settings.latency + arrival - min(self._promptest.host(stamp, arrival), arrival)
         turns = [
             from_rotation_vector(axis * angle)
             for axis, angle in zip(_AXES, values[3:], strict=True)
         ]
         first, second, third = turns if self._settings.order == "xyz" else turns[::-1]
         attitude = multiply(multiply(first, second), third)
-        self._seen(attitude, 1e-3 * np.array(values[:3]), now, age, stamp)
+        self._keep_body(attitude, 1e-3 * np.array(values[:3]), arrival, age, stamp)

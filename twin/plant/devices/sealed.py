@@ -72,8 +72,8 @@ class Seal:
         cuts = range(0, len(data), LONGEST)
         return [self._packet(self._session, self._peer, data[at : at + LONGEST]) for at in cuts]
 
-    def opened(self, packet: bytes, now: float) -> bytes:
-        """The bytes in a packet that came at `now` [s]; none where it is not to be believed."""
+    def opened(self, packet: bytes, arrival: float) -> bytes:
+        """The bytes in a packet that came at `arrival` [s]; none where it is not to be believed."""
         if len(packet) < _HEADER.size + _TAG:
             self._counters.strangers += 1
             return b""
@@ -87,7 +87,7 @@ class Seal:
             self._peer, self._session = sender, self._offered
             self._offered = secrets.token_bytes(8)
         elif receiver != self._session or sender != self._peer:
-            if self._peer is None or now - self._live > _LIVE:
+            if self._peer is None or arrival - self._live > _LIVE:
                 self._reply = self._packet(self._offered, sender, b"")
             else:
                 self._counters.repeats += 1
@@ -95,7 +95,7 @@ class Seal:
         elif number <= self._heard:
             self._counters.repeats += 1
             return b""
-        self._heard, self._live = number, now
+        self._heard, self._live = number, arrival
         return packet[_HEADER.size : -_TAG]
 
     def reply(self) -> bytes:
