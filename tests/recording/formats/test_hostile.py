@@ -15,8 +15,8 @@ from tests.processes import PATIENCE
 GYRO = '[streams.gyro]\nfile = "a.{}"\n'
 MEMORY = 500
 """Of a reader [MB]."""
-WIDTH = 200_000_000
-"""Numbers that a hostile file says it holds: 1.6 GB."""
+WIDTH = 40_000_000
+"""Numbers that a hostile file says it holds: 320 MB, of some hundred kB."""
 
 
 def _matlab(path: Path) -> None:
@@ -29,14 +29,47 @@ def _matlab(path: Path) -> None:
     dimensions = np.array([5, 8, rows, columns], "<u4").tobytes()
     name = np.array([1 | 3 << 16], "<u4").tobytes() + b"gyr\0"
     body = flags + dimensions + name + np.array([9, 8 * WIDTH], "<u4").tobytes()
-    squeezer = zlib.compressobj()
     inside = np.array([14, len(body) + 8 * WIDTH], "<u4").tobytes() + body
-    packed = squeezer.compress(inside)
-    zeros = bytes(1 << 24)
+    path.write_bytes(head + _squeezed(inside))
+
+
+def _matlab_struct(path: Path) -> None:
+    """As `_matlab`, in the field of a struct, which says nothing of its size."""
+    from scipy.io import savemat
+
+    def element(code: int, data: bytes) -> bytes:
+        return np.array([code, len(data)], "<u4").tobytes() + data + bytes(-len(data) % 8)
+
+    def matrix(kind: int, rows: int, columns: int, name: bytes) -> bytes:
+        flags = element(6, np.array([kind, 0], "<u4").tobytes())
+        return flags + element(5, np.array([rows, columns], "<i4").tobytes()) + element(1, name)
+
+    savemat(path, {"s": np.zeros((8, 4))})
+    head = path.read_bytes()[:128]
+    size = 8 * WIDTH
+    numbers = matrix(6, WIDTH // 4, 4, b"") + np.array([9, size], "<u4").tobytes()
+    names = np.array([4 << 16 | 5, 32], "<u4").tobytes() + element(1, b"gyr".ljust(32, b"\0"))
+    body = matrix(2, 1, 1, b"s") + names
+    body += np.array([14, len(numbers) + size], "<u4").tobytes() + numbers
+    path.write_bytes(head + _squeezed(np.array([14, len(body) + size], "<u4").tobytes() + body))
+
+
+def _matlab_zeros(path: Path) -> None:
+    """What unpacks to no variable at all."""
+    from scipy.io import savemat
+
+    savemat(path, {"gyr": np.zeros((8, 4))})
+    path.write_bytes(path.read_bytes()[:128] + _squeezed(b""))
+
+
+def _squeezed(start: bytes) -> bytes:
+    """A compressed element of a MAT file, of these bytes and then zeros without end."""
+    squeezer = zlib.compressobj()
+    packed = squeezer.compress(start)
     for _ in range(8 * WIDTH >> 24):
-        packed += squeezer.compress(zeros)
+        packed += squeezer.compress(bytes(1 << 24))
     packed += squeezer.flush()
-    path.write_bytes(head + np.array([15, len(packed)], "<u4").tobytes() + packed)
+    return np.array([15, len(packed)], "<u4").tobytes() + packed
 
 
 def _matlab_code(path: Path) -> None:
@@ -59,7 +92,7 @@ def _excel(path: Path) -> None:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as book:
         book.writestr("[Content_Types].xml", "<Types/>")
         with book.open("xl/worksheets/sheet1.xml", "w", force_zip64=True) as sheet:
-            for _ in range(100):
+            for _ in range(20):
                 sheet.write(bytes(1 << 24))
 
 
@@ -114,6 +147,28 @@ def _parquet(path: Path) -> None:
             file.write_table(part)
 
 
+def _parquet_lists(path: Path) -> None:
+    """Some rows of a million numbers each."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    numbers = pa.array(np.zeros(WIDTH))
+    rows = pa.FixedSizeListArray.from_arrays(numbers, 1_000_000)
+    parquet.write_table(pa.table({"t": np.arange(len(rows)) * 0.01, "x": rows}), path)
+
+
+def _parquet_text(path: Path) -> None:
+    """One text of 300 kB in each of ten thousand rows: 3 GB of what nobody asks for."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    count = 10_000
+    columns = {name: np.arange(count) * 0.01 for name in "txy"}
+    note = pa.DictionaryArray.from_arrays(np.zeros(count, np.int32), ["a" * 300_000])
+    table = pa.table({**columns, "note": note})
+    parquet.write_table(table, path, store_schema=False)
+
+
 def _feather(path: Path) -> None:
     import pyarrow as pa
     from pyarrow import feather
@@ -143,13 +198,13 @@ def _numpy_objects(path: Path) -> None:
 
 
 def _message_zstd(path: Path) -> None:
-    """A message of ROS 2 that is compressed by itself, and unpacks to 600 MB."""
+    """A message of ROS 2 that is compressed by itself, and unpacks to 130 MB."""
     import sqlite3
 
     import zstandard
 
     packer = zstandard.ZstdCompressor().compressobj()
-    zeros = (packer.compress(bytes(1 << 24)) for _ in range(36))
+    zeros = (packer.compress(bytes(1 << 24)) for _ in range(8))
     message = b"".join([*zeros, packer.flush()])
     base = sqlite3.connect(path)
     base.execute(
@@ -166,7 +221,7 @@ def _message_zstd(path: Path) -> None:
 
 
 def _bag(path: Path) -> None:
-    """A chunk of a good message, and then of 600 MB of zeros."""
+    """A chunk of a good message, and then of 130 MB of zeros."""
     import bz2
 
     from rosbags.rosbag1 import Writer
@@ -174,7 +229,7 @@ def _bag(path: Path) -> None:
 
     def packed(data: bytes) -> bytes:
         packer = bz2.BZ2Compressor(1)
-        zeros = (packer.compress(bytes(1 << 24)) for _ in range(36))
+        zeros = (packer.compress(bytes(1 << 24)) for _ in range(8))
         return b"".join([packer.compress(data), *zeros, packer.flush()])
 
     types = get_typestore(Stores.ROS1_NOETIC)
@@ -255,6 +310,8 @@ print(open("/proc/self/status").read().split("VmHWM:")[1].split()[0])
     ("ending", "write", "said"),
     [
         ("mat", _matlab, "would unpack to"),
+        ("mat", _matlab_struct, "would unpack to"),
+        ("mat", _matlab_zeros, "would unpack to"),
         ("mat", _matlab_code, "data of type 0"),
         ("h5", _hdf5, "would unpack to"),
         ("xlsx", _excel, "would unpack to"),
@@ -262,6 +319,8 @@ print(open("/proc/self/status").read().split("VmHWM:")[1].split()[0])
         ("mcap", _lying_mcap, "is cut short before its first message"),
         ("mcap", _deep_json, "cannot be decoded"),
         ("parquet", _parquet, "would unpack to"),
+        ("parquet", _parquet_lists, "would unpack to"),
+        ("parquet", _parquet_text, "'note' holds string, no numbers"),
         ("bag", _bag, "would unpack to"),
         ("xlsx", _laughs, "cannot be read as Excel"),
         ("feather", _feather, "would unpack to"),

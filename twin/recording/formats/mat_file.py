@@ -1,6 +1,5 @@
 """A MATLAB file of format 4, 6 or 7: numeric arrays and the numeric fields of structs."""
 
-import math
 import struct
 import zlib
 from dataclasses import dataclass, field
@@ -22,8 +21,12 @@ HEAD = 128
 CODES = frozenset((*range(1, 8), 9, *range(12, 19)))
 """Of types of data in such a file."""
 MATRIX, COMPRESSED = 14, 15
+WIDTHS = {3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
+"""Of a number of a type of data [bytes]; of others it is 1."""
 DEEPEST = 100
 """Structs in one another."""
+PART = 1 << 20
+"""Unpacked at a time [bytes]."""
 
 
 def read_variables(path: Path) -> Variables:
@@ -32,20 +35,15 @@ def read_variables(path: Path) -> Variables:
     Raises:
         LogError: it is no MAT file, or is damaged.
     """
-    from scipy.io import loadmat, whosmat
+    from scipy.io import loadmat
 
     if _is_hdf5(path):
         from twin.recording.formats.hdf5_file import read_hdf5
 
         return read_hdf5(path)
-    try:
-        held = [math.prod(shape) for _, shape, _ in whosmat(path)]
-    except Exception:  # said below
-        held = []
-    check_unpacked(path, WORD * sum(held))
     content: dict[str, Any] = {}
     with library_errors(path, *_AS):
-        _check_codes(path)
+        _check_elements_of(path)
         content = loadmat(path)
     result = _Content()
     for name, value in content.items():
@@ -135,32 +133,55 @@ def _is_version_4(head: bytes) -> bool:
     return 0 <= kind < 100 and rows >= 0 and columns >= 0 and imaginary in (0, 1) and name > 1
 
 
-def _check_codes(path: Path) -> None:
-    """Refuse a file of format 5 to 7 with a type of data that there is none of: SciPy looks such a
-    code up behind the end of its table, which ends the process.
+def _check_elements_of(path: Path) -> None:
+    """Refuse a file of format 5 to 7 whose variables would fill the memory, or with a type of data
+    that there is none of: SciPy looks such a code up behind the end of its table, which ends the
+    process.
 
     Raises:
-        ValueError: there is one.
+        LogError: it unpacks to far more than its size.
+        ValueError: there is such a type.
     """
+    unpacked = numbers = 0
     with path.open("rb") as file:
         head = file.read(HEAD)
         if not head.startswith(b"MATLAB"):
             return
         order = "<" if head.endswith(b"IM") else ">"
         while len(tag := file.read(8)) == 8:
-            check()
             code, size = struct.unpack(f"{order}II", tag)
             data = file.read(size)
             if code == COMPRESSED:
-                _check_elements(zlib.decompressobj().decompress(data), order, 0)
+                unpacked += _unpacked_size(path, data, unpacked)
+                data = zlib.decompressobj().decompress(data)
             else:
-                _check_elements(tag + data, order, 0)
+                data = tag + data
+            numbers += _count_numbers(data, order, 0)
+            check_unpacked(path, WORD * numbers)
 
 
-def _check_elements(data: bytes | memoryview, order: str, depth: int) -> None:
-    """The same of elements that follow one another."""
+def _unpacked_size(path: Path, data: bytes, before: int) -> int:
+    """What a compressed variable unpacks to [bytes]; nothing of it is kept.
+
+    Raises:
+        LogError: with the `before` bytes of those before it, far more than the file's size.
+    """
+    unpacker, size = zlib.decompressobj(), 0
+    while part := unpacker.decompress(data, PART):
+        check()
+        size, data = size + len(part), unpacker.unconsumed_tail
+        check_unpacked(path, before + size)
+    return size
+
+
+def _count_numbers(data: bytes | memoryview, order: str, depth: int) -> int:
+    """Of the elements that follow one another, and of those within.
+
+    Raises:
+        ValueError: an element is of no known type, or too deep.
+    """
     view = memoryview(data)
-    place = 0
+    place = count = 0
     while place + 8 <= len(view):
         code, size = struct.unpack_from(f"{order}II", view, place)
         body = place + 8
@@ -171,8 +192,11 @@ def _check_elements(data: bytes | memoryview, order: str, depth: int) -> None:
         if depth > DEEPEST:
             raise ValueError(f"more than {DEEPEST} structs in one another")
         if code == MATRIX:
-            _check_elements(view[body : body + size], order, depth + 1)
+            count += _count_numbers(view[body : body + size], order, depth + 1)
+        else:
+            count += size // WIDTHS.get(code, 1)
         place = body + size + -size % 8
+    return count
 
 
 def _sort(name: str, value: Any, result: _Content) -> None:

@@ -4,6 +4,7 @@ import re
 import struct
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -66,6 +67,8 @@ class ParquetFile(NumberFile):
     def _numbers(self, name: str) -> Array:
         column = self._table.column(name)
         kind = column.type
+        if pa.types.is_dictionary(kind):
+            kind = kind.value_type
         if _is_time(kind):
             ticks = pc.cast(column, pa.int64()).to_numpy()
             return np.asarray(ticks, dtype=np.float64) / _TICKS[kind.unit]
@@ -81,9 +84,12 @@ def _table_in(path: Path) -> pa.Table:
         case ".parquet":
             from pyarrow import parquet
 
-            file = parquet.ParquetFile(path)
-            check_unpacked(path, WORD * file.metadata.num_rows * file.metadata.num_columns)
-            return file.read()
+            with parquet.ParquetFile(path) as file:
+                check_unpacked(path, _decoded_size(file.metadata))
+                texts = [item.path for item in file.schema if item.physical_type == "BYTE_ARRAY"]
+            # one text that stands in each row is one text in the memory, too
+            with parquet.ParquetFile(path, read_dictionary=texts) as file:
+                return file.read()
         case ".feather" | ".arrow":
             from pyarrow import feather
 
@@ -94,6 +100,17 @@ def _table_in(path: Path) -> pa.Table:
 
             _check_keys(path)
             return json.read_json(path)
+
+
+def _decoded_size(metadata: Any) -> int:
+    """Of a Parquet file's columns: entries of lists are values, and a repeated one is stored once
+    [bytes]."""
+    chunks = [
+        metadata.row_group(group).column(column)
+        for group in range(metadata.num_row_groups)
+        for column in range(metadata.num_columns)
+    ]
+    return sum(max(chunk.total_uncompressed_size, WORD * chunk.num_values) for chunk in chunks)
 
 
 def _unpacked_size(path: Path) -> int:
