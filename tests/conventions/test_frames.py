@@ -190,3 +190,45 @@ def test_a_gyro_of_another_motion_fits_nothing(drawn):
     log = Recording(streams, {"kind": "log"})
     said = "No reading of gyro and attitude fits: both move, and not together."
     assert sentences(log, None) == [said]
+
+
+def slewed(draw: np.random.Generator, *, turns: tuple[float, float, float]) -> Recording:
+    """A body that turns to and fro by so much about each axis [rad], its sensors almost quiet, the
+    accelerometer mounted two degrees askew."""
+    time = np.arange(0.0, 60.0, 0.02)
+    tones = 2.0 * np.pi * np.array([0.031, 0.047, 0.019])
+    phase = draw.uniform(0.0, 2.0 * np.pi, 3)
+    angle = np.array(turns) * np.sin(tones * time[:, None] + phase)
+    attitude = rotation.from_rotation_vector(angle)
+    rate = np.gradient(angle, time, axis=0) + draw.normal(0.0, 4e-3, angle.shape)
+    shaken = rotation.from_rotation_vector(draw.normal(0.0, 1e-3, angle.shape))
+    attitude = rotation.multiply(attitude, shaken)
+    streams = {
+        "gyro": Series(time, rate, ("x", "y", "z"), "rad/s"),
+        "attitude": Series(time, attitude, ("w", "x", "y", "z"), "1"),
+    }
+    log = with_accelerometer(Recording(streams, {"kind": "log"}), draw)
+    askew = rotation.from_rotation_vector(draw.normal(0.0, np.radians(2.0), 3))
+    return misread(log, "accelerometer", value=rotation.rotate(askew, log["accelerometer"].value))
+
+
+def test_a_quiet_accelerometer_shows_which_axis_is_turned_on_a_body_that_hardly_leans(drawn):
+    """It leans by a quarter of a degree, a hundredth of what may shake a sensor in a lab."""
+    log = slewed(drawn, turns=(4e-3, 5e-3, 0.5))
+    assert check_conventions(log) == []
+    for axis, name in enumerate("xy"):
+        flip = np.ones(3)
+        flip[axis] = -1.0
+        wrong = misread(log, "accelerometer", value=log["accelerometer"].value * flip)
+        said = [finding.sentence for finding in check_conventions(wrong)]
+        assert any(f"ccelerometer's {name} axis points the other way" in one for one in said), said
+
+
+def test_noise_about_an_axis_that_does_not_turn_has_no_sign(drawn):
+    """Whatever is said of the axis that turns, that one is said to be turned only beside readings
+    in which it is not."""
+    log = slewed(drawn, turns=(0.1, 0.1, 0.0))
+    wrong = misread(log, "gyro", value=log["gyro"].value * [1.0, -1.0, 1.0])
+    (finding,) = check_conventions(wrong)
+    said = {finding.correction.words, *finding.alternatives}
+    assert "gyro's y axis points the other way" in said, said

@@ -93,7 +93,8 @@ class BodyStreams:
         for framed in (False, True):
             whole = [h for h in ranked if h.of_whole_log and h.framed == framed]
             kept += [h for h in whole[:1] if not any(h is item for item in kept)]
-        return [force for h in kept for force in self._with_forces(h)]
+        every = [force for h in kept for force in self._with_forces(h)]
+        return list({h.key: h for h in reversed(every)}.values())[::-1]
 
     def _with_forces(self, h: Hypothesis) -> list[Hypothesis]:
         """A hypothesis, and the same with the axes of the accelerometer that fit about best once
@@ -132,11 +133,15 @@ class BodyStreams:
 
     @cached_property
     def _upright_inflation(self) -> float:
-        best = self._ranked[0]
-        up = best.reading.upright
-        if up is None or not up.has_accelerometer:
-            return 1.0
-        return inflation(up.residual(best.attitude, best.force, best.gyro)[:-1])
+        # the likeliest may be wrong about the accelerometer, and would excuse itself
+        return min(
+            (
+                inflation(h.reading.upright.residual(h.attitude, h.force, h.gyro)[:-2])
+                for h in self._ranked
+                if h.reading.upright is not None and h.reading.upright.has_accelerometer
+            ),
+            default=1.0,
+        )
 
     @cached_property
     def _answer(self) -> bool:
@@ -196,8 +201,10 @@ class BodyStreams:
 
     def weigh(self, one: Hypothesis, other: Hypothesis) -> float:
         """Evidence for the one over the other [nats], their costs taken off."""
-        turned, *rest = (evidence(*residuals) for residuals in self._residuals(one, other))
-        others = sum(rest) + self._driven(other) - self._driven(one)
+        turn, *pairs = self._residuals(one, other)
+        turned = evidence(*turn, self._noise_apart(one, other))
+        others = sum(evidence(*pair) for pair in pairs)
+        others += self._driven(other) - self._driven(one)
         # Under feedback the body answers the gyro's noise a moment later, so that a gyro taken for
         # late leaves less momentum over: gyro and attitude alone prove that they are out of step.
         if one.out_of_step and not other.out_of_step:
@@ -299,6 +306,13 @@ class BodyStreams:
             attitude_lag=body.attitude_lag,
             rough=rough,
         )
+
+    def _noise_apart(self, one: Hypothesis, other: Hypothesis) -> float:
+        """Of two that read the same angles."""
+        if one.reading is not other.reading:
+            return 0.0
+        turning = one.reading.turning
+        return turning.noise_apart((one.attitude, other.attitude), (one.gyro, other.gyro))
 
     def _turn(self, h: Hypothesis) -> Array:
         lag = h.gyro_lag - h.attitude_lag

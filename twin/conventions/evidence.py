@@ -8,7 +8,9 @@ How far the residuals are apart tells how large that chance is, and the ratio is
     L = (|r0|^2 - |r1|^2) / 2,   evidence = L min(1, 2 |L| / |r0 - r1|^2)
 
 For a clear signal, r0 = r1 + s, this is the likelihood ratio |s|^2 / 2 itself; for two draws of
-mere noise it is of the order of one.
+mere noise it is of the order of one. Where it is known how far noise alone would take them apart,
+only the share of |r0 - r1|^2 beyond that counts: an axis about which the body does not turn has a
+sign that no log shows, however well its noise may fit.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -24,11 +26,20 @@ from twin.conventions.correction import Correction
 Array = NDArray[np.float64]
 
 
-def evidence(residual: Array, other: Array, inflated: float) -> float:
-    """In favour of `residual` over `other` [nats]; what no reading explains divides it."""
+def evidence(residual: Array, other: Array, inflated: float, noise: float = 0.0) -> float:
+    """In favour of `residual` over `other` [nats]; what no reading explains divides it.
+
+    Args:
+        residual: white with unit variance, of the one.
+        other: of the other.
+        inflated: from `inflation`.
+        noise: of |other - residual|^2, what noise alone makes; 0 where that is not known.
+    """
     ratio = 0.5 * float(np.sum(np.square(other)) - np.sum(np.square(residual)))
     apart = float(np.sum(np.square(other - residual)))
-    return ratio * min(1.0, 2.0 * abs(ratio) / apart) / inflated if apart > 0.0 else 0.0
+    if apart <= noise:
+        return 0.0
+    return ratio * min(1.0, 2.0 * abs(ratio) / apart) * (1.0 - noise / apart) / inflated
 
 
 PLAIN = 12

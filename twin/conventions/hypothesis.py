@@ -49,6 +49,11 @@ class Hypothesis:
     wheels: WheelReading | None = None
 
     @property
+    def key(self) -> tuple[object, ...]:
+        """What it corrects: two of one key are one."""
+        return tuple((c.stream, c.kind, c.axes, c.keys, c.lag) for c in self.corrections)
+
+    @property
     def of_whole_log(self) -> bool:
         """Whether no stream is corrected by itself: the log as read, or in another frame."""
         return all(c.kind == "frame" for c in self.corrections)

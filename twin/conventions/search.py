@@ -114,7 +114,11 @@ def _with_field(
         return sound
     mended = corrected(recording, findings)
     turning = turning_of(mended)
-    return sound + (field_findings(mended) if turning is not None and turning.agrees else [])
+    if turning is not None and turning.agrees:
+        return sound + field_findings(mended)
+    # noise hides which gyro the attitude has, and any of the others may be wrong
+    beside = [] if findings else vertical_findings(recording, gravity)
+    return sound + _sound(recording, beside, gravity)
 
 
 def _scaled(recording: Recording) -> Recording:

@@ -128,6 +128,15 @@ class Turning:
         inverse, axes = vector_axes(attitude)
         return self.whiten(self.rates[inverse] @ axes.T - self.gyro(lag) @ gyro.T)
 
+    def noise_apart(self, attitudes: tuple[Array, Array], gyros: tuple[Array, Array]) -> float:
+        """By how much the noise of gyro and attitude takes two residuals apart, sum of squares, for
+        quaternions read as the 4 x 4 and gyros as the 3 x 3 matrices say."""
+        (one, before), (other, after) = (vector_axes(attitude) for attitude in attitudes)
+        turned = float(np.sum(np.square(after - before))) if one == other else 0.0
+        moved = float(np.sum(np.square(gyros[1] - gyros[0])))
+        own = noise_power(self._angle_noise, self._rate_noise)
+        return float(np.count_nonzero(self._kept)) * (moved * own + turned * (1.0 - own))
+
     def bias(self, attitude: Array, gyro: Array, lag: float) -> tuple[Array, float]:
         """(3,) the gyro's mean error over the log, in the body axes that `residual` has, and its
         1 sigma [rad/s]."""

@@ -272,7 +272,8 @@ def vertical_findings(recording: Recording, gravity: float) -> list[ConventionFi
     if not every:
         return []
     ranked = best_of(every, lambda item: [item.field] if item.field is not None else [])
-    inflated = [inflation(residual[:-2]) for residual in ranked[0].residuals]
+    left = zip(*(item.residuals for item in ranked), strict=True)
+    inflated = [min(inflation(residual[:-2]) for residual in each) for each in left]
 
     def weigh(one: _Leaning, other: _Leaning) -> float:
         pairs = zip(one.residuals, other.residuals, inflated, strict=True)
@@ -308,11 +309,13 @@ def _leanings(
     options = [list(axes_changes(recording, name)) for name in names]
     numbered = [list(enumerate(change for _, change in option)) for option in options]
     axes = signed_permutations(3)
-    shaken = shaken_by(recording) if grid is not None else 0.0
+    beside: Vertical | None = None
+    if grid is not None:
+        attitude, shaken = recording["attitude"], shaken_by(recording)
+        beside = Vertical(attitude, recording["accelerometer"], grid, gravity, shaken)
+        beside = beside.measured(recording)
     for k, (change, series) in enumerate(read):
-        vertical = None
-        if grid is not None:
-            vertical = Vertical(series, recording["accelerometer"], grid, gravity, shaken)
+        vertical = beside and beside.with_attitude(series)
         for frame, attitude, attitude_change in turns:
             misfit = np.zeros(len(axes)) if vertical is None else 0.5 * vertical.match(attitude)
             head_down = vertical is not None and vertical.stands_on_its_head(attitude)
