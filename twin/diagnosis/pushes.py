@@ -96,7 +96,10 @@ def _beyond(
         looks = [
             (_worst(segments, usual(segments)), of_logs, segments) for of_logs, segments in seen
         ]
-        worst, of_logs, segments = max(looks, key=lambda look: look[0].excess)
+        # where no segment is near noise, the push has led the base astray, and any may be the worst
+        worst, of_logs, segments = max(
+            looks, key=lambda look: look[0].excess / float(_scatter(look[2]).min())
+        )
         if worst.excess <= 1.0:
             return tuple(pushes)
         log = of_logs[worst.place]
