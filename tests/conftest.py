@@ -34,7 +34,7 @@ STARTED = time.monotonic()
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Ways to see how often a test holds whose case is drawn."""
     parser.addoption("--draws", type=int, default=1, help="repeat each test that draws its seed")
-    parser.addoption("--seed", type=int, help="draw other cases than those of this code")
+    parser.addoption("--seed", type=int, help="draw other cases than the release's")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -209,7 +209,7 @@ def flight_of() -> Callable[..., Recording]:
 
 @pytest.fixture
 def drawn_seed(request: pytest.FixtureRequest) -> int:
-    """Another one for each test and each change of the code, printed (`tests/seeds.py`).
+    """Another one for each test, printed (`tests/seeds.py`).
 
     `--draws N` repeats each test that takes it, and `--seed N` draws others.
     """
