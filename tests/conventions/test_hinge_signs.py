@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from twin.conventions import check_conventions
+from twin.conventions.joint import rate_lag
 from twin.platform import load_platform
 from twin.recording import Recording, Series
 
@@ -110,3 +111,29 @@ def test_a_wheel_takes_the_momentum_of_its_body():
         turned = replace(streams[name], value=-streams[name].value)
         (finding,) = check_conventions(Recording({**streams, name: turned}), platform)
         assert finding.sentence.startswith("wheel_speed has the wrong sign; or joint_rate")
+
+
+@pytest.mark.parametrize("rates", [(200.0, 200.0), (300.0, 80.0), (50.0, 400.0)])
+def test_how_late_a_rate_is_shows_beside_its_angle_whatever_moved_the_hinge(rates, drawn_seed: int):
+    rng = np.random.default_rng(drawn_seed)
+    frequency = rng.uniform(0.05, 1.5, 6)
+    size, phase = rng.uniform(0.1, 0.5, 6), rng.uniform(0.0, 2.0 * np.pi, 6)
+    lag = float(rng.uniform(-0.09, 0.09))
+    angle_time, rate_time = (np.arange(0.0, 20.0, 1.0 / rate) for rate in rates)
+    turn = 2.0 * np.pi * frequency * angle_time[:, None] + phase
+    angle = (size * np.sin(turn)).sum(axis=1) + 1e-3 * rng.standard_normal(len(angle_time))
+    slope = 2.0 * np.pi * frequency * size
+    turn = 2.0 * np.pi * frequency * (rate_time[:, None] - lag) + phase
+    rate = (slope * np.cos(turn)).sum(axis=1) + 0.05 * rng.standard_normal(len(rate_time)) + 0.02
+    log = Recording(
+        {
+            "joint_angle": Series(angle_time, angle[:, None], ("pivot",), "rad"),
+            "joint_rate": Series(rate_time, rate[:, None], ("pivot",), "rad/s"),
+        }
+    )
+    result = rate_lag(log)
+    assert result is not None
+    found, half_width = result
+    # four standard deviations
+    assert abs(found - lag) < 2.0 * half_width
+    assert half_width < 0.01

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from twin.contrast import moved
+from twin.conventions.joint import rate_lag
 from twin.diagnosis import diagnose
 from twin.effects import Effect, effect_named
 from twin.platform import Platform, load_platform
-from twin.recording import Recording
+from twin.recording import Recording, open_log
 
 LENGTH = 20.0
 
@@ -82,3 +83,23 @@ def test_a_late_torque_is_named_and_sized(drawn_seed):
     assert cause.effect.label == late.label
     assert found.verdict == "explained"
     assert abs(cause.effect.values[0] - late.delay) < 2.0 * float(cause.half_widths[0]) < 0.004
+
+
+@pytest.mark.slow(40)
+def test_a_late_rate_of_a_real_log_is_named_and_sized_whatever_else_the_model_misses(drawn_seed):
+    rng = np.random.default_rng(drawn_seed)
+    stream = str(rng.choice(["joint_rate", "joint_angle"]))
+    late = float(rng.uniform(0.015, 0.09))
+    platform = load_platform("dfki_pendulum")
+    log = open_log(platform.folder / "logs" / "energy_shaping")
+    series = log[stream]
+    wrong = replace(log, streams={**log.streams, stream: replace(series, time=series.time + late)})
+    result = rate_lag(log)
+    assert result is not None
+    expected = result[0] + (late if stream == "joint_rate" else -late)
+    causes = {cause.effect.label: cause for cause in diagnose([wrong], platform).causes}
+    cause = causes["clock_lag:joint_rate"]
+    # four standard deviations of both
+    error = cause.effect.values[0] - expected
+    assert abs(error) < 2.0 * np.hypot(cause.half_widths[0], result[1])
+    assert [tie.label for tie in cause.ties] == ["clock_lag:joint_angle"]

@@ -107,6 +107,18 @@ class _Option:
         return [", and ".join(c.words for c in reading) for reading in self.readings]
 
 
+def rate_lag(recording: Recording) -> tuple[float, float] | None:
+    """How late joint_rate is stamped relative to joint_angle, and its 95 % half width [s].
+
+    None where the log lacks one of them, or they do not show one motion. No dynamics enter.
+    """
+    hinge = _hinge_of(recording)
+    if hinge is None or hinge.factor() is None:
+        return None
+    misfit = [float(np.sum(np.square(hinge.residual(1.0, float(lag))))) for lag in NEAR]
+    return dated(lambda lag: hinge.residual(1.0, lag), float(NEAR[int(np.argmin(misfit))]))
+
+
 def joint_findings(
     recording: Recording, platform: Platform | None = None
 ) -> list[ConventionFinding]:

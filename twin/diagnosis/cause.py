@@ -11,16 +11,18 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
+from twin.conventions.joint import rate_lag
 from twin.diagnosis.candidates import Candidate
 from twin.diagnosis.explanation import Explanation, unseen
 from twin.diagnosis.laws import Law
 from twin.diagnosis.screen import EVEN, FALSE_ALARM, TIED, Search, price
-from twin.effects import Effect, ScatterEffect, catalogue, effects_of
+from twin.effects import Effect, ScatterEffect, catalogue, effect_named, effects_of
 from twin.effects.effect import targets
 from twin.identification.prediction_error import NORMAL
 from twin.platform import Platform
 from twin.predict.body import added_variance
 from twin.predict.columns import amplitudes, slopes_of
+from twin.recording import Recording
 
 Array = NDArray[np.float64]
 LEANS = 0.2
@@ -220,6 +222,37 @@ def causes_of(
         told_of = free | np.isfinite(known.deviations)
         causes.append(Cause(least, told_of, half, beside, evidence, alone, share, ties))
     return tuple(sorted(causes, key=lambda cause: -cause.evidence))
+
+
+def late_rate(logs: Sequence[Recording]) -> Cause | None:
+    """A joint_rate that is late beside the joint_angle of the same hinge, by the two alone.
+
+    Where a model of the motion misses by far, its residual hides what the two sensors of one hinge
+    show without it. The lags of all logs must agree. One below a sample's interval is none: a
+    controller reads its sensors one after the other.
+
+    Returns:
+        The cause, in a tie with an early joint_angle; None without such a lag.
+    """
+    found = [item for item in map(rate_lag, logs) if item is not None]
+    if not found or len(found) < len(logs):
+        return None
+    lag, half_width = np.array(found).T
+    if not (half_width > 0.0).all() or not np.isfinite(half_width).all():
+        return None
+    weight = np.square(NORMAL / half_width)
+    mean, known = float(weight @ lag / weight.sum()), float(NORMAL / np.sqrt(weight.sum()))
+    interval = max(float(np.median(np.diff(log["joint_rate"].time))) for log in logs)
+    agree = np.abs(lag - mean) < half_width + interval
+    if abs(mean) < interval + known or not agree.all():
+        return None
+    effect = effect_named("clock_lag").typical("joint_rate").with_values(np.array([mean]))
+    evidence = (NORMAL * mean / known) ** 2
+    tie = Tie(effect.label.replace("joint_rate", "joint_angle"), 0.0)
+    half = np.array([known])
+    return Cause(
+        effect, np.array([True]), half, half, evidence, evidence, share_of((0.0, evidence)), (tie,)
+    )
 
 
 def _as_fitted(

@@ -16,6 +16,7 @@ from twin.diagnosis.cause import (
     Tried,
     causes_of,
     equation_of,
+    late_rate,
     scatter_causes,
     tried_of,
 )
@@ -24,7 +25,7 @@ from twin.diagnosis.experiment import Experiment, next_experiment
 from twin.diagnosis.explanation import CROWD, Explanation
 from twin.diagnosis.pushes import PushInterval, but_for, pushed, pushed_look, pushes_of
 from twin.diagnosis.residual_test import HeldOut, ResidualTest, held_out, residual_test
-from twin.effects import Effect
+from twin.effects import Effect, with_effects
 from twin.errors import UsageError
 from twin.noise import NoiseFinding, noise_findings
 from twin.platform import Platform, in_gravity_of
@@ -213,6 +214,9 @@ def diagnose(
     findings = tuple(finding for _, result in read for finding in result)
     try:
         baseline = baseline_of(logs, platform)
+        late = late_rate(logs) if residual_test(baseline).chi2 > LOST else None
+        if late is not None:
+            baseline = baseline_of(logs, with_effects(platform, (late.effect,)))
         reasoned, pushes = _explained(baseline, logs, own, say)
     except BeyondBounds as problem:
         doubts = [finding.sentence for finding in findings if finding.ambiguous]
@@ -224,6 +228,7 @@ def diagnose(
     baseline, candidates, state = reasoned.baseline, reasoned.candidates, reasoned.state
     explanation = state.explanation
     causes = (
+        *([] if late is None else [late]),
         *causes_of(explanation, state.search, state.others, unexplained=reasoned.unexplained),
         *scatter_causes(explanation, unexplained=reasoned.unexplained),
     )
