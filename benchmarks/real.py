@@ -28,6 +28,7 @@ import twin
 from benchmarks.measure import table
 from twin import rotation
 from twin.conventions import ConventionFinding, check_conventions
+from twin.conventions.joint import rate_lag
 from twin.diagnosis import diagnose
 from twin.errors import TwinError
 from twin.predict.logs import ImpossibleLog, check_possible
@@ -244,16 +245,22 @@ def _of_sensors(case: Case, log: Recording) -> Said:
 def _of_clocks(case: Case, log: Recording) -> Said:
     result = diagnose([log], twin.machine_of(_log(case.log)))
     sizes = {cause.effect.label: cause for cause in result.causes}
-    ties = {tie.label for cause in result.causes for tie in cause.ties}
-    cause = sizes.get(case.fault)
-    right = cause is not None and abs(cause.effect.values[0] - case.size) < cause.half_widths[0]
+    # a late rate is an early angle, and the log has a lag of its own
+    raw = rate_lag(_log(case.log)) or (0.0, 0.0)
+    lag = raw[0] + (case.size if case.stream == "joint_rate" else -case.size)
+    right = False
+    for stream, expected in (("joint_rate", lag), ("joint_angle", -lag)):
+        cause = sizes.get(f"clock_lag:{stream}")
+        if cause is not None:
+            wide = float(cause.half_widths[0]) + raw[1]
+            right |= bool(abs(cause.effect.values[0] - expected) < wide)
     known = {"clock_lag", *_raw_causes(case.log)}
     wrong = tuple(
         label
         for label, item in sizes.items()
         if item.effect.name not in known and item.confidence > SURE and result.intervals_hold
     )
-    return right or case.fault in ties, wrong, f"{result.verdict}: {', '.join(sizes) or 'nothing'}"
+    return right, wrong, f"{result.verdict}: {', '.join(sizes) or 'nothing'}"
 
 
 SAME = 0.05
