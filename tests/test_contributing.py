@@ -2,7 +2,6 @@
 
 import os
 import re
-import secrets
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 
 import twin
+from tests.seeds import seed_of
 from twin.cli.main import main
 
 PAGE = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -137,9 +137,10 @@ with settings.session() as device:
 
 
 @pytest.mark.slow(60)
-def test_an_effect_of_ones_own_is_a_candidate_of_a_diagnosis(effect: Path, tmp_path: Path, capsys):
-    seed = secrets.randbelow(2**31)
-    print(f"seed {seed}")
+def test_an_effect_of_ones_own_is_a_candidate_of_a_diagnosis(
+    effect: Path, tmp_path: Path, capsys, request: pytest.FixtureRequest
+):
+    seed = seed_of(request)
     size = float(10.0 ** np.random.default_rng(seed).uniform(-2.5, -1.7))
     log = tmp_path / "log.rrd"
     words = ["run", "sads", "--controller", "quaternion_pd", "--reference", "slew:0,0,150@3"]

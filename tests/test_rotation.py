@@ -1,18 +1,16 @@
 """Quaternion functions against SciPy's, for one rotation or a thousand."""
 
-import secrets
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.seeds import seed_of
 from twin import rotation
 
 
 @pytest.fixture(scope="module")
-def rng() -> np.random.Generator:
-    seed = secrets.randbits(32)
-    print("seed", seed)
+def rng(request: pytest.FixtureRequest) -> np.random.Generator:
+    seed = seed_of(request)
     return np.random.default_rng(seed)
 
 

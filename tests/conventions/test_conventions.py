@@ -1,7 +1,6 @@
 """A wrong convention is called by its name, and a right log is left in peace."""
 
 import importlib.util
-import secrets
 import sys
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from tests.seeds import seed_of
 from twin.cli.main import main
 from twin.conventions import check_conventions, convention_advice
 from twin.conventions.time_base import check_times
@@ -39,10 +39,9 @@ def sads() -> Platform:
 
 
 @pytest.fixture(scope="module")
-def right_logs(sads):
+def right_logs(sads, request: pytest.FixtureRequest):
     """One log of each grade, each in another motion; the first is what mistakes are made of."""
-    seed = secrets.randbits(32)
-    print("seed", seed)
+    seed = seed_of(request)
     draw = np.random.default_rng(seed)
     one, other = draw.permutation(["slow", "unstable"]).tolist()
     pairs = [("middle", "multisine"), ("fine", one), ("coarse", other)]
@@ -57,11 +56,12 @@ def test_a_right_log_has_no_finding(sads, right_logs):
 
 
 @pytest.mark.parametrize("cause", ["bearing_viscous_friction", "harness_stiffness"])
-def test_a_strong_torque_that_the_model_lacks_is_not_taken_for_turned_wheels(sads, tmp_path, cause):
+def test_a_strong_torque_that_the_model_lacks_is_not_taken_for_turned_wheels(
+    sads, tmp_path, cause, request: pytest.FixtureRequest
+):
     """Where a body slews about one axis, wheels read as those of another seem to do nothing, and
     that leaves less than wheels whose momentum friction has taken."""
-    seed = secrets.randbits(32)
-    print("seed", seed)
+    seed = seed_of(request)
     size = float(np.random.default_rng(seed).uniform(0.02, 0.4))
     log = tmp_path / "log.rrd"
     words = ["--reference", "slew:5,-5,90@6", "--seed", str(seed), "--effects", f"{cause}={size}"]
@@ -131,9 +131,10 @@ def test_times_in_counts_are_named_with_the_seconds_of_one(sads, right_logs, tic
 
 
 @pytest.mark.slow
-def test_most_of_a_panel_is_recognised_and_no_right_log_is_accused(sads):
-    seed = secrets.randbits(32)
-    print("seed", seed)
+def test_most_of_a_panel_is_recognised_and_no_right_log_is_accused(
+    sads, request: pytest.FixtureRequest
+):
+    seed = seed_of(request)
     order = np.random.default_rng(seed).permutation(len(panel.CELLS))[:4]
     rows = [row for cell in order for row in panel.fly_and_check(sads, int(cell), seed + int(cell))]
     print(panel.table(rows))

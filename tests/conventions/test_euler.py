@@ -1,6 +1,5 @@
 """Euler angles are searched in their own signs and order, and the gyro is not blamed for them."""
 
-import secrets
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tests.conventions.flights import flights, misread
+from tests.seeds import seed_of
 from twin.conventions import check_conventions, convention_advice, corrected
 from twin.conventions.advice import corrected_lines
 from twin.conventions.correction import (
@@ -44,9 +44,8 @@ def sads() -> Platform:
 
 
 @pytest.fixture(scope="module")
-def drawn() -> np.random.Generator:
-    seed = secrets.randbits(32)
-    print("seed", seed)
+def drawn(request: pytest.FixtureRequest) -> np.random.Generator:
+    seed = seed_of(request)
     return np.random.default_rng(seed)
 
 

@@ -1,13 +1,13 @@
 """A frame of the whole log is one mistake, and what two streams can show is checked."""
 
 import dataclasses
-import secrets
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from tests.conventions.flights import flights, misread
+from tests.seeds import seed_of
 from twin import rotation
 from twin.conventions import check_conventions, convention_advice, corrected
 from twin.conventions.correction import axes_change
@@ -25,9 +25,8 @@ def sads() -> Platform:
 
 
 @pytest.fixture(scope="module")
-def drawn() -> np.random.Generator:
-    seed = secrets.randbits(32)
-    print("seed", seed)
+def drawn(request: pytest.FixtureRequest) -> np.random.Generator:
+    seed = seed_of(request)
     return np.random.default_rng(seed)
 
 

@@ -1,12 +1,11 @@
 """Frames, mirrored axes and Euler angles on any machine: a part of the panel, drawn anew."""
 
-import secrets
-
 import numpy as np
 import pytest
 from scipy.stats import binom
 
 from tests.conventions import frames_panel
+from tests.seeds import seed_of
 
 BY_CHANCE = 1e-3
 """How often a part of the panel may fall short though the whole keeps its promise."""
@@ -17,9 +16,10 @@ WRONG = 0.01
 
 
 @pytest.mark.slow(20)
-def test_frames_are_named_on_whatever_machine_and_wrong_advice_is_rare():
-    seed = secrets.randbits(20)
-    print("seed", seed)
+def test_frames_are_named_on_whatever_machine_and_wrong_advice_is_rare(
+    request: pytest.FixtureRequest,
+):
+    seed = seed_of(request)
     machine = str(np.random.default_rng(seed).choice(list(frames_panel.LAWS)))
     rows = list(frames_panel.fly_and_check(machine, seed))
     print(frames_panel.table(rows))

@@ -1,12 +1,12 @@
 """Gravity and the field hold a gyro without an attitude, and an attitude without a gyro."""
 
 import dataclasses
-import secrets
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.seeds import seed_of
 from twin import rotation
 from twin.conventions import check_conventions, convention_advice, corrected
 from twin.conventions.correction import angles_of, attitude_of, signed_permutations
@@ -24,9 +24,8 @@ TOLD_OF_GYRO = "Gyro's axes are turned: x is read as z, y is read as x, z is rea
 
 
 @pytest.fixture(scope="module")
-def draw() -> np.random.Generator:
-    seed = secrets.randbits(32)
-    print("seed", seed)
+def draw(request: pytest.FixtureRequest) -> np.random.Generator:
+    seed = seed_of(request)
     return np.random.default_rng(seed)
 
 
@@ -220,9 +219,10 @@ def leaning_slowly(seed: int) -> Recording:
 
 
 @pytest.mark.parametrize("swapped", [(1, 0, 2), (0, 2, 1), (2, 1, 0)])
-def test_a_noisy_attitude_does_not_hide_which_axes_of_a_field_are_swapped(swapped):
-    seed = secrets.randbits(32)
-    print("seed", seed)
+def test_a_noisy_attitude_does_not_hide_which_axes_of_a_field_are_swapped(
+    swapped, request: pytest.FixtureRequest
+):
+    seed = seed_of(request)
     right = leaning_slowly(seed)
     assert sentences(right) == []
     names = " and ".join(XYZ[i] for i, j in enumerate(swapped) if i != j)

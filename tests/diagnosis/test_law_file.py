@@ -1,12 +1,12 @@
 """A law without a name, saved, is an effect that acts as the law does."""
 
-import secrets
 from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tests.seeds import seed_of
 from twin.cli.main import main
 from twin.diagnosis.cause import Equation
 from twin.diagnosis.extension import write_laws
@@ -34,9 +34,8 @@ def body(tmp_path_factory) -> Body:
 
 
 @pytest.fixture
-def rng() -> np.random.Generator:
-    seed = secrets.randbits(32)
-    print(f"seed {seed}")
+def rng(request: pytest.FixtureRequest) -> np.random.Generator:
+    seed = seed_of(request)
     return np.random.default_rng(seed)
 
 

@@ -1,10 +1,9 @@
 """Whether gimbals are believed to go where they are told: what their encoders round is no fault."""
 
-import secrets
-
 import numpy as np
 import pytest
 
+from tests.seeds import seed_of
 from twin.identification.identification import as_measured
 from twin.model import compile_model
 from twin.platform import load_platform
@@ -19,9 +18,8 @@ DIGIT = TAS2.sensors["gimbal_angle"].resolution
 
 
 @pytest.fixture
-def rng() -> np.random.Generator:
-    seed = secrets.randbits(32)
-    print("seed", seed)
+def rng(request: pytest.FixtureRequest) -> np.random.Generator:
+    seed = seed_of(request)
     return np.random.default_rng(seed)
 
 

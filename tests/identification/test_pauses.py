@@ -1,12 +1,12 @@
 """Who identifies a log that paused for an hour, or for ten days, loses nothing by it."""
 
 import dataclasses
-import secrets
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from tests.seeds import seed_of
 from twin.conventions import check_conventions
 from twin.identification import identify
 from twin.platform import load_platform
@@ -25,9 +25,10 @@ def paused(recording: Recording, at: float, pause: float) -> Recording:
 
 
 @pytest.mark.parametrize("pause", [3600.0, 864000.0])
-def test_the_base_is_found_in_a_log_that_paused_and_nothing_in_it_looks_misread(excited, pause):
-    seed = secrets.randbits(31)
-    print("seed", seed)
+def test_the_base_is_found_in_a_log_that_paused_and_nothing_in_it_looks_misread(
+    excited, pause, request: pytest.FixtureRequest
+):
+    seed = seed_of(request)
     stated = dataclasses.replace(SADS, tilt_limit=np.pi, effects=())
     flown = excited(stated, 1, seed, 36.0)
     whole = flown.logs[0]

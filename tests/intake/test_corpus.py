@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.seeds import seed_of
 from twin.cli.main import main
 from twin.intake import import_files
 from twin.platform import load_platform
@@ -30,9 +31,8 @@ LAYOUTS = (*makers.MAKERS, *_beside("devices").DEVICES)
 
 
 @pytest.fixture(scope="module")
-def motion():
-    seed = secrets.randbits(32)
-    print("seed", seed)
+def motion(request: pytest.FixtureRequest):
+    seed = seed_of(request)
     return makers.motion(seed)
 
 

@@ -1,7 +1,6 @@
 """`twin import` opens what each maker's program writes, and gives the values that were true."""
 
 import importlib.util
-import secrets
 import sys
 import time
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.seeds import seed_of
 from twin.errors import LogError
 from twin.intake import import_files
 from twin.platform import load_platform
@@ -30,9 +30,8 @@ REFUSED = [maker for maker in LAYOUTS if maker.refused]
 
 
 @pytest.fixture(scope="module")
-def motion():
-    seed = secrets.randbits(32)
-    print("seed", seed)
+def motion(request: pytest.FixtureRequest):
+    seed = seed_of(request)
     return makers.motion(seed)
 
 

@@ -1,21 +1,20 @@
 """A step of the clock and a reset of the attitude are named and undone; a gap and a slew stay."""
 
-import secrets
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tests.seeds import seed_of
 from twin import rotation
 from twin.noise.cleaning import without_steps
 from twin.recording import Recording, Series
 
 
 @pytest.fixture
-def log():
+def log(request: pytest.FixtureRequest):
     """A body that turns to and fro, its gyro, attitude and a wheel; and where something happens."""
-    seed = secrets.randbits(32)
-    print("seed", seed)
+    seed = seed_of(request)
     draw = np.random.default_rng(seed)
     fine = np.arange(6000) / 100.0
     speed, phase = draw.uniform(0.2, 0.5, 3), draw.uniform(0.0, 6.28, 3)

@@ -1,15 +1,14 @@
 """How sliding masses are planned to move."""
 
-import secrets
-
 import numpy as np
+import pytest
 
+from tests.seeds import seed_of
 from twin.plant.prescribed import plan
 
 
-def test_stages_go_alone_as_they_do_in_a_batch_to_the_bit():
-    seed = secrets.randbits(32)
-    print("seed", seed)
+def test_stages_go_alone_as_they_do_in_a_batch_to_the_bit(request: pytest.FixtureRequest):
+    seed = seed_of(request)
     draw = np.random.default_rng(seed)
     limits = {"max_speed": np.array([0.002, 0.01]), "max_acceleration": np.array([0.02, 0.05])}
     position, speed = draw.uniform(-0.02, 0.02, (3, 2)), np.zeros((3, 2))

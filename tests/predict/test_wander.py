@@ -1,10 +1,9 @@
 """What nobody recorded the drive of: how much it walks at random, told from its readings."""
 
-import secrets
-
 import numpy as np
 import pytest
 
+from tests.seeds import seed_of
 from twin.predict.profiles import random_walk
 from twin.recording import Series
 
@@ -13,9 +12,8 @@ DIGIT = 1e-4
 
 
 @pytest.fixture
-def rng() -> np.random.Generator:
-    seed = secrets.randbits(32)
-    print("seed", seed)
+def rng(request: pytest.FixtureRequest) -> np.random.Generator:
+    seed = seed_of(request)
     return np.random.default_rng(seed)
 
 

@@ -1,12 +1,12 @@
 """Balancings flown through the one loop."""
 
 import json
-import secrets
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tests.seeds import seed_of
 from twin.cli.main import main
 from twin.clock import SimulatedClock
 from twin.estimators import load_estimator
@@ -96,11 +96,12 @@ def test_masses_stay_where_their_law_balances_the_body_and_not_where_noise_last_
     assert np.abs(left[-1][:2]).max() < 1e-6 * CUBESAT.mass
 
 
-def test_a_body_that_swings_slowly_is_seen_to_rest_though_its_gyro_is_noisy():
+def test_a_body_that_swings_slowly_is_seen_to_rest_though_its_gyro_is_noisy(
+    request: pytest.FixtureRequest,
+):
     platform, n = load_platform("whorl2"), 20
     noise = platform.sensors["gyro"].noise
-    seed = secrets.randbits(32)
-    print("seed", seed)
+    seed = seed_of(request)
     rng = np.random.default_rng(seed)
     procedure = balancing(platform, n, way="direct", target=usual_target(platform), workers=0)
     state = procedure.init(platform, n)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.seeds import seed_of
 from twin.recording import read_log
 from twin.recording.formats.text_layout import layout_of
 
@@ -18,9 +19,8 @@ def text_of(head: str, rows: np.ndarray, separator: str, point: str = ".") -> st
 
 
 @pytest.fixture
-def rows() -> np.ndarray:
-    seed = secrets.randbits(32)
-    print("seed", seed)
+def rows(request: pytest.FixtureRequest) -> np.ndarray:
+    seed = seed_of(request)
     draw = np.random.default_rng(seed)
     count = int(draw.integers(20, 3000))
     return np.column_stack([0.01 * np.arange(count), draw.normal(size=(count, 3))])

@@ -1,11 +1,11 @@
 """A gyro's errors are found beside an attitude, whatever moves the body, with honest intervals."""
 
 import json
-import secrets
 
 import numpy as np
 import pytest
 
+from tests.seeds import seed_of
 from twin import rotation
 from twin.cli.main import main
 from twin.errors import UsageError
@@ -102,8 +102,10 @@ def test_an_attitude_that_is_lost_for_a_while_is_found_again():
 @pytest.mark.parametrize(
     ("gyro", "attitude", "amplitude"), [(1e-3, 1e-3, 0.1), (5e-3, 1e-3, 0.5), (4.4e-3, 3.5e-2, 0.2)]
 )
-def test_intervals_cover_the_truth_as_often_as_they_say(gyro, attitude, amplitude):
-    seed = secrets.randbits(32)
+def test_intervals_cover_the_truth_as_often_as_they_say(
+    gyro, attitude, amplitude, request: pytest.FixtureRequest
+):
+    seed = seed_of(request)
     draw, missed = np.random.default_rng(seed), []
     for _ in range(18):
         theta = USUAL * draw.normal(size=len(USUAL))
